@@ -1,0 +1,78 @@
+"""aosplan: sampling plans for airborne optical sectioning.
+
+Public names are resolved on first use, so that ``import aosplan`` costs nothing.
+"""
+
+from __future__ import annotations
+
+TYPE_CHECKING = False  # as type checkers know it, without importing typing
+if TYPE_CHECKING:
+    from aosplan.camera import Camera as Camera
+    from aosplan.errors import AosplanError as AosplanError
+    from aosplan.errors import InfeasibleError as InfeasibleError
+    from aosplan.errors import RequestError as RequestError
+    from aosplan.models.equations import aperture as aperture
+    from aosplan.models.equations import integrated_density as integrated_density
+    from aosplan.models.equations import mean_squared_error as mean_squared_error
+    from aosplan.models.equations import normalized_visibility as normalized_visibility
+    from aosplan.models.equations import required_samples as required_samples
+    from aosplan.models.equations import slice_density as slice_density
+    from aosplan.models.equations import transparency as transparency
+    from aosplan.models.equations import visibility as visibility
+    from aosplan.models.equations import visibility_limits as visibility_limits
+    from aosplan.models.equations import visibility_shortfall as visibility_shortfall
+    from aosplan.models.layered import layered_shortfall as layered_shortfall
+    from aosplan.models.layered import layered_visibility as layered_visibility
+    from aosplan.models.sites import lattice_shortfall as lattice_shortfall
+    from aosplan.models.sites import positions_shortfall as positions_shortfall
+    from aosplan.plan import Plan as Plan
+    from aosplan.plan import plan as plan
+    from aosplan.request import PlanRequest as PlanRequest
+    from aosplan.scene import Layer as Layer
+    from aosplan.scene import LayeredScene as LayeredScene
+    from aosplan.scene import UniformScene as UniformScene
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "AosplanError": "errors",
+    "Camera": "camera",
+    "InfeasibleError": "errors",
+    "Layer": "scene",
+    "LayeredScene": "scene",
+    "Plan": "plan",
+    "PlanRequest": "request",
+    "RequestError": "errors",
+    "UniformScene": "scene",
+    "aperture": "models.equations",
+    "integrated_density": "models.equations",
+    "lattice_shortfall": "models.sites",
+    "layered_shortfall": "models.layered",
+    "layered_visibility": "models.layered",
+    "mean_squared_error": "models.equations",
+    "normalized_visibility": "models.equations",
+    "plan": "plan",
+    "positions_shortfall": "models.sites",
+    "required_samples": "models.equations",
+    "slice_density": "models.equations",
+    "transparency": "models.equations",
+    "visibility": "models.equations",
+    "visibility_limits": "models.equations",
+    "visibility_shortfall": "models.equations",
+}
+
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 (the names are resolved by __getattr__)
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'aosplan' has no attribute '{name}'")
+    from importlib import import_module
+
+    value = getattr(import_module(f"aosplan.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

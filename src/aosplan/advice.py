@@ -1,0 +1,101 @@
+"""Advice on a plan: what will not work as wished, and what would."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.geometry import baseline_for_disparity_px, disparity_px
+from aosplan.plan import requirement_of
+from aosplan.resolve import Message
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.plan import Plan
+
+
+def advice(plan: Plan) -> Iterator[Message]:
+    """Warnings of a plan, each with its remedy."""
+    if plan.coverage is None:
+        yield Message(
+            "no_occluders", "nothing stands above the focal plane: a single photo shows everything"
+        )
+    if not plan.solution.met:
+        yield _missed(plan)
+    if min(plan.common_footprint_m) <= 0.0:
+        yield _no_common_ground(plan)
+    if plan.coverage is not None:
+        yield from _pixels(plan)
+    yield from _thick_layers(plan)
+
+
+def _missed(plan: Plan) -> Message:
+    requirement = requirement_of(plan.request)
+    prediction = plan.solution.prediction
+    reached = prediction.normalized if requirement.quantity == "normalized" else prediction.expected
+    required = plan.solution.samples_required
+    remedy = (
+        f"{required} samples would reach it at this baseline"
+        if required is not None
+        else "no number of samples reaches it at this baseline"
+    )
+    return Message(
+        "target_missed",
+        f"{requirement} is missed: {plan.solution.pattern.samples} samples "
+        f"{plan.solution.baseline_m:.4g} m apart reach {reached:.4g}; {remedy}",
+    )
+
+
+def _no_common_ground(plan: Plan) -> Message:
+    footprint, extent = plan.camera.footprint_m(plan.altitude_m), plan.extent_m
+    sides = plan.solution.pattern.extent
+    largest = min(size / side for size, side in zip(footprint, sides, strict=True) if side > 0.0)
+    higher = plan.altitude_m * max(
+        length / size for length, size in zip(extent, footprint, strict=True)
+    )
+    return Message(
+        "no_common_ground",
+        f"no ground is seen by all samples: the footprint is {footprint[0]:.4g} x "
+        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; the largest "
+        f"baseline that leaves some is below {largest:.4g} m, or fly this grid above "
+        f"{higher:.4g} m, or use a wider camera",
+    )
+
+
+def _pixels(plan: Plan) -> Iterator[Message]:
+    coverage = plan.coverage
+    assert coverage is not None  # the caller has checked
+    focal = plan.camera.focal_length_px
+    height, size = coverage.height_m, coverage.occluder_size_m
+    if focal * size < plan.altitude_m - height:
+        resolved = focal * size + height
+        yield Message(
+            "occluder_below_pixel",
+            f"an occluder of {size:.3g} m at {height:.3g} m covers "
+            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it counts as one pixel "
+            f"large; it is resolved below an altitude of {resolved:.4g} m, or by a longer lens",
+        )
+    if plan.solution.pattern.samples == 1:
+        return
+    disparity = disparity_px(plan.solution.baseline_m, height, plan.altitude_m, focal)
+    if disparity < 1.0 - 1e-9:
+        smallest = baseline_for_disparity_px(1.0, height, plan.altitude_m, focal)
+        yield Message(
+            "disparity_below_pixel",
+            f"the lowest occluders move by {disparity:.2g} pixels between neighbours, too little "
+            f"to separate them; one pixel needs a baseline of {smallest:.4g} m, or a longer lens",
+        )
+
+
+def _thick_layers(plan: Plan) -> Iterator[Message]:
+    if plan.model != "layered":
+        return
+    thick = [s for s in plan.scene.slices() if s.top_m - s.bottom_m > 2.0 * s.occluder_size_m + 0.5]
+    if thick:
+        worst = max(thick, key=lambda layer: layer.top_m - layer.bottom_m)
+        yield Message(
+            "thick_layer",
+            f"{len(thick)} layers are much thicker than their occluders (up to "
+            f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m): each is "
+            "placed at its middle height; thinner layers predict better",
+        )

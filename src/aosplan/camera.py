@@ -1,0 +1,94 @@
+"""Cameras: intrinsics, and what they see of the focal plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from aosplan.errors import RequestError
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera that looks straight down.
+
+    The image's width lies across the heading (y), its height along it (x).
+
+    Parameters
+    ----------
+    name
+        How the output calls the camera.
+    focal_length_mm
+        Physical focal length, not its 35 mm equivalent.
+    sensor_width_mm, sensor_height_mm
+        Size of the part of the sensor that the image shows.
+    image_width_px, image_height_px
+        Size of the image.
+
+    Raises
+    ------
+    RequestError
+        Where a number is not positive and finite.
+    """
+
+    name: str
+    focal_length_mm: float
+    sensor_width_mm: float
+    sensor_height_mm: float
+    image_width_px: int
+    image_height_px: int
+    title: str = ""
+    source: str = ""
+    assumed: str = ""
+
+    def __post_init__(self) -> None:
+        for field in (
+            "focal_length_mm",
+            "sensor_width_mm",
+            "sensor_height_mm",
+            "image_width_px",
+            "image_height_px",
+        ):
+            value = getattr(self, field)
+            if not (math.isfinite(value) and value > 0):
+                raise RequestError(
+                    f"camera '{self.name}': {field} {value:g} is not a positive number"
+                )
+
+    @classmethod
+    def from_field_of_view(
+        cls, fov_deg: float, image_width_px: int, image_height_px: int, *, name: str = "custom"
+    ) -> Camera:
+        """A camera known by its horizontal field of view [deg]; its sensor is taken 1 mm wide."""
+        if not 0.0 < fov_deg < 180.0:
+            raise RequestError(f"field of view {fov_deg:g} is not between 0 and 180 degrees")
+        focal = 0.5 / math.tan(math.radians(fov_deg) / 2)
+        height = image_height_px / image_width_px
+        return cls(name, focal, 1.0, height, image_width_px, image_height_px)
+
+    @property
+    def focal_length_px(self) -> float:
+        """Focal length in pixels of the image's width."""
+        return self.focal_length_mm * self.image_width_px / self.sensor_width_mm
+
+    @property
+    def fov_deg(self) -> tuple[float, float]:
+        """Field of view across the image's width and height [deg]."""
+        width = math.atan(0.5 * self.sensor_width_mm / self.focal_length_mm)
+        height = math.atan(0.5 * self.sensor_height_mm / self.focal_length_mm)
+        return math.degrees(2 * width), math.degrees(2 * height)
+
+    def gsd_m(self, altitude_m: float) -> float:
+        """Ground sampling distance: metres of the focal plane per pixel of the width."""
+        return altitude_m / self.focal_length_px
+
+    def altitude_for_gsd_m(self, gsd_m: float) -> float:
+        """Altitude above the focal plane [m] at which a pixel covers `gsd_m`."""
+        return gsd_m * self.focal_length_px
+
+    def footprint_m(self, altitude_m: float) -> tuple[float, float]:
+        """Size of the image on the focal plane, along the heading (x) and across it (y) [m]."""
+        return (
+            altitude_m * self.sensor_height_mm / self.focal_length_mm,
+            altitude_m * self.sensor_width_mm / self.focal_length_mm,
+        )

@@ -1,0 +1,125 @@
+"""The command group: commands are loaded by name, errors become one line."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperCommand, TyperGroup, TyperOption
+from typer.exceptions import Exit, TyperException
+
+from aosplan import __version__
+from aosplan.errors import AosplanError, SurroundingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+COMMANDS = {
+    "plan": "Solve for baseline and number of photos, and write the grid to fly.",
+    "visibility": "The equations as a calculator.",
+    "scene": "Occluder statistics of a point cloud or scene file.",
+    "export": "Write files from a saved plan without solving again.",
+    "cameras": "List the built-in cameras.",
+    "scenes": "List the built-in scenes.",
+    "formats": "List the formats that waypoints are written in.",
+    "schema": "JSON Schema of the documents that aosplan reads and prints.",
+}
+
+
+class LazyGroup(TyperGroup):
+    """A group that knows its commands by summary, and imports the one that is called."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """The called command itself, in place of its summary."""
+        name, command, rest = super().resolve_command(ctx, args)
+        if name in COMMANDS:
+            command = import_module(f"aosplan.cli.{name}").COMMAND
+        return name, command, rest
+
+
+def _show_version(ctx: Any, param: Any, value: bool) -> None:  # noqa: FBT001
+    if value:
+        print(f"aosplan {__version__}")
+        raise Exit(0)
+
+
+GROUP = LazyGroup(
+    name="aosplan",
+    help="Sampling plans for airborne optical sectioning: how many photos, how far apart, where.",
+    epilog="Try: aosplan plan --altitude 40 --vhat 0.98",
+    commands={
+        name: TyperCommand(name, help=text, rich_markup_mode=None)
+        for name, text in COMMANDS.items()
+    },
+    rich_markup_mode=None,
+    params=[
+        TyperOption(
+            param_decls=["--version"],
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_show_version,
+            help="Print the version.",
+        )
+    ],
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 the surroundings failed, 2 the request is wrong."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; the exit status.  Without arguments it prints its help."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        status = GROUP.main(
+            args=given or ["--help"],
+            prog_name="aosplan",
+            standalone_mode=False,
+        )
+        sys.stdout.flush()
+    except AosplanError as error:
+        return _report(error.message, error.hint, error.exit_status)
+    except TyperException as error:
+        return _report_usage(error)
+    except BrokenPipeError:
+        # The reader has gone; what is left in the buffer must not raise again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except OSError as error:
+        failed = SurroundingsError(
+            f"{error.filename or 'output'}: {error.strerror or error}".lower()
+        )
+        return _report(failed.message, "", failed.exit_status)
+    except MemoryError:
+        return _report("not enough memory for this request", "", 1)
+    except KeyboardInterrupt:
+        return 130
+    return status if isinstance(status, int) else 0
+
+
+def _report(message: str, hint: str, status: int) -> int:
+    print(f"error: {_one_line(message)}", file=sys.stderr)
+    if hint:
+        print(f"hint: {_one_line(hint)}", file=sys.stderr)
+    return status
+
+
+def _report_usage(error: TyperException) -> int:
+    """A mistake in the options, in the words of the parser."""
+    message = error.format_message().rstrip(".")
+    hint = ""
+    for mark in (" Did you mean ", " (Possible options: "):
+        before, found, after = message.partition(mark)
+        if found:
+            message, hint = before.rstrip("."), f"did you mean {after.rstrip('?)')}?"
+    return _report(message[:1].lower() + message[1:], hint, 2)
+
+
+def _one_line(text: str) -> str:
+    """Text without line breaks and control characters, which a file may have put into a name."""
+    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)

@@ -1,0 +1,113 @@
+"""Options that commands share, made from the request's own table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperArgument, TyperCommand, TyperOption
+
+from aosplan.request import OPTIONS, Option
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class PanelCommand(TyperCommand):
+    """A command whose help groups its options and ends with examples."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write the options, panel by panel."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None:
+                panel = getattr(parameter, "rich_help_panel", None) or "Options"
+                panels.setdefault(panel, []).append(record)
+        for panel, records in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(records)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write the examples as they are."""
+        if self.epilog:
+            formatter.write("\nExamples:\n")
+            for line in self.epilog.splitlines():
+                formatter.write(f"  {line}\n")
+
+
+def command(
+    name: str,
+    callback: Callable[..., None],
+    *,
+    summary: str,
+    examples: str,
+    parameters: list[Any],
+) -> PanelCommand:
+    """A command from its function and its parameters."""
+    return PanelCommand(
+        name,
+        callback=callback,
+        help=summary,
+        epilog=examples,
+        params=parameters,
+        rich_markup_mode=None,
+    )
+
+
+def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:
+    """An option that takes text, which the project itself reads."""
+    return TyperOption(
+        param_decls=[flag], type=str, metavar=metavar, help=help_text, rich_help_panel=panel
+    )
+
+
+def flag_option(flag: str, help_text: str, panel: str = "Output") -> TyperOption:
+    """An option that is given or not."""
+    return TyperOption(
+        param_decls=[flag], is_flag=True, default=False, help=help_text, rich_help_panel=panel
+    )
+
+
+def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperArgument:
+    """A positional file name."""
+    return TyperArgument(
+        param_decls=[name], type=str, required=required, metavar=name.upper(), help=help_text
+    )
+
+
+def request_options(only: Callable[[Option], bool] = lambda option: True) -> list[TyperOption]:
+    """The options of a plan's request, each once."""
+    return [
+        text_option(option.flag, option.metavar, option.help, option.panel)
+        for option in OPTIONS
+        if only(option)
+    ]
+
+
+def output_options() -> list[TyperOption]:
+    """The options of commands that write waypoints."""
+    return [
+        TyperOption(
+            param_decls=["--out"],
+            type=str,
+            multiple=True,
+            metavar="PATH",
+            help="Write the waypoints; the ending decides the format, or NAME:PATH.  Repeatable.",
+            rich_help_panel="Output",
+        ),
+        text_option("--format", "NAME", "Format of the one --out file.", "Output"),
+        flag_option("--force", "Overwrite existing files."),
+        flag_option("--quiet", "No table, no hints."),
+        json_option(),
+    ]
+
+
+def json_option() -> TyperOption:
+    """``--json``."""
+    return TyperOption(
+        param_decls=["as_json", "--json"],
+        is_flag=True,
+        default=False,
+        help="Print one JSON document.",
+        rich_help_panel="Output",
+    )

@@ -1,0 +1,85 @@
+"""Output that commands share: JSON, warnings, files, and a bar while a cloud is read."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from aosplan.export import Format
+    from aosplan.mission import Mission
+    from aosplan.resolve import Message
+
+
+def print_json(document: Any) -> None:
+    """One JSON document on stdout."""
+    import json
+
+    text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
+    sys.stdout.buffer.write(text.encode() + b"\n")
+    sys.stdout.buffer.flush()
+
+
+def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
+    """Warnings on stderr, a line each."""
+    if not quiet:
+        for warning in warnings:
+            print(f"warning: {warning.message}", file=sys.stderr)
+
+
+def chosen_outputs(
+    outputs: Sequence[str], name: str | None, *, force: bool
+) -> list[tuple[Format, str]]:
+    """Formats and paths of the outputs, checked before any work is done for them.
+
+    Raises
+    ------
+    RequestError
+        Where a format is unknown, a path cannot be written, or two outputs are the same.
+    """
+    if name is not None and len(outputs) != 1:
+        raise RequestError(
+            f"--format {name} goes with one --out", "write NAME:PATH where there are several"
+        )
+    if not outputs:
+        return []
+    from aosplan.export import choose
+    from aosplan.files import check_output
+
+    chosen = [choose(path, name) for path in outputs]
+    for _, path in chosen:
+        check_output(path, force=force)
+        if sum(other == path for _, other in chosen) > 1:
+            raise RequestError(f"output '{path}' is given twice")
+    return chosen
+
+
+def write_outputs(
+    mission: Callable[[], Mission], chosen: list[tuple[Format, str]], *, force: bool
+) -> None:
+    """Write a mission to all outputs, or to none."""
+    if chosen:
+        from aosplan.export import render
+        from aosplan.files import write_all
+
+        whole = mission()
+        write_all({path: render(whole, form) for form, path in chosen}, force=force)
+
+
+@contextlib.contextmanager
+def progress_bar(text: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar on a terminal's stderr, or None where there is none to show it on."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(text, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

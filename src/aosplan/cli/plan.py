@@ -1,0 +1,78 @@
+"""``aosplan plan``."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from aosplan.cli.options import command, file_argument, output_options, request_options
+from aosplan.cli.output import (
+    chosen_outputs,
+    print_json,
+    print_warnings,
+    progress_bar,
+    write_outputs,
+)
+from aosplan.errors import RequestError
+from aosplan.plan import plan
+from aosplan.request import request_from
+
+
+def run(
+    request: str | None,
+    out: list[str] | None,
+    format: str | None,  # noqa: A002 (the option's name)
+    force: bool,  # noqa: FBT001
+    quiet: bool,  # noqa: FBT001
+    as_json: bool,  # noqa: FBT001
+    **flags: Any,
+) -> None:
+    """Plan a flight, write it and show it."""
+    values: dict[str, Any] = {}
+    if request is not None:
+        from aosplan.documents import read_request
+
+        values = read_request(request)
+    wanted = request_from(values, overrides=flags, where=request or "")
+    chosen = chosen_outputs(out or [], format, force=force)
+    to_stdout = any(path == "-" for _, path in chosen)
+    if to_stdout and as_json:
+        raise RequestError("--json and --out - both write to stdout", "give one of them")
+    if wanted.origin is None:
+        for form, path in chosen:
+            if form.needs_place:
+                raise RequestError(
+                    f"output '{path}': {form.title} needs a place on earth",
+                    "give --origin LAT,LON, or write CSV",
+                )
+    with progress_bar("reading points", quiet=quiet) as progress:
+        result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
+    print_warnings(result.warnings, quiet=quiet)
+    write_outputs(result.mission, chosen, force=force)
+    if as_json:
+        print_json(result.document())
+    elif not (quiet or to_stdout):
+        from aosplan.cli.tables import print_plan
+
+        print_plan(result, [path for _, path in chosen])
+
+
+COMMAND = command(
+    "plan",
+    run,
+    summary="Solve for the baseline and the number of photos, and write the grid to fly.",
+    examples=(
+        "aosplan plan --altitude 40 --vhat 0.98\n"
+        "aosplan plan --altitude 50 --scene stand.laz --model uniform \\\n"
+        "    --origin 48.3358,14.3261 --heading 30 --out plan.geojson --out plan.csv"
+    ),
+    parameters=[
+        file_argument(
+            "request",
+            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            required=False,
+        ),
+        *request_options(),
+        *output_options(),
+    ],
+)

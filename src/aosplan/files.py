@@ -1,0 +1,200 @@
+"""Files: read with limits, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from aosplan.errors import RequestError, SurroundingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+MOST_BYTES = 64 * 1024 * 1024
+"""Larger documents are refused before they are read."""
+
+DEEPEST = 60
+"""Levels of nesting that a document may have."""
+
+
+def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
+    """Content of a file, or of stdin for ``-``.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such file, or it is larger than `most`.
+    SurroundingsError
+        Where it cannot be read.
+    """
+    try:
+        if path == "-":
+            content = sys.stdin.buffer.read(most + 1)
+        else:
+            with open(path, "rb") as file:
+                content = file.read(most + 1)
+    except (FileNotFoundError, NotADirectoryError):
+        raise RequestError(f"no file '{path}'") from None
+    except IsADirectoryError:
+        raise RequestError(f"'{path}' is a folder, not a file") from None
+    except ValueError:
+        raise RequestError(f"no file {path!r}") from None
+    except OSError as error:
+        raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
+    if len(content) > most:
+        raise RequestError(f"'{path}' is larger than {most // 2**20} MB")
+    return content
+
+
+def read_table(path: str) -> dict[str, Any]:
+    """A TOML or JSON document with named values at its top.
+
+    ``.toml`` is TOML and ``.json`` JSON; anything else is taken by its first character.
+
+    Raises
+    ------
+    RequestError
+        Where it is neither; the message says at which line.
+    """
+    content = read_bytes(path)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    suffix = os.path.splitext(path)[1].lower()
+    as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip()[:1] in ("{", "["))
+    try:
+        table = _from_json(text) if as_json else _from_toml(text)
+    except ValueError as error:
+        kind = "JSON" if as_json else "TOML"
+        raise RequestError(f"'{path}' is not valid {kind}: {error}") from None
+    except RecursionError:
+        raise RequestError(f"'{path}' is nested too deeply") from None
+    if not isinstance(table, dict):
+        raise RequestError(f"'{path}' holds no table of named values")
+    return table
+
+
+def _from_json(text: str) -> Any:
+    import json
+
+    def refuse(constant: str) -> NoReturn:
+        raise ValueError(f"{constant} is not a number")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def _from_toml(text: str) -> Any:
+    import tomllib
+
+    return tomllib.loads(text)
+
+
+def check_output(path: str, *, force: bool) -> None:
+    """Refuse an output path before any work is done for it.
+
+    Raises
+    ------
+    RequestError
+        Where it is a folder, its folder does not exist, or it exists and `force` is false.
+    """
+    if path == "-":
+        return
+    folder = os.path.dirname(path) or "."
+    if os.path.isdir(path):
+        raise RequestError(f"output '{path}' is a folder", "name a file in it")
+    if not os.path.isdir(folder):
+        raise RequestError(f"output '{path}': there is no folder '{folder}'", "make it first")
+    if os.path.lexists(path) and not force:
+        raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
+
+
+def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
+    """Write several files: all of them whole, or none.
+
+    Each goes to a temporary file beside its target first, and only when all of them are on
+    the disk do they take their names.
+
+    Raises
+    ------
+    RequestError
+        As `check_output`.
+    SurroundingsError
+        Where a file cannot be written: no permission, disk full.
+    """
+    for path in contents:
+        check_output(path, force=force)
+    waiting: dict[str, str] = {}
+    placed: list[str] = []
+    try:
+        for path, content in contents.items():
+            if path != "-":
+                waiting[path] = _write_beside(path, content)
+        for path in list(waiting):
+            if force:
+                os.replace(waiting[path], path)
+            else:
+                _place_new(waiting[path], path)
+                placed.append(path)
+            del waiting[path]
+    except BaseException:
+        for temporary in (*waiting.values(), *placed):
+            _remove(temporary)
+        raise
+    if "-" in contents:
+        sys.stdout.buffer.write(contents["-"])
+        sys.stdout.buffer.flush()
+
+
+def _write_beside(path: str, content: bytes) -> str:
+    folder, name = os.path.split(path)
+    temporary = ""
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{name[:40]}.", dir=folder or ".")
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, 0o666 & ~_umask())
+    except OSError as error:
+        _remove(temporary)
+        raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
+    except BaseException:
+        _remove(temporary)
+        raise
+    return temporary
+
+
+def _place_new(temporary: str, path: str) -> None:
+    """Give a file its name unless the name has been taken meanwhile."""
+    try:
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            raise RequestError(f"output '{path}' exists", "give --force to overwrite it") from None
+        except OSError:  # a file system without hard links
+            os.replace(temporary, path)
+        else:
+            os.unlink(temporary)
+    except OSError as error:
+        raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
+
+
+def _remove(path: str) -> None:
+    if path:
+        try:
+            os.unlink(path)
+        except OSError:  # it may never have come into being
+            return
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

@@ -1,0 +1,41 @@
+"""Local metres to latitude and longitude on the WGS 84 ellipsoid."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def to_wgs84(
+    origin: tuple[float, float], east_m: Sequence[float], north_m: Sequence[float]
+) -> tuple[list[float], list[float]]:
+    """Latitudes and longitudes of points given east and north of an origin.
+
+    The local frame is azimuthal equidistant: distance and azimuth from the origin are true on
+    the ellipsoid, everywhere on earth.  Between neighbours r from the origin, distances are
+    off by at most r²/(6 R²) of themselves: 1e-9 at 500 m, 2e-6 at 20 km.
+
+    Parameters
+    ----------
+    origin
+        Latitude and longitude [deg].
+    east_m, north_m
+        Offsets of N points [m].
+
+    Returns
+    -------
+    latitudes, longitudes
+        Lists of N, degrees; longitudes in [-180, 180).
+    """
+    from pyproj import Geod
+
+    azimuth = [math.degrees(math.atan2(e, n)) for e, n in zip(east_m, north_m, strict=True)]
+    distance = [math.hypot(e, n) for e, n in zip(east_m, north_m, strict=True)]
+    count = len(distance)
+    longitudes, latitudes, _ = Geod(ellps="WGS84").fwd(
+        [origin[1]] * count, [origin[0]] * count, azimuth, distance
+    )
+    return list(latitudes), [(longitude + 180.0) % 360.0 - 180.0 for longitude in longitudes]

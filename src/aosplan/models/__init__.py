@@ -1,0 +1,97 @@
+"""Visibility models: what a set of sample positions will show of the target.
+
+One file a model, one interface: `VisibilityModel`.  A model is made for one scene at one
+altitude; it predicts the integrated density and the shortfall of a pattern flown at a
+baseline.  Everything else follows from those in `Prediction`, the same for every model.
+
+- `aosplan.models.uniform`: one volume of occluders of one kind, the paper's model.
+- `aosplan.models.layered`: independent slices, each with its own height, size and density.
+
+Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the paper, and
+`aosplan.models.sites`, the shortfall of any set of positions, on a lattice or scattered.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from aosplan.pattern import Pattern
+
+MODELS = ("uniform", "layered")
+"""Visibility models by name."""
+
+
+class Prediction(NamedTuple):
+    """What a model predicts for one set of samples.
+
+    `density` is p, the share of the target that one sample does not see; `transparency` is
+    1 - p with the digits that p has lost; `shortfall` is K = 1 - V̂.
+    """
+
+    density: float
+    transparency: float
+    shortfall: float
+
+    @property
+    def minimum(self) -> float:
+        """Visibility of a single sample, 1 - p."""
+        return self.transparency
+
+    @property
+    def maximum(self) -> float:
+        """Visibility of infinitely many independent samples, 1 - p²."""
+        return self.transparency * (1.0 + self.density)
+
+    @property
+    def normalized(self) -> float:
+        """V̂ = 1 - K."""
+        return 1.0 - self.shortfall
+
+    @property
+    def expected(self) -> float:
+        """Visibility V = T (1 + p V̂)."""
+        return self.transparency * (1.0 + self.density * self.normalized)
+
+    @property
+    def mean_squared_error(self) -> float:
+        """1 - V = p (p + T K)."""
+        return self.density * (self.density + self.transparency * self.shortfall)
+
+    @property
+    def effective_samples(self) -> float:
+        """1/K: how many independent samples would do as well."""
+        return 1.0 / self.shortfall if self.shortfall > 0.0 else math.inf
+
+    @property
+    def contrast(self) -> float:
+        """Contrast of the target over the noise of the occluders, √((1-p)/(p K))."""
+        if self.density == 0.0:
+            return math.inf
+        return math.sqrt(self.effective_samples * self.transparency / self.density)
+
+
+class VisibilityModel(Protocol):
+    """What the solver asks of a model."""
+
+    name: str
+
+    @property
+    def density(self) -> float:
+        """p of a single nadir sample."""
+
+    @property
+    def transparency(self) -> float:
+        """1 - p of a single nadir sample."""
+
+    @property
+    def independent_baseline_m(self) -> float:
+        """Baseline from which neighbouring samples share no occluder: K = 1/N; may be inf."""
+
+    @property
+    def rule_baseline_m(self) -> float | None:
+        """Baseline that the model's own rule prefers, or None where wider is never in vain."""
+
+    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+        """Density and shortfall of a pattern flown at a baseline."""

@@ -1,0 +1,90 @@
+"""One formula for floats and for arrays.
+
+A kernel is written once, as arithmetic on its arguments and calls on a namespace `xp`:
+`SCALARS` works on floats with `math`, so that a plain command never imports numpy; numpy
+serves arrays, in blocks that stay in the processor's cache.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats = float | NDArray[np.float64]
+    """A float, or an array of them."""
+
+BLOCK = 8192
+"""Elements per block: 64 KiB an operand, so that a kernel's temporaries fit the L2 cache."""
+
+
+class _Scalars:
+    """The few numpy functions that the kernels use, for floats."""
+
+    minimum = staticmethod(min)
+    maximum = staticmethod(max)
+    floor = staticmethod(math.floor)
+    exp = staticmethod(math.exp)
+    expm1 = staticmethod(math.expm1)
+    sqrt = staticmethod(math.sqrt)
+
+    @staticmethod
+    def log1p(x: float) -> float:
+        return math.log1p(x) if x > -1.0 else -math.inf
+
+    @staticmethod
+    def where(condition: bool, yes: float, no: float) -> float:
+        return yes if condition else no
+
+
+SCALARS = _Scalars()
+
+
+def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
+    """Apply a kernel to floats at once, or to broadcast arrays block by block.
+
+    Parameters
+    ----------
+    kernel
+        ``kernel(xp, *arguments)``, returning ``(value, valid)``: the value, and whether the
+        arguments are in its domain.
+    arguments
+        Floats, or anything numpy can broadcast.
+
+    Returns
+    -------
+    float or ndarray
+        The value where it is valid and ``nan`` elsewhere.
+    """
+    if all(isinstance(argument, (float, int)) for argument in arguments):
+        if any(argument != argument for argument in arguments):
+            return math.nan
+        try:
+            value, valid = kernel(SCALARS, *map(float, arguments))
+        except (ZeroDivisionError, OverflowError):  # numpy would say inf or nan: not valid either
+            return math.nan
+        return float(value) if valid else math.nan
+
+    import numpy as np
+
+    arrays = [np.asarray(argument) for argument in arguments]
+    iterator = np.nditer(
+        [*arrays, None],
+        flags=["external_loop", "buffered", "zerosize_ok"],
+        op_flags=[["readonly"]] * len(arrays) + [["writeonly", "allocate"]],
+        op_dtypes=[np.float64] * (len(arrays) + 1),
+        casting="same_kind",
+        buffersize=BLOCK,
+    )
+    with iterator, np.errstate(all="ignore"):
+        for *block, result in iterator:
+            value, valid = kernel(np, *block)
+            result[...] = value
+            if not np.all(valid):
+                result[~np.broadcast_to(valid, result.shape)] = np.nan
+        return iterator.operands[-1][()]

@@ -1,0 +1,473 @@
+"""Eq. 1 to 5 of Kurmi, Schedl and Bimber (2019), and their inverses.
+
+=======  =======================  ======  ==========================================  =========
+symbol   public name              unit    meaning                                     range
+=======  =======================  ======  ==========================================  =========
+D        slice_density            1       share of a slice that occluders fill        [0, 1]
+l        volume_height            m       thickness of the occluder volume            >= 0
+o        occluder_size            m       edge length of an occluder                  > 0
+p        density                  1       integrated density: share of the target     [0, 1]
+                                          hidden in one sample
+T        transparency             1       1 - p                                       [0, 1]
+n        rows, columns            1       samples along either axis of the grid       1, 2, …
+N        samples                  1       rows x columns                              1, 2, …
+d̂        dhat                     1       disparity between neighbours / projected    >= 0
+                                          occluder size
+κ        --                       1       share of one sample's variance that is      [1/n, 1]
+                                          left after averaging a row of n
+K        visibility_shortfall     1       the same for the grid: 1 - V̂                [1/N, 1]
+V        visibility               1       1 - mean squared error of the average       [0, 1]
+V̂        normalized_visibility    1       V between its limits at N = 1 and N = ∞     [0, 1)
+b        baseline                 m       distance between neighbouring samples       > 0
+a        aperture                 m       side of the sampled square                  >= 0
+=======  =======================  ======  ==========================================  =========
+
+The paper writes Eq. 2 as a double sum over the offsets of a square grid.  With its factor N
+it is the square of the one-dimensional sum of its appendix, and that sum is a cubic in the
+number of neighbours that still overlap; so every function here costs the same for any N.
+
+Scalars in, a float out; arrays broadcast.  Outside the domain the result is ``nan``.
+"""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import RequestError
+from aosplan.models.elementwise import elementwise
+from aosplan.roots import smallest
+
+if TYPE_CHECKING:
+    from aosplan.models.elementwise import Floats
+
+__all__ = [
+    "aperture",
+    "baseline_for_aperture",
+    "dhat_for_shortfall",
+    "integrated_density",
+    "line_shortfall",
+    "mean_squared_error",
+    "normalized_visibility",
+    "required_samples",
+    "required_samples_for_visibility",
+    "slice_density",
+    "transparency",
+    "visibility",
+    "visibility_limits",
+    "visibility_shortfall",
+]
+
+
+# --- Eq. 1: integrated density -----------------------------------------------------------
+
+
+def integrated_density(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Share p of the target that one sample does not see, 1 - (1 - D)^(l/o).
+
+    Parameters
+    ----------
+    slice_density
+        D, share of each slice that occluders fill, 0 to 1.
+    volume_height
+        l, thickness of the volume [m], at least 0.
+    occluder_size
+        o, edge length of an occluder [m], above 0.
+
+    Returns
+    -------
+    float or ndarray
+        p; accurate also where it is tiny.  Where it rounds to 1, `transparency` has the
+        digits that it has lost.
+
+    References
+    ----------
+    Kurmi, Schedl and Bimber (2019), Eq. 1.
+
+    Examples
+    --------
+    >>> round(integrated_density(0.0095, 17.54, 0.20), 3)
+    0.567
+    """
+    return elementwise(_integrated_density, slice_density, volume_height, occluder_size)
+
+
+def transparency(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Share T = (1 - D)^(l/o) of the target that one sample sees: Eq. 1 from its other end.
+
+    Parameters and domain as in `integrated_density`.
+    """
+    return elementwise(_transparency, slice_density, volume_height, occluder_size)
+
+
+def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Density D of a slice that gives an integrated density p: Eq. 1 solved for D.
+
+    Parameters
+    ----------
+    integrated
+        p, 0 to 1.
+    volume_height, occluder_size
+        l and o [m], both above 0.
+    """
+    return elementwise(_slice_density, integrated, volume_height, occluder_size)
+
+
+def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    # An empty volume is transparent whatever D or l/o is, where 0 times infinity would be nan.
+    filled = (height > 0.0) & (d > 0.0)
+    log_t = xp.where(filled, (height / o) * xp.log1p(-d), 0.0)
+    return log_t, (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
+
+
+def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    log_t, valid = _log_transparency(xp, d, height, o)
+    return -xp.expm1(log_t), valid
+
+
+def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    log_t, valid = _log_transparency(xp, d, height, o)
+    return xp.exp(log_t), valid
+
+
+def _slice_density(xp: Any, p: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    valid = (p >= 0.0) & (p <= 1.0) & (height > 0.0) & (o > 0.0)
+    return -xp.expm1(xp.log1p(-p) * (o / height)), valid
+
+
+# --- Eq. 2 to 4: visibility ---------------------------------------------------------------
+
+
+def visibility(
+    density: Floats,
+    rows: Floats,
+    columns: Floats,
+    dhat: Floats,
+    *,
+    transparency: Floats | None = None,
+) -> Any:
+    """Visibility V of a rows x columns grid, Eq. 2 in closed form.
+
+    V = 1 - E[X²] where X is the average of N samples that each hide a share p; written
+    without cancellation as T (1 + p (1 - K)) with K from `visibility_shortfall`.  For
+    d̂ >= 1 this is Eq. 3.
+
+    Parameters
+    ----------
+    density
+        p, integrated density of one sample, 0 to 1.
+    rows, columns
+        Whole numbers from 1; a line of samples has rows = 1.
+    dhat
+        d̂, disparity between neighbours over projected occluder size, at least 0.
+    transparency
+        T = 1 - p, for densities so near 1 that p alone has lost it.
+
+    References
+    ----------
+    Kurmi, Schedl and Bimber (2019), Eq. 2 and 3 and appendix.
+
+    Examples
+    --------
+    >>> round(visibility(0.567, 7, 7, 1.0), 4)
+    0.6735
+    """
+    return _with_density(_visibility, density, rows, columns, dhat, transparency)
+
+
+def mean_squared_error(
+    density: Floats,
+    rows: Floats,
+    columns: Floats,
+    dhat: Floats,
+    *,
+    transparency: Floats | None = None,
+) -> Any:
+    """Mean squared error 1 - V = p (p + T K) of the average, to full precision near V = 1.
+
+    Parameters as in `visibility`.  Source: Kurmi, Schedl and Bimber (2019), appendix.
+    """
+    return _with_density(_mean_squared_error, density, rows, columns, dhat, transparency)
+
+
+def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
+    """Normalised visibility V̂ = (V - Vmin)/(Vmax - Vmin) of a grid, whatever its density.
+
+    For d̂ >= 1 this is Eq. 4, 1 - 1/N.  Parameters as in `visibility`.  Accurate also where
+    it is tiny; near 1 `visibility_shortfall` has the digits.
+
+    Examples
+    --------
+    >>> normalized_visibility(5, 10, 1.0)
+    0.98
+    """
+    if rows is columns:
+        return elementwise(_square_normalized, rows, dhat)
+    return elementwise(_normalized, rows, columns, dhat)
+
+
+def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
+    """What a grid lacks to perfect averaging, K = 1 - V̂, to full precision near V̂ = 1.
+
+    K = κ(rows, d̂) κ(columns, d̂): the variance of the average over that of one sample.
+    Parameters as in `visibility`.
+    """
+    if rows is columns:
+        return elementwise(_square_shortfall, rows, dhat)
+    return elementwise(_shortfall, rows, columns, dhat)
+
+
+def line_shortfall(samples: Floats, dhat: Floats) -> Any:
+    """κ(n, d̂): the shortfall 1 - V̂ of a single line of n samples.
+
+    Grids whose axes have pitches of their own multiply two of these.  Source: Kurmi, Schedl
+    and Bimber (2019), appendix (1-D case), summed.
+    """
+    return elementwise(_line_shortfall, samples, dhat)
+
+
+def visibility_limits(density: Floats) -> tuple[Any, Any]:
+    """Visibility of one sample and of infinitely many, (Vmin, Vmax) = (1 - p, 1 - p²)."""
+    minimum = elementwise(lambda xp, p: (1.0 - p, (p >= 0.0) & (p <= 1.0)), density)
+    maximum = elementwise(lambda xp, p: ((1.0 - p) * (1.0 + p), (p >= 0.0) & (p <= 1.0)), density)
+    return minimum, maximum
+
+
+def _with_density(
+    kernel: Any, density: Any, rows: Any, columns: Any, dhat: Any, transparency: Any
+) -> Any:
+    given_t = () if transparency is None else (transparency,)
+    if rows is columns:  # one κ serves both axes
+
+        def square(xp: Any, p: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
+            kappa, rest, valid = _kappa(xp, n, d)
+            return kernel(p, *_square_of(kappa, rest), valid, *t)
+
+        return elementwise(square, density, rows, dhat, *given_t)
+
+    def grid(xp: Any, p: Any, m: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
+        return kernel(p, *_product_of(xp, m, n, d), *t)
+
+    return elementwise(grid, density, rows, columns, dhat, *given_t)
+
+
+def _visibility(p: Any, k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
+    t, valid = _transparency_of(p, t, valid)
+    return t * (1.0 + p * rest), valid
+
+
+def _mean_squared_error(p: Any, k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
+    t, valid = _transparency_of(p, t, valid)
+    return p * (p + t * k), valid
+
+
+def _transparency_of(p: Any, t: Any, valid: Any) -> tuple[Any, Any]:
+    valid = valid & (p >= 0.0) & (p <= 1.0)
+    if t is None:
+        return 1.0 - p, valid
+    return t, valid & (t >= 0.0) & (t <= 1.0)
+
+
+def _kappa(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
+    """κ(n, d̂) of one axis, 1 - κ, and whether the arguments are in the domain.
+
+    With m neighbours in reach and e = 1 - m d̂, what is left of the last one's overlap, the
+    appendix' sum A = Σ (n-i) (1 - i d̂) gives κ = (n + 2A)/n² in the arrangement below,
+    which stays within two units in the last place where the plain cubic in m loses four.
+    """
+    valid = (n >= 1.0) & (n == xp.floor(n)) & (d >= 0.0)
+    d = xp.minimum(d, 1.0)  # beyond 1 nothing overlaps
+    m = xp.floor(xp.minimum(n - 1.0, 1.0 / xp.maximum(d, 1e-300)))
+    e = xp.maximum(1.0 - m * d, 0.0)
+    kappa = ((m + 1.0) * e + m - m * (m + 1.0) * (1.0 + 2.0 * e - d) / (3.0 * n)) / n
+    # While all n overlap, 1 - κ is linear in d̂: accurate where κ is nearly 1.
+    linear = d * ((n - 1.0) * (n + 1.0) / (3.0 * n))
+    overlapping = d * (n - 1.0) <= 1.0
+    return (
+        xp.where(overlapping, 1.0 - linear, kappa),
+        xp.where(overlapping, linear, 1.0 - kappa),
+        valid,
+    )
+
+
+def _square_of(kappa: Any, rest: Any) -> tuple[Any, Any]:
+    return kappa * kappa, rest * (1.0 + kappa)
+
+
+def _product_of(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any, Any]:
+    kappa_y, rest_y, valid_y = _kappa(xp, rows, d)
+    kappa_x, rest_x, valid_x = _kappa(xp, columns, d)
+    return kappa_y * kappa_x, rest_x + kappa_x * rest_y, valid_y & valid_x
+
+
+def _normalized(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
+    _, rest, valid = _product_of(xp, rows, columns, d)
+    return rest, valid
+
+
+def _shortfall(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
+    k, _, valid = _product_of(xp, rows, columns, d)
+    return k, valid
+
+
+def _square_normalized(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
+    kappa, rest, valid = _kappa(xp, n, d)
+    return _square_of(kappa, rest)[1], valid
+
+
+def _square_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
+    kappa, _, valid = _kappa(xp, n, d)
+    return kappa * kappa, valid
+
+
+def _line_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
+    kappa, _, valid = _kappa(xp, n, d)
+    return kappa, valid
+
+
+def dhat_for_shortfall(
+    shortfall: float, rows: int, columns: int, *, pitch_ratio: float = 1.0
+) -> float:
+    """Smallest d̂ at which a grid's shortfall 1 - V̂ is at most a target: Eq. 2 solved for d̂.
+
+    Parameters
+    ----------
+    shortfall
+        1 - V̂, above 0.
+    rows, columns
+        Whole numbers from 1.
+    pitch_ratio
+        Pitch between rows over pitch between columns, at least 1.
+
+    Returns
+    -------
+    float
+        d̂ in [0, 1]; ``nan`` where 1 - 1/N is too little even at d̂ = 1.
+    """
+
+    def excess(dhat: float) -> bool:
+        kappa = line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat)
+        return bool(kappa <= shortfall)
+
+    if not excess(1.0):
+        return math.nan
+    return smallest(excess, 0.0, 1.0)
+
+
+# --- Eq. 4 and 5 backwards: how many samples, how large an aperture -----------------------
+
+
+def required_samples(vhat: float | str | Decimal | Fraction) -> int:
+    """Fewest samples N at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: Eq. 4 inverted, exactly.
+
+    Parameters
+    ----------
+    vhat
+        Target V̂, at least 0 and below 1.  Text (``"0.98"``, ``"98%"``), `Decimal` and
+        `Fraction` are taken exactly.  A float was rounded before it came here, so it snaps
+        to 1 - 1/k where that is within one unit in the last place.
+
+    Raises
+    ------
+    RequestError
+        Where the target is not a number in [0, 1).
+
+    Examples
+    --------
+    >>> required_samples("0.98"), required_samples(0.9), required_samples("0.999999")
+    (50, 10, 1000000)
+    """
+    target = exact_share(vhat, "V̂")
+    if not 0 <= target < 1:
+        hint = (
+            "no finite number of samples reaches 1; ask for 0.98, or 98%"
+            if target == 1
+            else f"write {vhat}%"
+            if 1 < target <= 100
+            else "a target lies between 0 and 1, such as 0.98 or 98%"
+        )
+        raise RequestError(f"V̂ = {vhat} is not a share below 1", hint)
+    samples = 1 / (1 - target)
+    if isinstance(vhat, float):
+        nearest = Fraction(round(samples))
+        if abs(1 - 1 / nearest - target) <= Fraction(math.ulp(vhat)):
+            return int(nearest)
+    return math.ceil(samples)
+
+
+def required_samples_for_visibility(target: float, density: float) -> int | None:
+    """Fewest samples at d̂ >= 1 that reach an absolute visibility: Eq. 3 solved for N.
+
+    N = ⌈p T / (Vmax - V)⌉; one sample where V <= Vmin; None where V >= Vmax, which no number
+    of samples reaches (unless p = 0, where one sample already has V = 1).
+    """
+    p = Fraction(density)
+    gap = (1 - p * p) - Fraction(target)
+    if Fraction(target) <= 1 - p:
+        return 1
+    if gap <= 0:
+        return None
+    return math.ceil(p * (1 - p) / gap)
+
+
+def aperture(samples: Floats, baseline: Floats) -> Any:
+    """Side a = (√N - 1) b of the sampled square [m], Eq. 5.
+
+    The paper's own examples (14 m for 25 samples, 19.6 m for 49 at b = 2.8 m) are √N b, one
+    pitch more; its Fig. 7 is Eq. 5, which is followed here.
+
+    Parameters
+    ----------
+    samples
+        N, at least 1.
+    baseline
+        b [m], at least 0.
+
+    Examples
+    --------
+    >>> round(aperture(50, 2.8), 1)
+    17.0
+    """
+    return elementwise(
+        lambda xp, n, b: ((n - 1.0) / (xp.sqrt(n) + 1.0) * b, (n >= 1.0) & (b >= 0.0)),
+        samples,
+        baseline,
+    )
+
+
+def baseline_for_aperture(aperture: Floats, samples: Floats) -> Any:
+    """Baseline b = a/(√N - 1) [m] that gives an aperture with N > 1 samples: Eq. 5 solved for b."""
+    return elementwise(
+        lambda xp, a, n: (a * (xp.sqrt(n) + 1.0) / (n - 1.0), (n > 1.0) & (a >= 0.0)),
+        aperture,
+        samples,
+    )
+
+
+def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
+    """A share as the exact number that was written: ``0.98``, ``"0.98"``, ``"98%"``.
+
+    Raises
+    ------
+    RequestError
+        Where it is not a finite number.
+    """
+    hint = "write a share such as 0.98, or 98%"
+    text = str(value).strip() if isinstance(value, (str, Decimal)) else ""
+    try:
+        if text:
+            if len(text) > 400:
+                raise ValueError
+            digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
+            # Fraction would write out every zero of an exponent such as 1e-999999999.
+            if not digits.is_finite() or abs(digits.adjusted()) > 400:
+                raise ValueError
+            return Fraction(digits) / (100 if text.endswith("%") else 1)
+        return Fraction(value)
+    except (ArithmeticError, ValueError, TypeError):
+        shown = text or repr(value)
+        if len(shown) > 40:
+            shown = shown[:37] + "..."
+        raise RequestError(f"{name} '{shown}' is not a number", hint) from None

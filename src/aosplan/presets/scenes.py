@@ -1,0 +1,327 @@
+"""Forest scenes by name.
+
+Each scene is a stand as the paper models it: one uniform volume of occluders of one size. No
+stand is that simple. A preset is a starting point for a plan, not a prediction for a place, and
+it names what was published (``source``) and what is ours (``assumed``).
+
+How the numbers came about, where a preset does not say otherwise:
+
+- ``integrated_density`` is one minus the gap fraction straight down (:func:`gap_fraction`), from a
+  published leaf area index (one-sided, for needles half of the total surface, m² per m² of ground)
+  and a clumping index. Wood behind leaves is not counted on top. If leaf area and clumping are each
+  good to 20 %, our guess, p is good to 0.1 in the middle of its range.
+- ``volume_base_m`` sets the baseline, since the lowest occluders ask for the widest one. It is a
+  mean crown base, or fits a measured profile of leaves above 2 m. Dead branches, young trees and
+  shrubs below it are left out; where they matter, lower it.
+- ``occluder_size_m`` is always assumed: nobody publishes it. Baselines are proportional to it.
+"""
+
+from __future__ import annotations
+
+from math import exp, log1p, nan
+from typing import NamedTuple
+
+__all__ = ["SCENES", "ScenePreset", "gap_fraction"]
+
+
+class ScenePreset(NamedTuple):
+    """A stand as one uniform volume of occluders. Heights are above ground, in metres.
+
+    Attributes
+    ----------
+    title
+        What the stand is, in a few words.
+    integrated_density
+        Share p of the ground that a single nadir photo does not see, in (0, 1).
+    occluder_size_m
+        Edge length of an occluder, such as a leaf cluster or a branch.
+    volume_base_m
+        Lowest height that occluders fill densely.
+    volume_height_m
+        Thickness of the volume; its top is base plus thickness.
+    source
+        Publications, each with the number taken from it.
+    assumed
+        What no named source gives, and why this value.
+    """
+
+    title: str
+    integrated_density: float
+    occluder_size_m: float
+    volume_base_m: float
+    volume_height_m: float
+    source: str
+    assumed: str
+
+
+def gap_fraction(
+    leaf_area_index: float, clumping_index: float = 1.0, projection: float = 0.5
+) -> float:
+    r"""Share of the ground that is seen straight down through a canopy.
+
+    Beer-Lambert extinction by leaves: :math:`P = \exp(-G\,\Omega\,L)`. Its complement is the
+    integrated density p of a single nadir view.
+
+    Parameters
+    ----------
+    leaf_area_index
+        L, one-sided leaf area per ground area (m²/m²), L >= 0. A plant or wood area index serves
+        as well, where wood is what occludes.
+    clumping_index
+        Ω > 0: 1 for leaves scattered at random, less where they gather in shoots and crowns, more
+        where they avoid each other. Forests lie at 0.5 to 0.9.
+    projection
+        G, mean projection of unit leaf area on the ground, in [0, 1]: 0.5 for leaves facing all
+        directions alike (spherical), 1 for level leaves, near 0 for hanging ones.
+
+    Returns
+    -------
+    float
+        P in [0, 1]; nan outside the domain.
+
+    Notes
+    -----
+    The law is [1]_; its derivation from gaps between random, clumped or regular leaves is [2]_;
+    Ω for the world's vegetation is mapped in [3]_. Away from nadir the exponent grows as the
+    secant of the angle.
+
+    References
+    ----------
+    .. [1] M. Monsi, T. Saeki, "Über den Lichtfaktor in den Pflanzengesellschaften und seine
+       Bedeutung für die Stoffproduktion", Japanese Journal of Botany 14, 22-52, 1953.
+    .. [2] T. Nilson, "A theoretical analysis of the frequency of gaps in plant stands",
+       Agricultural Meteorology 8, 25-38, 1971.
+    .. [3] J. M. Chen, C. H. Menges, S. G. Leblanc, "Global mapping of foliage clumping index using
+       multi-angular satellite data", Remote Sensing of Environment 97, 447-457, 2005.
+
+    Examples
+    --------
+    >>> round(gap_fraction(5.0, clumping_index=0.7), 3)
+    0.174
+    """
+    if leaf_area_index >= 0 and clumping_index > 0 and 0 <= projection <= 1:
+        return exp(-projection * clumping_index * leaf_area_index)
+    return nan
+
+
+# The paper's forest is known by ratios alone. Eq. 1, p = 1 - (1 - D)^(l/o), gives l/o; d̂ = 1 at
+# b = o h / H gives H/o = h/b at the height H that 98 % of the occluders exceed.
+_PAPER_DENSITY = 0.567
+_PAPER_DENSITY_PER_SLICE = 0.0095
+_PAPER_VOLUME_PER_OCCLUDER = log1p(-_PAPER_DENSITY) / log1p(-_PAPER_DENSITY_PER_SLICE)  # 87.69
+_PAPER_HEIGHT_PER_OCCLUDER = 50 / 3.5  # 14.29
+
+_BEPS = (
+    "in the parameters of the BEPS model, version 4.10 (University of Toronto; model: Liu, Chen, "
+    "Cihlar, Park 1997, Remote Sensing of Environment 62:158-175)"
+)
+_SPHERICAL = "projection 0.5 (spherical leaf angles)"
+
+# Where stems are counted, the comment gives the area that each shades, p / stems. It has to fit
+# into the growing space of a tree, 1 / stems, and look like its crown.
+SCENES: dict[str, ScenePreset] = {
+    "paper-forest": ScenePreset(
+        title="The paper's LiDAR forest",
+        integrated_density=_PAPER_DENSITY,
+        occluder_size_m=0.20,
+        volume_base_m=0.20 * (_PAPER_HEIGHT_PER_OCCLUDER - 0.02 * _PAPER_VOLUME_PER_OCCLUDER),
+        volume_height_m=0.20 * _PAPER_VOLUME_PER_OCCLUDER,
+        source=(
+            "Kurmi, Schedl, Bimber 2019, A Statistical View on Synthetic Aperture Imaging for "
+            "Occlusion Removal, IEEE Sensors Journal 19(20): density per slice 0.95 %, integrated "
+            "density 56.7 %, hence l/o = 87.69 by its Eq. 1; baseline 3.5 m at 50 m for 98 % of "
+            "the occluders, hence H/o = 14.29 at the 2 % quantile of height"
+        ),
+        assumed=(
+            "occluder size 0.20 m, and with it every height: the paper gives ratios only; 0.20 m "
+            "makes the stand 20 m tall"
+        ),
+    ),
+    "savanna": ScenePreset(
+        title="Eucalypt savanna, northern Australia",
+        integrated_density=1 - gap_fraction(1.0, clumping_index=0.63),
+        occluder_size_m=0.20,
+        volume_base_m=6.0,
+        volume_height_m=9.0,
+        source=(
+            "O'Grady, Chen, Eamus, Hutley 2000, Australian Journal of Botany 48:629-638, "
+            "Eucalyptus miniata and E. tetrodonta near Darwin: LAI = 1.0 at its yearly maximum; "
+            "OzFlux site Howard Springs, same trees: mean height 14 to 16 m; clumping index 0.63: "
+            f"evergreen broadleaf forest {_BEPS}"
+        ),
+        assumed=(
+            "crown base at 0.4 of the height; occluder size 0.20 m (leaf sprays at twig ends); "
+            f"{_SPHERICAL}, too much for hanging eucalypt leaves, so p is an upper estimate"
+        ),
+    ),
+    # 14 m² a tree: a crown 4.2 m wide, in a growing space of 29 m².
+    "open-woodland": ScenePreset(
+        title="Open ponderosa pine, 339 stems/ha",
+        integrated_density=1 - gap_fraction(2.1, clumping_index=0.62),
+        occluder_size_m=0.25,
+        volume_base_m=7.2,
+        volume_height_m=10.8,
+        source=(
+            "AmeriFlux site US-Me2 (Metolius mature ponderosa pine, Oregon, after Irvine et al. "
+            "2008): overstorey LAI = 2.1, height 18 m, 339 stems/ha; clumping index 0.62: "
+            f"evergreen needleleaf forest {_BEPS}"
+        ),
+        assumed=(
+            "crown base at 0.4 of the height; occluder size 0.25 m (tufts of long needles at "
+            f"branch ends); {_SPHERICAL}; the understorey, LAI = 0.2, is left out"
+        ),
+    ),
+    # 8.6 m² a tree: a crown 3.3 m wide, in a growing space of 14 m².
+    "boreal-pine": ScenePreset(
+        title="Boreal Scots pine, 700 stems/ha",
+        integrated_density=1 - gap_fraction(3.0, clumping_index=0.62),
+        occluder_size_m=0.25,
+        volume_base_m=11.0,
+        volume_height_m=8.5,
+        source=(
+            "SMEAR II, Hyytiälä, Finland (University of Helsinki; SpecNet site page): about 700 "
+            "pines/ha, all-sided needle area 6 m²/m² after thinning, hence LAI = 3.0; Korhonen, "
+            "Repola, Karjalainen, Packalen, Maltamo 2019, Silva Fennica 53(3) 10179, Table 1, 414 "
+            "pines at Kiihtelysvaara: mean height 19.5 m, mean crown base 11.0 m; clumping index "
+            f"0.62: evergreen needleleaf forest {_BEPS}"
+        ),
+        assumed=(
+            "both stands are alike, though the second counts sawlog-sized trees only; occluder "
+            f"size 0.25 m (needle-bearing branch ends); {_SPHERICAL}; young spruce below is left "
+            "out"
+        ),
+    ),
+    # 4.1 m² a pine: a crown 2.3 m wide, in a growing space of 6.2 m².
+    "plantation": ScenePreset(
+        title="Loblolly pine plantation, 1600 stems/ha",
+        integrated_density=1 - gap_fraction(3.5, clumping_index=0.62),
+        occluder_size_m=0.25,
+        volume_base_m=10.2,
+        volume_height_m=6.8,
+        source=(
+            "Duke Forest, North Carolina, planted 1983 (Duke FACE site characteristics; AmeriFlux "
+            "site US-Dk3): 1600 pines/ha, canopy height 16 m in 2001 and 18 m in 2004; Zhao, Kane, "
+            "Borders 2012, Open Journal of Forestry 2:110-115: live crown ratio 0.40 as the "
+            "critical point for thinning; Körner 2013 in Strasburger's Plant Sciences, p. 1070: "
+            "pine forests LAI = 3 to 4; clumping index 0.62: evergreen needleleaf forest "
+            f"{_BEPS}"
+        ),
+        assumed=(
+            "the middle of both ranges, LAI = 3.5 and height 17 m; that the stand has reached the "
+            "crown ratio 0.40; occluder size 0.25 m (tufts of long needles at branch ends); "
+            f"{_SPHERICAL}; hardwoods below the pines are left out"
+        ),
+    ),
+    "mixed-forest": ScenePreset(
+        title="Temperate mixed forest (oak, maple, hemlock, pine)",
+        integrated_density=1 - gap_fraction(5.1, clumping_index=0.66),
+        occluder_size_m=0.20,
+        volume_base_m=2.7,
+        volume_height_m=18.6,
+        source=(
+            "Harvard Forest, Massachusetts, in Wohlfahrt et al. 2015, Atmospheric Chemistry and "
+            "Physics 15, Table 1: LAI = 4.8 to 5.4, canopy height 23 m; Harvard ForestGEO plot: "
+            "over 116 000 woody stems from 1 cm on 35 ha, 3300 stems/ha; clumping index between "
+            f"0.62, evergreen needleleaf, and 0.70, deciduous broadleaf forest, {_BEPS}"
+        ),
+        assumed=(
+            "the middle of both ranges, LAI = 5.1 and clumping index 0.66; leaves distributed over "
+            "the height as in broadleaf-forest, scaled to 23 m; occluder size 0.20 m (leaf and "
+            f"needle sprays at twig ends); {_SPHERICAL}"
+        ),
+    ),
+    # 22 m² a tree: a crown 5.2 m wide, in a growing space of 24 m², that is a closed canopy.
+    "conifer-forest": ScenePreset(
+        title="Norway spruce, 50 years, 410 stems/ha",
+        integrated_density=1 - gap_fraction(7.0, clumping_index=0.62),
+        occluder_size_m=0.20,
+        volume_base_m=8.1,
+        volume_height_m=15.9,
+        source=(
+            "Wetzstein, Thuringia, in Rödig, Huth, Bohn, Rebmann, Cuntz 2017, Forest Ecosystems "
+            "4:4, Table 1: LAI = 7.0, 410 stems/ha; Max Planck Institute for Biogeochemistry, site "
+            "page: height 24 m; Finnish Forest Research Institute, four monitored spruces of 14.5 "
+            "to 28.5 m: crown base at 0.34 of the height on average; clumping index 0.62: "
+            f"evergreen needleleaf forest {_BEPS}. Temperate evergreen forests average LAI = 5.1 "
+            "to 6.7 (Asner, Scurlock, Hicke 2003, Global Ecology and Biogeography 12:191-205)"
+        ),
+        assumed=(
+            "the optically measured LAI is not yet reduced by clumping (p = 0.97 if it is); "
+            "Finnish crown ratios; occluder size 0.20 m (sprays of twigs along a branch); "
+            f"{_SPHERICAL}"
+        ),
+    ),
+    "broadleaf-forest": ScenePreset(
+        title="Broadleaf forest in leaf (maple, basswood, ash)",
+        integrated_density=1 - gap_fraction(5.36, clumping_index=0.70),
+        occluder_size_m=0.20,
+        volume_base_m=2.8,
+        volume_height_m=19.6,
+        source=(
+            "AmeriFlux site Willow Creek, Wisconsin, core measurements: LAI = 5.36 from litter "
+            "traps, canopy height 24.2 m, LAI by metre of height: above 2 m, mean height 12.6 m "
+            "and 2 % quantile 3.2 m, which the volume reproduces; clumping index 0.70: deciduous "
+            f"broadleaf forest {_BEPS}. Beech is alike: plant area index 5.1, crowns to 35 m, at "
+            "Hainich, LAI = 4.2, 224 stems/ha, trees to 37 m, at Leinefelde (University of "
+            "Göttingen, site pages)"
+        ),
+        assumed=(
+            "leaves below 2 m do not count as canopy; occluder size 0.20 m (leaf sprays at twig "
+            f"ends); {_SPHERICAL}, too little for level shade leaves, so p is a lower estimate; "
+            "even-aged beech has its crown base much higher"
+        ),
+    ),
+    "broadleaf-leafless": ScenePreset(
+        title="The same broadleaf forest in winter",
+        integrated_density=1 - gap_fraction(0.75),
+        occluder_size_m=0.10,
+        volume_base_m=2.8,
+        volume_height_m=19.6,
+        source=(
+            "Volume: broadleaf-forest. Wood area index: about 0.5 seen by a canopy analyser "
+            "(Kucharik, Norman, Gower 1998, Agricultural and Forest Meteorology 91:69-88, as "
+            "reported in the technical note of the FATES model); generally below 1 (Körner 2013 in "
+            "Strasburger's Plant Sciences, p. 1070)"
+        ),
+        assumed=(
+            "wood area index 0.75, between the two; no clumping; wood at the heights of the "
+            "leaves; occluder size 0.10 m (limbs and bundles of twigs); projection 0.5 (branches "
+            "in all directions)"
+        ),
+    ),
+    "tropical-forest": ScenePreset(
+        title="Tropical rain forest, old growth",
+        integrated_density=1 - gap_fraction(6.0, clumping_index=0.63),
+        occluder_size_m=0.25,
+        volume_base_m=2.0,
+        volume_height_m=22.6,
+        source=(
+            "Clark, Olivas, Oberbauer, Clark, Ryan 2008, Ecology Letters 11:163-172, La Selva, "
+            "Costa Rica, all leaves harvested from floor to top: LAI = 6.00; Barro Colorado "
+            "Island, Panama (FORMIND model, site page): mean canopy height 24.6 m, standard "
+            f"deviation 8.2 m; clumping index 0.63: evergreen broadleaf forest {_BEPS}"
+        ),
+        assumed=(
+            "both forests are alike; leaves fill the height evenly from 2 m up, and what stands "
+            "below 2 m is left out; occluder size 0.25 m (large leaves and their clusters); "
+            f"{_SPHERICAL}; trees above the mean canopy height are left out"
+        ),
+    ),
+    "dense-forest": ScenePreset(
+        title="Dense young spruce, about 20 years",
+        integrated_density=1 - gap_fraction(10.0, clumping_index=0.62),
+        occluder_size_m=0.15,
+        volume_base_m=1.5,
+        volume_height_m=8.5,
+        source=(
+            "Kram 1998, Polish Journal of Ecology 46(1): spruce has the highest LAI of the species "
+            "measured, 10.0, and stands peak at about 20 years; Körner 2013 in Strasburger's Plant "
+            "Sciences, p. 1070: LAI up to 10 for dense spruce plantations; clumping index 0.62: "
+            f"evergreen needleleaf forest {_BEPS}"
+        ),
+        assumed=(
+            "height 10 m and green branches down to 1.5 m; occluder size 0.15 m (short sprays of "
+            f"twigs); {_SPHERICAL}"
+        ),
+    ),
+}

@@ -1,0 +1,191 @@
+"""Reading quantities: text or numbers in, floats in metres, degrees and seconds out.
+
+Every value a user writes, on the command line, in a file or in Python, comes through one of
+these functions, so the same mistakes get the same answers: feet, percent taken for a
+fraction, text in a number, infinities.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+FOOT_M = 0.3048
+
+_OWN_UNITS = {"m": "metres", "deg": "degrees", "s": "seconds", "m/s": "metres a second"}
+_FOREIGN = {
+    "ft": (FOOT_M, "m"),
+    "feet": (FOOT_M, "m"),
+    "foot": (FOOT_M, "m"),
+    "'": (FOOT_M, "m"),
+    "yd": (0.9144, "m"),
+    "cm": (0.01, "m"),
+    "km": (1000.0, "m"),
+    "in": (0.0254, "m"),
+    "mph": (0.44704, "m/s"),
+    "km/h": (1 / 3.6, "m/s"),
+    "kn": (0.514444, "m/s"),
+}
+
+
+def number(value: Any, name: str, unit: str = "") -> float:
+    """A finite number, in a unit that may be written behind it.
+
+    Raises
+    ------
+    RequestError
+        Where it is not a finite number, or is written in another unit; the hint converts.
+    """
+    if isinstance(value, str):
+        return _from_text(value.strip(), name, unit)
+    try:
+        result = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise RequestError(f"{name} {_shown(value)} is not a finite number", _unit_hint(unit))
+    return result
+
+
+def positive(value: Any, name: str, unit: str = "") -> float:
+    """A number above zero."""
+    result = number(value, name, unit)
+    if result <= 0.0:
+        raise RequestError(f"{name} {_shown(value)} is not above zero", _unit_hint(unit))
+    return result
+
+
+def at_least_zero(value: Any, name: str, unit: str = "") -> float:
+    """A number that is not negative."""
+    result = number(value, name, unit)
+    if result < 0.0:
+        raise RequestError(f"{name} {_shown(value)} is below zero", _unit_hint(unit))
+    return result + 0.0  # no negative zero in what is written out
+
+
+def whole(value: Any, name: str) -> int:
+    """A whole number from 1."""
+    result = number(value, name)
+    if result < 1.0 or result != math.floor(result) or result > 2**53:
+        raise RequestError(f"{name} {_shown(value)} is not a whole number from 1")
+    return int(result)
+
+
+def share(value: Any, name: str) -> float:
+    """A share between 0 and 1; text may say ``98%``."""
+    text = value.strip() if isinstance(value, str) else ""
+    result = number(text[:-1], name) / 100.0 if text.endswith("%") else number(value, name)
+    if not 0.0 <= result <= 1.0:
+        raise RequestError(f"{name} {_shown(value)} is not between 0 and 1", percent_hint(value))
+    return result
+
+
+def share_above_zero(value: Any, name: str) -> float:
+    """A share above 0, at most 1."""
+    result = share(value, name)
+    if result == 0.0:
+        raise RequestError(f"{name} {_shown(value)} is not above zero")
+    return result
+
+
+def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
+    """A parser for one of a few words."""
+    allowed = tuple(choices)
+
+    def parse(value: Any, name: str) -> str:
+        if value not in allowed:
+            raise RequestError(
+                f"{name} {_shown(value)} is not one of {', '.join(allowed)}",
+                nearest_hint(str(value), allowed),
+            )
+        return str(value)
+
+    return parse
+
+
+def word(value: Any, name: str) -> str:
+    """Text that is not empty."""
+    if not isinstance(value, str) or not value.strip():
+        raise RequestError(f"{name} {_shown(value)} is not a name")
+    if "\0" in value:
+        raise RequestError(f"{name} {_shown(value)} holds a zero byte")
+    return value
+
+
+def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
+    """A place on earth, ``LAT,LON`` in degrees or a pair of numbers.
+
+    Raises
+    ------
+    RequestError
+        Where it is not two numbers in range; a latitude beyond 90 that would do as a
+        longitude is taken for a swap.
+    """
+    parts = value.split(",") if isinstance(value, str) else value
+    if not isinstance(parts, (list, tuple)) or len(parts) != 2:
+        raise RequestError(
+            f"{name} {_shown(value)} is not a latitude and a longitude",
+            "write LAT,LON in degrees, such as 48.3358,14.3261",
+        )
+    latitude = number(parts[0], f"latitude of {name}", "deg")
+    longitude = number(parts[1], f"longitude of {name}", "deg")
+    if abs(latitude) > 90.0:
+        swapped = abs(latitude) <= 180.0 and abs(longitude) <= 90.0
+        raise RequestError(
+            f"{name} {_shown(value)}: latitude {latitude:g} is not between -90 and 90",
+            f"latitude comes first: {longitude:g},{latitude:g}" if swapped else "",
+        )
+    if abs(longitude) > 180.0:
+        raise RequestError(
+            f"{name} {_shown(value)}: longitude {longitude:g} is not between -180 and 180"
+        )
+    return latitude, longitude
+
+
+def percent_hint(value: Any) -> str:
+    """The hint for a percentage written as a plain number, or nothing."""
+    try:
+        percent = float(value)
+    except (TypeError, ValueError):
+        return ""
+    return f"write {percent:g}%" if 1.0 < percent <= 100.0 else ""
+
+
+def nearest_hint(name: str, known: Iterable[str]) -> str:
+    """The hint that names the nearest of the known names, or nothing."""
+    import difflib
+
+    close = difflib.get_close_matches(name.lower()[:100], list(known), n=1, cutoff=0.5)
+    return f"did you mean {close[0]}?" if close else ""
+
+
+def _from_text(text: str, name: str, unit: str) -> float:
+    digits = text.rstrip("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ/'°% ")
+    suffix = text[len(digits) :].strip()
+    try:
+        result = float(digits) if "_" not in digits else math.nan
+    except ValueError:
+        result = math.nan
+    if math.isfinite(result) and suffix in ("", unit):
+        return result
+    hint = _unit_hint(unit)
+    if math.isfinite(result) and suffix.lower() in _FOREIGN:
+        factor, own = _FOREIGN[suffix.lower()]
+        if own == unit:
+            hint = f"{text} is {result * factor:.6g} {own}"
+    raise RequestError(f"{name} {_shown(text)} is not a finite number", hint)
+
+
+def _unit_hint(unit: str) -> str:
+    return f"a number of {_OWN_UNITS[unit]}" if unit in _OWN_UNITS else ""
+
+
+def _shown(value: Any) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    text = text.encode("unicode_escape").decode() if not text.isprintable() else text
+    return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"

@@ -1,0 +1,116 @@
+"""The plan as plain values: the JSON document that scripts rely on (schema 1)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.geometry import disparity_px, occluder_px
+from aosplan.flight import path_of
+
+if TYPE_CHECKING:
+    from aosplan.models import Prediction
+    from aosplan.plan import Plan
+    from aosplan.scene import Scene
+
+SCHEMA = 1
+"""Version of the JSON documents."""
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """Everything of a plan as dicts, lists, text and finite numbers."""
+    from aosplan.plan import requirement_of
+
+    solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
+    pattern, baseline = solution.pattern, solution.baseline_m
+    requirement = requirement_of(plan.request)
+    path = path_of(pattern)
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "request": plan.request.document(),
+        "scene": scene_document(plan.scene),
+        "altitude_m": altitude,
+        "baseline_m": baseline,
+        "samples": pattern.samples,
+        "samples_required": solution.samples_required,
+        "aperture_m": plan.aperture_m,
+        "grid": {
+            "kind": plan.request.grid,
+            "rows": pattern.rows,
+            "columns": pattern.columns,
+            "extent_m": list(plan.extent_m),
+            "pitch_m": [baseline, baseline * pattern.row_pitch],
+        },
+        "visibility": prediction_document(solution.prediction)
+        | {
+            "target": float(requirement.target),
+            "target_quantity": requirement.quantity,
+            "model": plan.model,
+            "view": None,
+        },
+        "disparity": _disparity(plan),
+        "camera": {
+            "name": camera.name,
+            "gsd_m": camera.gsd_m(altitude),
+            "footprint_m": list(camera.footprint_m(altitude)),
+            "common_footprint_m": list(plan.common_footprint_m),
+        },
+        "flight": {
+            "length_m": path.length_m(baseline),
+            "time_s": path.time_s(baseline, plan.timing),
+        },
+        "limits": [limit._asdict() for limit in solution.limits],
+        "warnings": [warning._asdict() for warning in plan.warnings],
+        "waypoints": [
+            {name: value for name, value in waypoint._asdict().items() if value is not None}
+            for waypoint in plan.waypoints
+        ],
+    }
+
+
+def prediction_document(prediction: Prediction) -> dict[str, float | None]:
+    """A prediction's numbers; what nothing hides has no normalised visibility."""
+    clear = prediction.density == 0.0
+    return {
+        "density": prediction.density,
+        "minimum": prediction.minimum,
+        "maximum": prediction.maximum,
+        "expected": prediction.expected,
+        "normalized": None if clear else prediction.normalized,
+        "shortfall": None if clear else prediction.shortfall,
+        "effective_samples": None if clear else _finite(prediction.effective_samples),
+        "contrast": None if clear else _finite(prediction.contrast),
+    }
+
+
+def scene_document(scene: Scene) -> dict[str, Any]:
+    """A scene in a few words and numbers."""
+    return {
+        "name": scene.name,
+        "kind": scene.kind,
+        "title": scene.title,
+        "source": scene.source,
+        "assumed": scene.assumed,
+        "integrated_density": scene.integrated_density,
+        "canopy_top_m": scene.canopy_top_m,
+    }
+
+
+def _disparity(plan: Plan) -> dict[str, float | None]:
+    coverage = plan.coverage
+    if coverage is None:
+        return {"normalized": None, "pixels": None, "occluder_pixels": None}
+    focal, altitude = plan.camera.focal_length_px, plan.altitude_m
+    return {
+        "normalized": plan.solution.baseline_m / coverage.baseline_m,
+        "pixels": disparity_px(plan.solution.baseline_m, coverage.height_m, altitude, focal),
+        "occluder_pixels": occluder_px(
+            coverage.occluder_size_m, coverage.height_m, altitude, focal
+        ),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
