@@ -84,14 +84,16 @@ _KINDS: dict[str, Any] = {
     "pair": Pair | str,
 }
 
-RequestDocument: type[Document] = create_model(
+_OPTION_FIELDS: dict[str, Any] = {
+    option.name: (_KINDS[option.kind] | None, Field(default=None, description=option.help))
+    for option in OPTIONS
+}
+
+RequestDocument = create_model(
     "RequestDocument",
     __base__=Document,
     __doc__="A request file: the options of `aosplan plan`, with underscores for hyphens.",
-    **{
-        option.name: (_KINDS[option.kind] | None, Field(default=None, description=option.help))
-        for option in OPTIONS
-    },
+    **_OPTION_FIELDS,
 )
 
 

@@ -115,6 +115,21 @@ def coverage_baseline(
     return CoverageBaseline(unit, height, slab.occluder_size_m)
 
 
+def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
+    """Baseline over altitude, and the share of the occluders with d̂ >= 1 there.
+
+    One knot for each end of a slab, by rising baseline; occluders on the focal plane itself
+    never have d̂ >= 1 and have no knot.  Pixels are not considered.
+    """
+    ends = {
+        slab.occluder_size_m / height
+        for slab in slabs
+        for height in (slab.bottom_m, slab.top_m)
+        if height > 0.0
+    }
+    return [(knot, coverage_share(slabs, 1.0, math.inf, knot)) for knot in sorted(ends)]
+
+
 def _covering_baseline_m(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, coverage: float
 ) -> float:

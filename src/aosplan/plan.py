@@ -155,7 +155,7 @@ def plan(
     """
     camera = camera_of(request)
     altitude = altitude_of(request, camera)
-    scene, kind, notices = scene_of(request, folder=folder, progress=progress)
+    scene, kind, notices, _ = scene_of(request, folder=folder, progress=progress)
     above = scene.above(request.focal_height)
     density = above.integrated_density if above is not None else 0.0
     model_name = request.model or ("layered" if kind == "layered" else "uniform")

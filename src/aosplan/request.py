@@ -386,6 +386,7 @@ class PlanRequest:
                 object.__setattr__(self, "scene", "paper-forest")
 
     def _check_camera(self) -> None:
+        needed: tuple[str, ...]
         if self.focal_length is not None:
             needed = ("sensor_width", "image_width", "image_height")
         elif self.fov is not None:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.camera import Camera
 from aosplan.errors import RequestError
 from aosplan.quantities import nearest_hint
-from aosplan.scene import LayeredScene, Scene, UniformScene
+from aosplan.scene import Scene, UniformScene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from aosplan.request import PlanRequest
+    from aosplan.voxels import VoxelVolume
 
 CLOUD_SUFFIXES = (".las", ".laz")
 
@@ -26,11 +28,12 @@ class Message(NamedTuple):
 
 
 class ResolvedScene(NamedTuple):
-    """A scene, what kind of source it came from, and the warnings of its reading."""
+    """A scene, what kind of source it came from, its warnings, and its voxels if it has any."""
 
     scene: Scene
     kind: str
     warnings: tuple[Message, ...] = ()
+    volume: VoxelVolume | None = None
 
 
 def find_camera(name: str) -> Camera:
@@ -180,13 +183,11 @@ def _cloud(
         min_height_m=2.0 if request.min_height is None else request.min_height,
         progress=progress,
     )
-    scene: LayeredScene | UniformScene = layered_scene(volume, os.path.basename(path))
-    if request.occluder_size is not None and isinstance(scene, LayeredScene):
-        from dataclasses import replace
-
+    scene = layered_scene(volume, os.path.basename(path))
+    if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)
     warnings = tuple(Message(*warning) for warning in volume.warnings)
-    return ResolvedScene(scene, "cloud", warnings)
+    return ResolvedScene(scene, "cloud", warnings, volume)
 
 
 def _located(name: str, folder: str) -> str:

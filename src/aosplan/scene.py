@@ -102,7 +102,7 @@ class UniformScene:
         if self.given_integrated_density is not None:
             return self.given_integrated_density
         assert self.density is not None
-        return integrated_density(self.density, self.volume_height_m, self.occluder_size_m)
+        return float(integrated_density(self.density, self.volume_height_m, self.occluder_size_m))
 
     @property
     def transparency(self) -> float:
@@ -110,7 +110,7 @@ class UniformScene:
         if self.given_integrated_density is not None:
             return 1.0 - self.given_integrated_density
         assert self.density is not None
-        return transparency(self.density, self.volume_height_m, self.occluder_size_m)
+        return float(transparency(self.density, self.volume_height_m, self.occluder_size_m))
 
     def slabs(self) -> tuple[Slab, ...]:
         """The volume as one slab."""
@@ -221,7 +221,7 @@ class LayeredScene:
         """Share p of the ground that a single nadir photo does not see."""
         if self.measured_density is not None:
             return self.measured_density
-        return -math.expm1(self.log_transparency)
+        return 0.0 - math.expm1(self.log_transparency)
 
     @property
     def transparency(self) -> float:

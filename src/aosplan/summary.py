@@ -50,7 +50,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "model": plan.model,
             "view": None,
         },
-        "disparity": _disparity(plan),
+        "disparity": disparity_document(plan),
         "camera": {
             "name": camera.name,
             "gsd_m": camera.gsd_m(altitude),
@@ -98,7 +98,8 @@ def scene_document(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _disparity(plan: Plan) -> dict[str, float | None]:
+def disparity_document(plan: Plan) -> dict[str, float | None]:
+    """Disparity and size of the occluder that decides the coverage rule, at least one pixel."""
     coverage = plan.coverage
     if coverage is None:
         return {"normalized": None, "pixels": None, "occluder_pixels": None}

@@ -75,7 +75,9 @@ class Prediction(NamedTuple):
 class VisibilityModel(Protocol):
     """What the solver asks of a model."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Name of the model."""
 
     @property
     def density(self) -> float:

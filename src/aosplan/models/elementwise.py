@@ -73,14 +73,14 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
     import numpy as np
 
     arrays = [np.asarray(argument) for argument in arguments]
-    iterator = np.nditer(
-        [*arrays, None],
-        flags=["external_loop", "buffered", "zerosize_ok"],
-        op_flags=[["readonly"]] * len(arrays) + [["writeonly", "allocate"]],
-        op_dtypes=[np.float64] * (len(arrays) + 1),
-        casting="same_kind",
-        buffersize=BLOCK,
-    )
+    options: dict[str, Any] = {
+        "flags": ["external_loop", "buffered", "zerosize_ok"],
+        "op_flags": [["readonly"]] * len(arrays) + [["writeonly", "allocate"]],
+        "op_dtypes": [np.float64] * (len(arrays) + 1),
+        "casting": "same_kind",
+        "buffersize": BLOCK,
+    }
+    iterator: Any = np.nditer([*arrays, None], **options)
     with iterator, np.errstate(all="ignore"):
         for *block, result in iterator:
             value, valid = kernel(np, *block)

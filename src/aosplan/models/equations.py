@@ -41,6 +41,8 @@ from aosplan.models.elementwise import elementwise
 from aosplan.roots import smallest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from aosplan.models.elementwise import Floats
 
 __all__ = [
@@ -124,7 +126,7 @@ def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
 
 def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, valid = _log_transparency(xp, d, height, o)
-    return -xp.expm1(log_t), valid
+    return 0.0 - xp.expm1(log_t), valid  # not -expm1: that would make p = -0.0 of D = 0
 
 
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
@@ -134,7 +136,7 @@ def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
 
 def _slice_density(xp: Any, p: Any, height: Any, o: Any) -> tuple[Any, Any]:
     valid = (p >= 0.0) & (p <= 1.0) & (height > 0.0) & (o > 0.0)
-    return -xp.expm1(xp.log1p(-p) * (o / height)), valid
+    return 0.0 - xp.expm1(xp.log1p(-p) * (o / height)), valid
 
 
 # --- Eq. 2 to 4: visibility ---------------------------------------------------------------
@@ -236,7 +238,12 @@ def visibility_limits(density: Floats) -> tuple[Any, Any]:
 
 
 def _with_density(
-    kernel: Any, density: Any, rows: Any, columns: Any, dhat: Any, transparency: Any
+    kernel: Callable[..., tuple[Any, Any]],
+    density: Any,
+    rows: Any,
+    columns: Any,
+    dhat: Any,
+    transparency: Any,
 ) -> Any:
     given_t = () if transparency is None else (transparency,)
     if rows is columns:  # one κ serves both axes

@@ -105,7 +105,7 @@ class LayeredModel:
         return total / len(points) ** 2
 
     def _covariance(
-        self, offsets_x: NDArray[np.float64], offsets_y: NDArray[np.float64]
+        self, offsets_x: NDArray[Any], offsets_y: NDArray[Any]
     ) -> NDArray[np.float64]:
         """Cov/(p T) at every crossing of the offsets, shape (y, x)."""
         y, x = np.meshgrid(offsets_y, offsets_x, indexing="ij")

@@ -53,7 +53,7 @@ def pattern_shortfall(pattern: Pattern, dhat: float) -> float:
         for row, column in pattern.removed
     )
     counted_twice = _pair_sum(pattern.removed, dhat_y, dhat)
-    return (total - 2.0 * lost + counted_twice) / samples**2
+    return float(total - 2.0 * lost + counted_twice) / samples**2
 
 
 def _overlaps(index: int, count: int, dhat: float) -> float:
@@ -212,9 +212,9 @@ def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArra
             for dx in range(-reach_x, reach_x + 1):
                 here = mask[: rows - dy, max(0, -dx) : columns - max(0, dx)]
                 there = mask[dy:, max(0, dx) : columns + min(0, dx)]
-                pairs = np.count_nonzero(here & there)
-                counts[reach_y + dy, reach_x + dx] = pairs
-                counts[reach_y - dy, reach_x - dx] = pairs
+                found = np.count_nonzero(here & there)
+                counts[reach_y + dy, reach_x + dx] = found
+                counts[reach_y - dy, reach_x - dx] = found
         return counts
     from scipy import fft
 
@@ -223,7 +223,7 @@ def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArra
         fft.next_fast_len(columns + reach_x, real=True),
     )
     spectrum = fft.rfft2(mask.astype(np.float64), shape)
-    pairs = np.rint(fft.irfft2(np.abs(spectrum) ** 2, shape))
+    pairs: NDArray[np.float64] = np.rint(fft.irfft2(np.abs(spectrum) ** 2, shape))
     wanted_y = np.arange(-reach_y, reach_y + 1) % shape[0]
     wanted_x = np.arange(-reach_x, reach_x + 1) % shape[1]
     return pairs[np.ix_(wanted_y, wanted_x)]

@@ -1,0 +1,33 @@
+"""``aosplan cameras``."""
+
+from __future__ import annotations
+
+from aosplan.cli.options import command, json_option
+from aosplan.cli.output import print_json
+from aosplan.presets.cameras import CAMERAS
+from aosplan.resolve import find_camera
+
+
+def run(as_json: bool) -> None:  # noqa: FBT001
+    """List the cameras."""
+    if as_json:
+        print_json([{"name": name, **preset._asdict()} for name, preset in CAMERAS.items()])
+        return
+    from aosplan.cli.tables import print_rows
+
+    rows = []
+    for name, preset in CAMERAS.items():
+        width, height = find_camera(name).fov_deg
+        size = f"{preset.image_width_px} x {preset.image_height_px}"
+        rows.append((name, preset.band, size, f"{width:.0f} x {height:.0f}"))
+    print_rows(("name", "band", "pixels", "field of view [deg]"), rows)
+    print("\nSources and assumptions: aosplan cameras --json")
+
+
+COMMAND = command(
+    "cameras",
+    run,
+    summary="List the built-in cameras; --json adds the numbers and their sources.",
+    examples="aosplan cameras\naosplan cameras --json",
+    parameters=[json_option()],
+)

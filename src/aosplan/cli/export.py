@@ -1,0 +1,41 @@
+"""``aosplan export``: files from a saved plan."""
+
+from __future__ import annotations
+
+from aosplan.cli.options import command, file_argument, output_options
+from aosplan.cli.output import chosen_outputs, write_outputs
+from aosplan.errors import RequestError
+
+
+def run(
+    plan: str,
+    out: list[str] | None,
+    format: str | None,  # noqa: A002 (the option's name)
+    force: bool,  # noqa: FBT001
+    quiet: bool,  # noqa: FBT001
+) -> None:
+    """Write a saved plan's waypoints without solving again."""
+    chosen = chosen_outputs(out or [], format, force=force)
+    if not chosen:
+        raise RequestError("no output is given", "give --out plan.csv, or another --out PATH")
+    from aosplan.documents import read_mission
+
+    mission = read_mission(plan)
+    write_outputs(lambda: mission, chosen, force=force)
+    if not quiet and all(path != "-" for _, path in chosen):
+        print(f"Wrote {', '.join(path for _, path in chosen)}")
+
+
+COMMAND = command(
+    "export",
+    run,
+    summary="Write files from a plan saved by `plan --json`, without solving again.",
+    examples=(
+        "aosplan export plan.json --out plan.csv\n"
+        "aosplan export plan.json --out plan.geojson --out csv:grid.txt --force"
+    ),
+    parameters=[
+        file_argument("plan", "What `aosplan plan --json` printed."),
+        *[option for option in output_options() if option.name != "as_json"],
+    ],
+)

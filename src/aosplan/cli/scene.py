@@ -1,0 +1,70 @@
+"""``aosplan scene``."""
+
+from __future__ import annotations
+
+import os
+
+from aosplan.cli.options import command, file_argument, flag_option, json_option, request_options
+from aosplan.cli.options import text_option
+from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.errors import RequestError
+
+READING = ("voxel", "ground", "min_height")
+
+
+def run(
+    scene: str,
+    voxel: str | None,
+    ground: str | None,
+    min_height: str | None,
+    save: str | None,
+    force: bool,  # noqa: FBT001
+    quiet: bool,  # noqa: FBT001
+    as_json: bool,  # noqa: FBT001
+) -> None:
+    """Show the occluder statistics of a scene, and save them."""
+    from aosplan.files import check_output, write_all
+    from aosplan.request import request_from
+    from aosplan.resolve import scene_of
+    from aosplan.scene_file import scene_toml, statistics_document
+
+    if save is not None:
+        if os.path.splitext(save)[1].lower() != ".toml":
+            raise RequestError(f"--save '{save}' does not end in .toml")
+        check_output(save, force=force)
+    # A request needs an altitude; the statistics do not depend on it.
+    request = request_from(
+        {"altitude": 1.0},
+        overrides={"scene": scene, "voxel": voxel, "ground": ground, "min_height": min_height},
+    )
+    with progress_bar("reading points", quiet=quiet) as progress:
+        resolved = scene_of(request, progress=progress)
+    print_warnings(resolved.warnings, quiet=quiet)
+    if save is not None:
+        write_all({save: scene_toml(resolved.scene)}, force=force)
+    document = statistics_document(resolved.scene, resolved.warnings, resolved.volume)
+    if as_json:
+        print_json(document)
+    elif not quiet:
+        from aosplan.cli.tables import print_scene
+
+        print_scene(document)
+
+
+COMMAND = command(
+    "scene",
+    run,
+    summary="Occluder statistics of a point cloud, a scene file or a preset.",
+    examples=(
+        "aosplan scene stand.laz --save stand.toml\n"
+        "aosplan scene conifer-forest --json"
+    ),
+    parameters=[
+        file_argument("scene", "Point cloud (.las, .laz), scene file, or preset."),
+        *request_options(lambda option: option.name in READING),
+        text_option("--save", "PATH", "Write a scene file (.toml) that plans at once.", "Output"),
+        flag_option("--force", "Overwrite an existing file."),
+        flag_option("--quiet", "No table, no warnings."),
+        json_option(),
+    ],
+)

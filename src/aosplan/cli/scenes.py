@@ -1,0 +1,37 @@
+"""``aosplan scenes``."""
+
+from __future__ import annotations
+
+from aosplan.cli.options import command, json_option
+from aosplan.cli.output import print_json
+from aosplan.presets.scenes import SCENES
+
+
+def run(as_json: bool) -> None:  # noqa: FBT001
+    """List the scenes."""
+    if as_json:
+        print_json([{"name": name, **preset._asdict()} for name, preset in SCENES.items()])
+        return
+    from aosplan.cli.tables import print_rows
+
+    rows = [
+        (
+            name,
+            preset.title,
+            f"{100.0 * preset.integrated_density:.0f} %",
+            f"{preset.volume_base_m:.1f} to {preset.volume_base_m + preset.volume_height_m:.1f}",
+            f"{preset.occluder_size_m:.2f}",
+        )
+        for name, preset in SCENES.items()
+    ]
+    print_rows(("name", "stand", "p", "heights [m]", "o [m]"), rows)
+    print("\nSources and assumptions: aosplan scenes --json")
+
+
+COMMAND = command(
+    "scenes",
+    run,
+    summary="List the built-in scenes; --json adds their sources and what is assumed.",
+    examples="aosplan scenes\naosplan scenes --json",
+    parameters=[json_option()],
+)

@@ -1,0 +1,231 @@
+"""Results for people: tables and a picture of the grid, in 80 columns or fewer."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rich.console import RenderableType
+
+    from aosplan.pattern import Pattern
+    from aosplan.plan import Plan
+    from aosplan.scene import Scene
+
+WIDTH = 80
+
+PICTURE_COLUMNS = 36
+PICTURE_ROWS = 20
+"""Largest grid that is drawn site by site."""
+
+
+def show(*parts: RenderableType) -> None:
+    """Print to stdout, no wider than 80 columns: styled on a terminal, plain text in a pipe."""
+    screen = Console(highlight=False)
+    if not screen.is_terminal or screen.width > WIDTH:
+        screen.width = WIDTH
+    with screen.capture() as capture:
+        screen.print(*parts, sep="\n")
+    # Tables are padded to the right, which nobody wants in a file.
+    print("\n".join(line.rstrip() for line in capture.get().splitlines()))
+
+
+def print_plan(plan: Plan, written: Sequence[str]) -> None:
+    """The summary of a plan, its grid, and what to do next."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    for name, text in _plan_rows(plan):
+        table.add_row(Text(name), Text(text))
+    picture = grid_picture(plan.solution.pattern, plain=not _speaks_unicode())
+    drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
+    show(table, *drawing, Text(""), Text(_next_step(plan, written)))
+
+
+def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    solution, prediction = plan.solution, plan.solution.prediction
+    pattern, request = solution.pattern, plan.request
+    yield "Scene", _scene_text(plan.scene, custom_base=request.scene is None)
+    yield "Camera", _named(plan.camera.title, plan.camera.name)
+    above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
+    yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
+    yield "Model", f"{plan.model}, {request.coverage:.4g} of the occluders with d̂ ≥ 1"
+    yield "", ""
+    yield "Baseline", f"b = {solution.baseline_m:.2f} m"
+    yield "Samples", f"N = {pattern.samples}, {request.grid} grid of {_shape_text(pattern)}"
+    x, y = plan.extent_m
+    yield "Aperture", f"a = {plan.aperture_m:.1f} m (grid {x:.1f} x {y:.1f} m)"
+    if prediction.density > 0.0:
+        target = "V̂" if request.visibility is None else "V"
+        wanted = request.vhat if request.visibility is None else request.visibility
+        yield (
+            "Visibility",
+            f"V̂ = {_percent(prediction.normalized)}, V = {_percent(prediction.expected)} "
+            f"(target {target} = {wanted})",
+        )
+        yield (
+            "",
+            f"one photo {_percent(prediction.minimum)}, endless photos "
+            f"{_percent(prediction.maximum)}; contrast {prediction.contrast:.2f}",
+        )
+    else:
+        yield "Visibility", "V = 100 %: nothing is hidden"
+    yield "", ""
+    yield from _camera_rows(plan)
+    for limit in solution.limits:
+        yield "Bound by", limit.message
+
+
+def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    from aosplan.flight import path_of
+    from aosplan.summary import disparity_document
+
+    camera, altitude = plan.camera, plan.altitude_m
+    footprint, common = camera.footprint_m(altitude), plan.common_footprint_m
+    yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm a pixel"
+    yield "Footprint", f"{footprint[0]:.1f} x {footprint[1]:.1f} m, along and across the heading"
+    if min(common) > 0.0:
+        yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is seen by all samples"
+    else:
+        yield "", "no ground is seen by all samples"
+    disparity = disparity_document(plan)
+    if disparity["pixels"] is not None:
+        yield (
+            "Disparity",
+            f"{disparity['pixels']:.3g} px, occluders {disparity['occluder_pixels']:.3g} px "
+            f"(d̂ = {disparity['normalized']:.3g})",
+        )
+    path = path_of(plan.solution.pattern)
+    seconds = path.time_s(plan.solution.baseline_m, plan.timing)
+    yield (
+        "Flight",
+        f"{path.length_m(plan.solution.baseline_m):.0f} m, {int(seconds // 60)} min "
+        f"{seconds % 60:.0f} s (first photo to last)",
+    )
+
+
+def _scene_text(scene: Scene, *, custom_base: bool) -> str:
+    low = min((slab.bottom_m for slab in scene.slabs()), default=0.0)
+    base = f"base {low:.3g} m" if custom_base else f"{low:.3g}"
+    joint = ", top" if custom_base else " to"
+    return (
+        f"{_named(scene.title, scene.name)}: p = {_percent(scene.integrated_density)}, "
+        f"{base}{joint} {scene.canopy_top_m:.3g} m"
+    )
+
+
+def _named(title: str, name: str) -> str:
+    return f"{title} ({name})" if title else name
+
+
+def _shape_text(pattern: Pattern) -> str:
+    text = f"{pattern.rows} x {pattern.columns}"
+    return f"{text} less {len(pattern.removed)}" if pattern.removed else text
+
+
+def _percent(value: float) -> str:
+    percent = 100.0 * value
+    # Near 100 % the digits that matter come late.
+    decimals = 1
+    while decimals < 9 and value < 1.0 and float(f"{percent:.{decimals}f}") >= 100.0:
+        decimals += 1
+    return f"{percent:.{decimals}f} %"
+
+
+def grid_picture(pattern: Pattern, *, plain: bool = False) -> list[str]:
+    """The grid as text, x to the right and y down; nothing for a single site or a huge grid."""
+    if pattern.samples < 2 or pattern.columns > PICTURE_COLUMNS or pattern.rows > PICTURE_ROWS:
+        return []
+    dot, first, last, arrow = ("o", "S", "E", "->") if plain else ("●", "▶", "■", "→")
+    gap = " " * (round(pattern.row_pitch) - 1 > 0)
+    lines = [[" "] * (2 * pattern.columns - 1) for _ in range(pattern.rows)]
+    sites = list(pattern.sites())
+    for row, column in sites:
+        lines[row][2 * column] = dot
+    lines[sites[0][0]][2 * sites[0][1]] = first
+    lines[sites[-1][0]][2 * sites[-1][1]] = last
+    drawn = ["".join(line).rstrip() for line in lines]
+    spaced = [text for line in drawn for text in ([line, ""] if gap else [line])]
+    while spaced and not spaced[-1]:
+        spaced.pop()
+    return [*spaced, "", f"{first} first photo   {last} last photo   {arrow} heading"]
+
+
+def _next_step(plan: Plan, written: Sequence[str]) -> str:
+    if written:
+        return f"Wrote {', '.join(written)}"
+    if plan.request.origin is None:
+        return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
+    return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
+
+
+def _speaks_unicode() -> bool:
+    return (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
+
+
+def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A plain table with a header."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in header:
+        table.add_column(name, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    show(table)
+
+
+def print_scene(document: dict[str, Any]) -> None:
+    """Occluder statistics: the summary, and a profile of the layers."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    rows = [
+        ("Scene", _named(document["title"], document["name"])),
+        ("Density", f"p = {_percent(document['integrated_density'])} of the ground is hidden"),
+        ("", f"mean {_percent(document['mean_density'])} a slice"),
+        ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
+    ]
+    if "points" in document:
+        rows.append(
+            (
+                "Points",
+                f"{document['points']} ({document['points_per_m2']:.0f} a m²), voxels of "
+                f"{document['voxel_m']:g} m, ground by {document['ground']}",
+            )
+        )
+    for share in (0.5, 0.9, 0.98):
+        over_altitude = next(
+            (b for b, covered in document["baseline_curve"] if covered >= share), None
+        )
+        if over_altitude is not None:
+            rows.append(
+                (f"b at {100 * share:g} %", f"{over_altitude:.4g} of the altitude above ground")
+            )
+    for name, text in rows:
+        table.add_row(Text(name), Text(text))
+    profile = _profile(document["layers"])
+    show(table, *([Text(""), *profile] if profile else []))
+
+
+def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
+    """Density by height as bars, from the top down, in at most twenty bands."""
+    if not layers:
+        return []
+    top = max(layer["top_m"] for layer in layers)
+    band = max(top / PICTURE_ROWS, 1.0)
+    filled = [0.0] * (int(top / band - 1e-9) + 1)
+    for layer in layers:
+        middle = 0.5 * (layer["bottom_m"] + layer["top_m"])
+        thickness = layer["top_m"] - layer["bottom_m"]
+        filled[min(int(middle / band), len(filled) - 1)] += layer["density"] * thickness / band
+    densest = max(filled) or 1.0
+    bar = "█" if _speaks_unicode() else "#"
+    return [
+        Text(f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}")
+        for index, density in reversed(list(enumerate(filled)))
+    ]

@@ -1,0 +1,158 @@
+"""``aosplan visibility``: the equations as a calculator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from aosplan import __version__
+from aosplan import quantities as q
+from aosplan.cli.options import command, json_option, text_option
+from aosplan.cli.output import print_json
+from aosplan.errors import RequestError
+from aosplan.models import Prediction
+from aosplan.models.equations import integrated_density, line_shortfall, transparency
+from aosplan.models.sites import pattern_shortfall
+from aosplan.summary import SCHEMA, prediction_document
+
+
+def run(
+    density: str | None,
+    slice_density: str | None,
+    height_ratio: str | None,
+    samples: str | None,
+    grid: str | None,
+    dhat: str | None,
+    positions: str | None,
+    spacing: str | None,
+    as_json: bool,  # noqa: FBT001
+) -> None:
+    """Evaluate Eq. 1 to 4 for a grid, or for any set of positions."""
+    p, t = _density(density, slice_density, height_ratio)
+    if positions is not None:
+        if samples is not None or grid is not None or dhat is not None:
+            raise RequestError(
+                "--positions has its own samples and distances", "give it with --spacing M alone"
+            )
+        if spacing is None:
+            raise RequestError(
+                "--positions needs --spacing M",
+                "the offset at which an occluder has moved by its own size: o h/H",
+            )
+        count, shortfall = _positions(positions, q.positive(spacing, "--spacing", "m"))
+        unit: float | None = None
+    else:
+        if spacing is not None:
+            raise RequestError("--spacing goes with --positions")
+        if dhat is None:
+            raise RequestError("--dhat X is needed", "d̂ = 1 is the optimal baseline")
+        unit = q.at_least_zero(dhat, "--dhat")
+        count, shortfall = _lattice(samples, grid, unit)
+    prediction = Prediction(p, t, shortfall)
+    document = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "samples": count,
+        "dhat": unit,
+        "visibility": prediction_document(prediction),
+    }
+    if as_json:
+        print_json(document)
+        return
+    from aosplan.cli.tables import print_rows
+
+    rows = [
+        ("N", f"{count}", "samples"),
+        ("p", f"{p:.10g}", "integrated density of one sample"),
+        ("V", f"{prediction.expected:.10g}", "visibility (Eq. 2)"),
+        ("V̂", f"{prediction.normalized:.10g}", "normalised visibility"),
+        ("1 - V̂", f"{shortfall:.10g}", "shortfall"),
+        ("Vmin", f"{prediction.minimum:.10g}", "visibility of one sample"),
+        ("Vmax", f"{prediction.maximum:.10g}", "visibility of endless samples"),
+        ("1/(1 - V̂)", f"{prediction.effective_samples:.10g}", "effective samples"),
+    ]
+    print_rows(("quantity", "value", "meaning"), rows)
+
+
+def _density(
+    density: str | None, slice_density: str | None, height_ratio: str | None
+) -> tuple[float, float]:
+    if (density is None) == (slice_density is None):
+        raise RequestError(
+            "exactly one of --density and --slice-density is needed",
+            "give --density P, or --slice-density D with --height-ratio L/O",
+        )
+    if density is not None:
+        if height_ratio is not None:
+            raise RequestError("--height-ratio goes with --slice-density")
+        p = q.share(density, "--density")
+        return p, 1.0 - p
+    if height_ratio is None:
+        raise RequestError("--slice-density needs --height-ratio L/O")
+    per_slice = q.share(slice_density, "--slice-density")
+    ratio = q.at_least_zero(height_ratio, "--height-ratio")
+    return integrated_density(per_slice, ratio, 1.0), transparency(per_slice, ratio, 1.0)
+
+
+def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, float]:
+    """Number of samples and shortfall of a trimmed grid, or of a whole one."""
+    if (samples is None) == (grid is None):
+        raise RequestError(
+            "exactly one of --samples and --grid is needed",
+            "--samples N is the trimmed grid of N sites, --grid 7x8 a whole rectangle",
+        )
+    if grid is not None:
+        parts = grid.lower().replace("×", "x").split("x")
+        if len(parts) != 2:
+            raise RequestError(f"--grid '{grid}' is not ROWSxCOLUMNS", "write 7x8")
+        rows, columns = (q.whole(part, f"--grid '{grid}':") for part in parts)
+        return rows * columns, line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
+    from math import isqrt
+
+    from aosplan.pattern import MOST_SITES, pattern_for
+
+    count = q.whole(samples, "--samples")
+    side = isqrt(count)
+    if dhat >= 1.0:
+        return count, 1.0 / count
+    if side * side == count:  # any size: nothing is trimmed
+        return count, line_shortfall(side, dhat) ** 2
+    if count > MOST_SITES:
+        raise RequestError(
+            f"--samples {count} below d̂ = 1 would trim a grid of more than {MOST_SITES} sites",
+            f"give --grid {side}x{side}",
+        )
+    return count, pattern_shortfall(pattern_for("trimmed", count), dhat)
+
+
+def _positions(path: str, spacing_m: float) -> tuple[int, float]:
+    from aosplan.models.sites import positions_shortfall
+    from aosplan.positions import read_positions
+
+    points = read_positions(path)
+    return len(points), positions_shortfall(points, spacing_m)
+
+
+def _options() -> list[Any]:
+    return [
+        text_option("--density", "P", "Integrated density: share that one sample does not see."),
+        text_option("--slice-density", "D", "Density per slice, instead (Eq. 1)."),
+        text_option("--height-ratio", "L/O", "Volume height over occluder size, with it."),
+        text_option("--samples", "N", "Number of samples, on the trimmed grid."),
+        text_option("--grid", "ROWSxCOLUMNS", "A whole rectangle, instead."),
+        text_option("--dhat", "X", "Normalised disparity d̂ between neighbours."),
+        text_option("--positions", "FILE", "CSV with x,y or east_m,north_m in metres, instead."),
+        text_option("--spacing", "M", "Offset at which an occluder has moved by its own size."),
+        json_option(),
+    ]
+
+
+COMMAND = command(
+    "visibility",
+    run,
+    summary="The equations as a calculator: visibility of a grid, or of any set of positions.",
+    examples=(
+        "aosplan visibility --density 0.567 --samples 50 --dhat 1\n"
+        "aosplan visibility --slice-density 0.0095 --height-ratio 87.69 --grid 7x8 --dhat 0.5"
+    ),
+    parameters=_options(),
+)

@@ -1,0 +1,103 @@
+"""Scene statistics as plain values, and scenes saved as files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.geometry import baseline_curve
+from aosplan.scene import Slab, UniformScene
+from aosplan.summary import SCHEMA
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aosplan.resolve import Message
+    from aosplan.scene import Scene
+    from aosplan.voxels import VoxelVolume
+
+
+def statistics_document(
+    scene: Scene, warnings: Sequence[Message] = (), volume: VoxelVolume | None = None
+) -> dict[str, Any]:
+    """Occluder statistics of a scene: what ``scene --json`` prints.
+
+    Parameters
+    ----------
+    scene
+        Uniform or layered; a uniform one is listed in slices one occluder thick.
+    warnings
+        What its reading had to say.
+    volume
+        The voxels behind it, where there are any.
+    """
+    layers = scene.slices()
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "name": scene.name,
+        "title": scene.title,
+        "kind": scene.kind,
+        "layers": [layer._asdict() for layer in layers],
+        "integrated_density": scene.integrated_density,
+        "mean_density": _mean_density(scene),
+        "canopy_top_m": scene.canopy_top_m,
+        "baseline_curve": [list(knot) for knot in baseline_curve(_fine_slabs(scene))],
+        "warnings": [warning._asdict() for warning in warnings],
+    }
+    if volume is not None:
+        document |= {
+            "voxel_m": volume.voxel_m,
+            "min_height_m": volume.min_height_m,
+            "ground": volume.ground,
+            "points": volume.points,
+            "points_per_m2": volume.points_per_m2,
+        }
+    return document
+
+
+def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
+    """The slabs of the coverage rule, a uniform volume cut as finely as its layers."""
+    if not isinstance(scene, UniformScene):
+        return scene.slabs()
+    return tuple(
+        Slab(layer.bottom_m, layer.top_m, layer.occluder_size_m, 1.0) for layer in scene.slices()
+    )
+
+
+def _mean_density(scene: Scene) -> float:
+    """Density of a slice, averaged over height from the lowest occluder to the highest."""
+    layers = scene.slices()
+    if not layers:
+        return 0.0
+    filled = sum(layer.density * (layer.top_m - layer.bottom_m) for layer in layers)
+    return filled / (layers[-1].top_m - layers[0].bottom_m)
+
+
+def scene_toml(scene: Scene) -> bytes:
+    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it."""
+    import tomli_w
+
+    table: dict[str, Any] = {"name": scene.name}
+    for word in ("title", "source", "assumed"):
+        if getattr(scene, word):
+            table[word] = getattr(scene, word)
+    if isinstance(scene, UniformScene):
+        density = scene.density
+        table |= (
+            {"density": density}
+            if density is not None
+            else {"integrated_density": scene.integrated_density}
+        )
+        table |= {
+            "occluder_size_m": scene.occluder_size_m,
+            "volume_base_m": scene.volume_base_m,
+            "volume_height_m": scene.volume_height_m,
+        }
+    else:
+        if scene.measured_density is not None:
+            table["integrated_density"] = scene.measured_density
+        if scene.voxel_m is not None:
+            table["voxel_m"] = scene.voxel_m
+        table["layers"] = [layer._asdict() for layer in scene.layers]
+    return tomli_w.dumps(table).encode()
