@@ -27,6 +27,12 @@ def advice(plan: Plan) -> Iterator[Message]:
     if plan.coverage is not None:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
+    if getattr(plan.scene, "voxel_m", None) is not None and plan.coverage is not None:
+        yield Message(
+            "independent_occluders",
+            f"the {plan.model} model takes occluders for independent, and those of a real stand "
+            "are clumped: take the predicted visibility for an upper bound",
+        )
 
 
 def _missed(plan: Plan) -> Message:

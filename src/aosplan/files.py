@@ -127,22 +127,21 @@ def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
     for path in contents:
         check_output(path, force=force)
     waiting: dict[str, str] = {}
-    placed: list[str] = []
+    placed: dict[str, str | None] = {}
     try:
         for path, content in contents.items():
             if path != "-":
                 waiting[path] = _write_beside(path, content)
-        for path in list(waiting):
-            if force:
-                os.replace(waiting[path], path)
-            else:
-                _place_new(waiting[path], path)
-                placed.append(path)
-            del waiting[path]
+        for path, temporary in waiting.items():
+            placed[path] = _place(temporary, path, force=force)
     except BaseException:
-        for temporary in (*waiting.values(), *placed):
+        for path, earlier in placed.items():
+            _restore(path, earlier)
+        for temporary in waiting.values():
             _remove(temporary)
         raise
+    for earlier in placed.values():
+        _remove(earlier or "")
     if "-" in contents:
         sys.stdout.buffer.write(contents["-"])
         sys.stdout.buffer.flush()
@@ -167,19 +166,29 @@ def _write_beside(path: str, content: bytes) -> str:
     return temporary
 
 
-def _place_new(temporary: str, path: str) -> None:
-    """Give a file its name unless the name has been taken meanwhile."""
+def _place(temporary: str, path: str, *, force: bool) -> str | None:
+    """Give a file its name; the name under which an earlier file is kept, None if there was none."""
+    if not os.path.lexists(path):
+        earlier = None
+    elif force:
+        earlier = f"{path}.{os.getpid()}.earlier"
+    else:
+        raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
     try:
-        try:
-            os.link(temporary, path)
-        except FileExistsError:
-            raise RequestError(f"output '{path}' exists", "give --force to overwrite it") from None
-        except OSError:  # a file system without hard links
-            os.replace(temporary, path)
-        else:
-            os.unlink(temporary)
+        if earlier is not None:
+            os.replace(path, earlier)
+        os.replace(temporary, path)
     except OSError as error:
+        _restore(path, earlier)
         raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
+    return earlier
+
+
+def _restore(path: str, earlier: str | None) -> None:
+    if earlier is None:
+        _remove(path)
+    elif os.path.lexists(earlier):
+        os.replace(earlier, path)
 
 
 def _remove(path: str) -> None:

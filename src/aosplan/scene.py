@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 from aosplan.errors import RequestError
@@ -128,8 +129,7 @@ class UniformScene:
         )
         bounds = [self.volume_base_m + i * thickness for i in range(count + 1)]
         return tuple(
-            Layer(low, high, density, self.occluder_size_m)
-            for low, high in zip(bounds[:-1], bounds[1:], strict=True)
+            Layer(low, high, density, self.occluder_size_m) for low, high in pairwise(bounds)
         )
 
     def above(self, height_m: float) -> UniformScene | None:

@@ -8,7 +8,6 @@ evaluates no pattern that cannot be the answer.
 
 from __future__ import annotations
 
-from fractions import Fraction
 from itertools import count, takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -20,6 +19,7 @@ from aosplan.roots import smallest, smallest_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from fractions import Fraction
 
     from aosplan.models import Prediction, VisibilityModel
 

@@ -40,7 +40,7 @@ class LazyGroup(TyperGroup):
         return name, command, rest
 
 
-def _show_version(ctx: Any, param: Any, value: bool) -> None:  # noqa: FBT001
+def _show_version(_context: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
     if value:
         print(f"aosplan {__version__}")
         raise Exit(0)

@@ -8,7 +8,7 @@ from aosplan.presets.cameras import CAMERAS
 from aosplan.resolve import find_camera
 
 
-def run(as_json: bool) -> None:  # noqa: FBT001
+def run(*, as_json: bool) -> None:
     """List the cameras."""
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in CAMERAS.items()])

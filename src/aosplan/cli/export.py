@@ -8,11 +8,12 @@ from aosplan.errors import RequestError
 
 
 def run(
+    *,
     plan: str,
     out: list[str] | None,
     format: str | None,  # noqa: A002 (the option's name)
-    force: bool,  # noqa: FBT001
-    quiet: bool,  # noqa: FBT001
+    force: bool,
+    quiet: bool,
 ) -> None:
     """Write a saved plan's waypoints without solving again."""
     chosen = chosen_outputs(out or [], format, force=force)

@@ -7,7 +7,7 @@ from aosplan.cli.output import print_json
 from aosplan.export import formats
 
 
-def run(as_json: bool) -> None:  # noqa: FBT001
+def run(*, as_json: bool) -> None:
     """List the formats."""
     known = formats()
     if as_json:

@@ -27,7 +27,7 @@ class PanelCommand(TyperCommand):
             with formatter.section(panel):
                 formatter.write_dl(records)
 
-    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
         """Write the examples as they are."""
         if self.epilog:
             formatter.write("\nExamples:\n")
@@ -75,7 +75,7 @@ def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperA
     )
 
 
-def request_options(only: Callable[[Option], bool] = lambda option: True) -> list[TyperOption]:
+def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
     """The options of a plan's request, each once."""
     return [
         text_option(option.flag, option.metavar, option.help, option.panel)

@@ -19,12 +19,13 @@ from aosplan.request import request_from
 
 
 def run(
+    *,
     request: str | None,
     out: list[str] | None,
     format: str | None,  # noqa: A002 (the option's name)
-    force: bool,  # noqa: FBT001
-    quiet: bool,  # noqa: FBT001
-    as_json: bool,  # noqa: FBT001
+    force: bool,
+    quiet: bool,
+    as_json: bool,
     **flags: Any,
 ) -> None:
     """Plan a flight, write it and show it."""

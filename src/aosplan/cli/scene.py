@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import os
 
-from aosplan.cli.options import command, file_argument, flag_option, json_option, request_options
-from aosplan.cli.options import text_option
+from aosplan.cli.options import (
+    command,
+    file_argument,
+    flag_option,
+    json_option,
+    request_options,
+    text_option,
+)
 from aosplan.cli.output import print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
 
@@ -13,14 +19,15 @@ READING = ("voxel", "ground", "min_height")
 
 
 def run(
+    *,
     scene: str,
     voxel: str | None,
     ground: str | None,
     min_height: str | None,
     save: str | None,
-    force: bool,  # noqa: FBT001
-    quiet: bool,  # noqa: FBT001
-    as_json: bool,  # noqa: FBT001
+    force: bool,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Show the occluder statistics of a scene, and save them."""
     from aosplan.files import check_output, write_all
@@ -55,10 +62,7 @@ COMMAND = command(
     "scene",
     run,
     summary="Occluder statistics of a point cloud, a scene file or a preset.",
-    examples=(
-        "aosplan scene stand.laz --save stand.toml\n"
-        "aosplan scene conifer-forest --json"
-    ),
+    examples=("aosplan scene stand.laz --save stand.toml\naosplan scene conifer-forest --json"),
     parameters=[
         file_argument("scene", "Point cloud (.las, .laz), scene file, or preset."),
         *request_options(lambda option: option.name in READING),

@@ -7,7 +7,7 @@ from aosplan.cli.output import print_json
 from aosplan.presets.scenes import SCENES
 
 
-def run(as_json: bool) -> None:  # noqa: FBT001
+def run(*, as_json: bool) -> None:
     """List the scenes."""
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in SCENES.items()])

@@ -55,7 +55,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Camera", _named(plan.camera.title, plan.camera.name)
     above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
-    yield "Model", f"{plan.model}, {request.coverage:.4g} of the occluders with d̂ ≥ 1"
+    rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
+    yield "Model", plan.model + (rule if plan.model == "uniform" else "")
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:.2f} m"
     yield "Samples", f"N = {pattern.samples}, {request.grid} grid of {_shape_text(pattern)}"
@@ -226,6 +227,8 @@ def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
     densest = max(filled) or 1.0
     bar = "█" if _speaks_unicode() else "#"
     return [
-        Text(f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}")
+        Text(
+            f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}"
+        )
         for index, density in reversed(list(enumerate(filled)))
     ]

@@ -16,6 +16,7 @@ from aosplan.summary import SCHEMA, prediction_document
 
 
 def run(
+    *,
     density: str | None,
     slice_density: str | None,
     height_ratio: str | None,
@@ -24,7 +25,7 @@ def run(
     dhat: str | None,
     positions: str | None,
     spacing: str | None,
-    as_json: bool,  # noqa: FBT001
+    as_json: bool,
 ) -> None:
     """Evaluate Eq. 1 to 4 for a grid, or for any set of positions."""
     p, t = _density(density, slice_density, height_ratio)

@@ -38,7 +38,7 @@ class _Scalars:
         return math.log1p(x) if x > -1.0 else -math.inf
 
     @staticmethod
-    def where(condition: bool, yes: float, no: float) -> float:
+    def where(condition: object, yes: float, no: float) -> float:
         return yes if condition else no
 
 
@@ -62,9 +62,9 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
         The value where it is valid and ``nan`` elsewhere.
     """
     if all(isinstance(argument, (float, int)) for argument in arguments):
-        if any(argument != argument for argument in arguments):
-            return math.nan
         try:
+            if any(map(math.isnan, arguments)):
+                return math.nan
             value, valid = kernel(SCALARS, *map(float, arguments))
         except (ZeroDivisionError, OverflowError):  # numpy would say inf or nan: not valid either
             return math.nan

@@ -232,8 +232,8 @@ def line_shortfall(samples: Floats, dhat: Floats) -> Any:
 
 def visibility_limits(density: Floats) -> tuple[Any, Any]:
     """Visibility of one sample and of infinitely many, (Vmin, Vmax) = (1 - p, 1 - p²)."""
-    minimum = elementwise(lambda xp, p: (1.0 - p, (p >= 0.0) & (p <= 1.0)), density)
-    maximum = elementwise(lambda xp, p: ((1.0 - p) * (1.0 + p), (p >= 0.0) & (p <= 1.0)), density)
+    minimum = elementwise(lambda _, p: (1.0 - p, (p >= 0.0) & (p <= 1.0)), density)
+    maximum = elementwise(lambda _, p: ((1.0 - p) * (1.0 + p), (p >= 0.0) & (p <= 1.0)), density)
     return minimum, maximum
 
 
@@ -260,12 +260,12 @@ def _with_density(
     return elementwise(grid, density, rows, columns, dhat, *given_t)
 
 
-def _visibility(p: Any, k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
+def _visibility(p: Any, _k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
     t, valid = _transparency_of(p, t, valid)
     return t * (1.0 + p * rest), valid
 
 
-def _mean_squared_error(p: Any, k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
+def _mean_squared_error(p: Any, k: Any, _rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
     t, valid = _transparency_of(p, t, valid)
     return p * (p + t * k), valid
 
@@ -461,20 +461,24 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
     RequestError
         Where it is not a finite number.
     """
-    hint = "write a share such as 0.98, or 98%"
     text = str(value).strip() if isinstance(value, (str, Decimal)) else ""
     try:
-        if text:
-            if len(text) > 400:
-                raise ValueError
-            digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
-            # Fraction would write out every zero of an exponent such as 1e-999999999.
-            if not digits.is_finite() or abs(digits.adjusted()) > 400:
-                raise ValueError
-            return Fraction(digits) / (100 if text.endswith("%") else 1)
-        return Fraction(value)
+        exact = _fraction(text) if text else Fraction(value)
     except (ArithmeticError, ValueError, TypeError):
+        exact = None
+    if exact is None:
         shown = text or repr(value)
-        if len(shown) > 40:
-            shown = shown[:37] + "..."
-        raise RequestError(f"{name} '{shown}' is not a number", hint) from None
+        shown = shown if len(shown) <= 40 else shown[:37] + "..."
+        raise RequestError(
+            f"{name} '{shown}' is not a number", "write a share such as 0.98, or 98%"
+        )
+    return exact
+
+
+def _fraction(text: str) -> Fraction | None:
+    """The exact value of a decimal or a percentage; None for one of absurd length."""
+    digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
+    # Fraction would write out every zero of an exponent such as 1e-999999999.
+    if len(text) > 400 or not digits.is_finite() or abs(digits.adjusted()) > 400:
+        return None
+    return Fraction(digits) / (100 if text.endswith("%") else 1)

@@ -1,0 +1,61 @@
+"""Start-up: whole processes as multiples of bare Python, medians of one run.
+
+Run: python benchmarks/start_up.py [--repeats 25]
+
+Writes benchmarks/results/start_up.csv.  Install aosplan as a user does (``pip install .``):
+an editable install under PYTHONDONTWRITEBYTECODE compiles every module at every start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import time
+
+RESULTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "results")
+AOSPLAN = [sys.executable, "-m", "aosplan"]
+PLAN = [*AOSPLAN, "plan", "--altitude", "40", "--vhat", "0.98"]
+
+COMMANDS = {
+    "plan --json": ([*PLAN, "--json"], 10),
+    "plan --json with a place": ([*PLAN, "--json", "--origin", "48.3358,14.3261"], 18),
+    "plan, table": (PLAN, 14),
+    "--help": ([*AOSPLAN, "--help"], 12),
+    "plan --help": ([*AOSPLAN, "plan", "--help"], 12),
+    "import aosplan": ([sys.executable, "-c", "import aosplan"], 2),
+}
+BARE = [sys.executable, "-c", "pass"]
+
+
+def seconds(command: list[str]) -> float:
+    start = time.perf_counter()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=25)
+    repeats = parser.parse_args().repeats
+    times: dict[str, list[float]] = {name: [] for name in ("bare", *COMMANDS)}
+    for _ in range(repeats):  # in turn, so that all share the machine's moods
+        times["bare"].append(seconds(BARE))
+        for name, (command, _) in COMMANDS.items():
+            times[name].append(seconds(command))
+    bare = statistics.median(times["bare"])
+    lines = ["command,milliseconds,times_bare_python,limit"]
+    print(f"{'command':26} {'ms':>7} {'x bare':>7} {'limit':>6}   (bare {1e3 * bare:.1f} ms)")
+    for name, (_, limit) in COMMANDS.items():
+        median = statistics.median(times[name])
+        print(f"{name:26} {1e3 * median:7.1f} {median / bare:7.1f} {limit:6d}")
+        lines.append(f"{name},{1e3 * median:.2f},{median / bare:.2f},{limit}")
+    os.makedirs(RESULTS, exist_ok=True)
+    with open(os.path.join(RESULTS, "start_up.csv"), "w", encoding="utf-8") as file:
+        file.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
