@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from aosplan.models.layered import layered_visibility as layered_visibility
     from aosplan.models.sites import lattice_shortfall as lattice_shortfall
     from aosplan.models.sites import positions_shortfall as positions_shortfall
-    from aosplan.plan import Plan as Plan
-    from aosplan.plan import plan as plan
+    from aosplan.planning import Plan as Plan
+    from aosplan.planning import plan as plan
     from aosplan.request import PlanRequest as PlanRequest
     from aosplan.scene import Layer as Layer
     from aosplan.scene import LayeredScene as LayeredScene
@@ -40,7 +40,7 @@ _HOMES = {
     "InfeasibleError": "errors",
     "Layer": "scene",
     "LayeredScene": "scene",
-    "Plan": "plan",
+    "Plan": "planning",
     "PlanRequest": "request",
     "RequestError": "errors",
     "UniformScene": "scene",
@@ -51,7 +51,7 @@ _HOMES = {
     "layered_visibility": "models.layered",
     "mean_squared_error": "models.equations",
     "normalized_visibility": "models.equations",
-    "plan": "plan",
+    "plan": "planning",
     "positions_shortfall": "models.sites",
     "required_samples": "models.equations",
     "slice_density": "models.equations",

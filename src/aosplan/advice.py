@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from aosplan.geometry import baseline_for_disparity_px, disparity_px
-from aosplan.plan import requirement_of
+from aosplan.planning import requirement_of
 from aosplan.resolve import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.plan import Plan
+    from aosplan.planning import Plan
 
 
 def advice(plan: Plan) -> Iterator[Message]:

@@ -17,12 +17,16 @@ from aosplan.mission import Mission, Waypoint
 from aosplan.quantities import nearest_hint
 from aosplan.request import OPTIONS
 from aosplan.scene import Layer, LayeredScene, Scene, UniformScene
+from aosplan.summary import SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Pair = tuple[Finite, Finite]
+Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
+"""Two numbers; a file has them as a list."""
+
+Pixels = Annotated[int, Field(gt=0, le=10**9)]
 
 
 class Document(BaseModel):
@@ -44,8 +48,8 @@ class CameraDocument(Document):
     focal_length_mm: Finite
     sensor_width_mm: Finite
     sensor_height_mm: Finite
-    image_width_px: int
-    image_height_px: int
+    image_width_px: Pixels
+    image_height_px: Pixels
     title: str = ""
     source: str = ""
     assumed: str = ""
@@ -288,6 +292,13 @@ def read_scene(path: str) -> Scene:
         "assumed": document.assumed,
     }
     if document.layers is not None:
+        uniform = ("density", "occluder_size_m", "volume_base_m", "volume_height_m")
+        both = [name for name in uniform if getattr(document, name) is not None]
+        if both:
+            raise RequestError(
+                f"scene file '{path}' has layers and {' and '.join(both)}",
+                "a scene is uniform or layered: keep one of them",
+            )
         return LayeredScene(
             layers=tuple(Layer(**layer.model_dump()) for layer in document.layers),
             measured_density=document.integrated_density,
@@ -324,6 +335,11 @@ def read_request(path: str) -> dict[str, Any]:
     table = read_table(path)
     inner = table.get("request")
     if isinstance(inner, dict):
+        if table.get("schema") != SCHEMA:
+            raise RequestError(
+                f"'{path}' has schema {table.get('schema')!r}, not {SCHEMA}",
+                "it was written by another version of aosplan",
+            )
         table = inner
     return _checked(RequestDocument, table, path).model_dump(exclude_none=True)
 
@@ -342,19 +358,24 @@ def read_mission(path: str) -> Mission:
 
 def _checked(model: type[BaseModel], table: Mapping[str, Any], path: str) -> BaseModel:
     try:
-        # Lists stand for pairs, and JSON and TOML whole numbers for floats.
-        return model.model_validate(table, strict=False)
+        return model.model_validate(table)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"] if not _is_branch(part)) or "the file"
         hint = ""
         if first["type"] == "extra_forbidden":
-            hint = nearest_hint(str(first["loc"][-1]), model.model_fields)
+            hint = nearest_hint(str(first["loc"][-1]), _names_at(model, first["loc"]))
             raise RequestError(f"'{path}': unknown name '{place}'", hint) from None
         message = first["msg"][:1].lower() + first["msg"][1:]
         raise RequestError(f"'{path}': {place}: {message}", hint) from None
     except RecursionError:
         raise RequestError(f"'{path}' is nested too deeply") from None
+
+
+def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    """Names that a document knows where an unknown one was found: its own, or its layers'."""
+    inside_layers = model is SceneDocument and place[0] == "layers"
+    return list((LayerDocument if inside_layers else model).model_fields)
 
 
 def _is_branch(part: Any) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import tempfile
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -67,6 +68,8 @@ def read_table(path: str) -> dict[str, Any]:
     as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip()[:1] in ("{", "["))
     try:
         table = _from_json(text) if as_json else _from_toml(text)
+        if _depth(table) > DEEPEST:
+            raise RecursionError
     except ValueError as error:
         kind = "JSON" if as_json else "TOML"
         raise RequestError(f"'{path}' is not valid {kind}: {error}") from None
@@ -83,13 +86,37 @@ def _from_json(text: str) -> Any:
     def refuse(constant: str) -> NoReturn:
         raise ValueError(f"{constant} is not a number")
 
-    return json.loads(text, parse_constant=refuse)
+    def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        names = dict(pairs)
+        if len(names) < len(pairs):
+            twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+            raise ValueError(f"{twice!r} is given twice")
+        return names
+
+    return json.loads(text, parse_constant=refuse, object_pairs_hook=table)
 
 
 def _from_toml(text: str) -> Any:
     import tomllib
 
+    # A dotted key makes a table for every dot, which tomllib would build before we can look.
+    if any(line.partition("=")[0].count(".") > DEEPEST for line in text.splitlines()):
+        raise RecursionError
     return tomllib.loads(text)
+
+
+def _depth(value: Any) -> int:
+    """Levels of lists and tables in each other."""
+    depth, level = 0, [value]
+    while level:
+        depth += 1
+        level = [
+            inner
+            for outer in level
+            if isinstance(outer, (dict, list))
+            for inner in (outer.values() if isinstance(outer, dict) else outer)
+        ]
+    return depth
 
 
 def check_output(path: str, *, force: bool) -> None:
@@ -102,11 +129,15 @@ def check_output(path: str, *, force: bool) -> None:
     """
     if path == "-":
         return
+    if "\0" in path:
+        raise RequestError(f"output {path!r} has a zero byte in its name")
     folder = os.path.dirname(path) or "."
     if os.path.isdir(path):
         raise RequestError(f"output '{path}' is a folder", "name a file in it")
     if not os.path.isdir(folder):
         raise RequestError(f"output '{path}': there is no folder '{folder}'", "make it first")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise RequestError(f"output '{path}' is no regular file", "- writes to stdout")
     if os.path.lexists(path) and not force:
         raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
 
@@ -148,15 +179,16 @@ def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
 
 
 def _write_beside(path: str, content: bytes) -> str:
-    folder, name = os.path.split(path)
+    folder = os.path.dirname(path) or "."
     temporary = ""
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{name[:40]}.", dir=folder or ".")
+        handle, temporary = tempfile.mkstemp(prefix=".aosplan-", dir=folder)
         with os.fdopen(handle, "wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
+        kept = os.path.isfile(path)
+        os.chmod(temporary, stat.S_IMODE(os.stat(path).st_mode) if kept else 0o666 & ~_umask())
     except OSError as error:
         _remove(temporary)
         raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
@@ -171,7 +203,7 @@ def _place(temporary: str, path: str, *, force: bool) -> str | None:
     if not os.path.lexists(path):
         earlier = None
     elif force:
-        earlier = f"{path}.{os.getpid()}.earlier"
+        earlier = f"{temporary}.earlier"
     else:
         raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
     try:

@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from aosplan.errors import RequestError
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+FARTHEST_M = 1e6
+"""Grids reach no farther from their origin."""
 
 
 def to_wgs84(
@@ -25,6 +30,11 @@ def to_wgs84(
     east_m, north_m
         Offsets of N points [m].
 
+    Raises
+    ------
+    RequestError
+        Where a point is more than `FARTHEST_M` from the origin.
+
     Returns
     -------
     latitudes, longitudes
@@ -34,6 +44,12 @@ def to_wgs84(
 
     azimuth = [math.degrees(math.atan2(e, n)) for e, n in zip(east_m, north_m, strict=True)]
     distance = [math.hypot(e, n) for e, n in zip(east_m, north_m, strict=True)]
+    if max(distance, default=0.0) > FARTHEST_M:
+        raise RequestError(
+            f"the grid reaches {max(distance) / 1000.0:.4g} km from its origin, more than the "
+            f"{FARTHEST_M / 1000.0:g} km that are placed on earth",
+            "leave --origin out, or plan a smaller grid",
+        )
     count = len(distance)
     longitudes, latitudes, _ = Geod(ellps="WGS84").fwd(
         [origin[1]] * count, [origin[0]] * count, azimuth, distance

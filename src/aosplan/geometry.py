@@ -99,6 +99,11 @@ def coverage_baseline(
     if len(slabs) == 1:
         slab = slabs[0]
         height = slab.top_m - coverage * (slab.top_m - slab.bottom_m)
+    elif coverage == 1.0:
+        slab = max(
+            slabs, key=lambda s: _unit_baseline_m(s, s.bottom_m, altitude_m, focal_length_px)
+        )
+        height = slab.bottom_m
     else:
         baseline = _covering_baseline_m(slabs, altitude_m, focal_length_px, coverage)
         slab, height = _deciding(slabs, altitude_m, focal_length_px, baseline)
@@ -107,12 +112,19 @@ def coverage_baseline(
             f"coverage {coverage:g} asks for every occluder, and some stand on the focal plane",
             "occluders at height 0 never blur away: use a smaller --coverage, such as 0.98",
         )
-    size_px = occluder_px(slab.occluder_size_m, height, altitude_m, focal_length_px)
-    if size_px > 1.0:
-        unit = slab.occluder_size_m * altitude_m / height
-    else:
-        unit = baseline_for_disparity_px(1.0, height, altitude_m, focal_length_px)
+    unit = _unit_baseline_m(slab, height, altitude_m, focal_length_px)
     return CoverageBaseline(unit, height, slab.occluder_size_m)
+
+
+def _unit_baseline_m(
+    slab: Slab, height_m: float, altitude_m: float, focal_length_px: float
+) -> float:
+    """Baseline at which a slab's occluders at a height have d̂ = 1; inf on the focal plane."""
+    if height_m <= 0.0:
+        return math.inf
+    if occluder_px(slab.occluder_size_m, height_m, altitude_m, focal_length_px) > 1.0:
+        return slab.occluder_size_m * altitude_m / height_m
+    return baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
@@ -172,5 +184,8 @@ def _unit_height_m(
 
 
 def _share_above(slab: Slab, height_m: float) -> float:
+    if slab.top_m == slab.bottom_m:
+        # A height that was computed from this very slab's baseline counts as reached.
+        return 1.0 if slab.top_m >= height_m * (1.0 - 1e-12) else 0.0
     share = (slab.top_m - height_m) / (slab.top_m - slab.bottom_m)
     return min(max(share, 0.0), 1.0)

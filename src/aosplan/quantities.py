@@ -48,7 +48,7 @@ def number(value: Any, name: str, unit: str = "") -> float:
     except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
-        raise RequestError(f"{name} {_shown(value)} is not a finite number", _unit_hint(unit))
+        raise RequestError(f"{name} {shown(value)} is not a finite number", _unit_hint(unit))
     return result
 
 
@@ -56,7 +56,7 @@ def positive(value: Any, name: str, unit: str = "") -> float:
     """A number above zero."""
     result = number(value, name, unit)
     if result <= 0.0:
-        raise RequestError(f"{name} {_shown(value)} is not above zero", _unit_hint(unit))
+        raise RequestError(f"{name} {shown(value)} is not above zero", _unit_hint(unit))
     return result
 
 
@@ -64,15 +64,15 @@ def at_least_zero(value: Any, name: str, unit: str = "") -> float:
     """A number that is not negative."""
     result = number(value, name, unit)
     if result < 0.0:
-        raise RequestError(f"{name} {_shown(value)} is below zero", _unit_hint(unit))
+        raise RequestError(f"{name} {shown(value)} is below zero", _unit_hint(unit))
     return result + 0.0  # no negative zero in what is written out
 
 
 def whole(value: Any, name: str) -> int:
     """A whole number from 1."""
     result = number(value, name)
-    if result < 1.0 or result != math.floor(result) or result > 2**53:
-        raise RequestError(f"{name} {_shown(value)} is not a whole number from 1")
+    if result < 1.0 or result != math.floor(result) or result >= 2**53:
+        raise RequestError(f"{name} {shown(value)} is not a whole number from 1")
     return int(result)
 
 
@@ -81,7 +81,7 @@ def share(value: Any, name: str) -> float:
     text = value.strip() if isinstance(value, str) else ""
     result = number(text[:-1], name) / 100.0 if text.endswith("%") else number(value, name)
     if not 0.0 <= result <= 1.0:
-        raise RequestError(f"{name} {_shown(value)} is not between 0 and 1", percent_hint(value))
+        raise RequestError(f"{name} {shown(value)} is not between 0 and 1", percent_hint(value))
     return result
 
 
@@ -89,7 +89,7 @@ def share_above_zero(value: Any, name: str) -> float:
     """A share above 0, at most 1."""
     result = share(value, name)
     if result == 0.0:
-        raise RequestError(f"{name} {_shown(value)} is not above zero")
+        raise RequestError(f"{name} {shown(value)} is not above zero")
     return result
 
 
@@ -100,7 +100,7 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
     def parse(value: Any, name: str) -> str:
         if value not in allowed:
             raise RequestError(
-                f"{name} {_shown(value)} is not one of {', '.join(allowed)}",
+                f"{name} {shown(value)} is not one of {', '.join(allowed)}",
                 nearest_hint(str(value), allowed),
             )
         return str(value)
@@ -111,9 +111,9 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
 def word(value: Any, name: str) -> str:
     """Text that is not empty."""
     if not isinstance(value, str) or not value.strip():
-        raise RequestError(f"{name} {_shown(value)} is not a name")
+        raise RequestError(f"{name} {shown(value)} is not a name")
     if "\0" in value:
-        raise RequestError(f"{name} {_shown(value)} holds a zero byte")
+        raise RequestError(f"{name} {shown(value)} holds a zero byte")
     return value
 
 
@@ -129,20 +129,21 @@ def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
     parts = value.split(",") if isinstance(value, str) else value
     if not isinstance(parts, (list, tuple)) or len(parts) != 2:
         raise RequestError(
-            f"{name} {_shown(value)} is not a latitude and a longitude",
+            f"{name} {shown(value)} is not a latitude and a longitude",
             "write LAT,LON in degrees, such as 48.3358,14.3261",
         )
+    parts = [part.strip() if isinstance(part, str) else part for part in parts]
     latitude = number(parts[0], f"latitude of {name}", "deg")
     longitude = number(parts[1], f"longitude of {name}", "deg")
     if abs(latitude) > 90.0:
         swapped = abs(latitude) <= 180.0 and abs(longitude) <= 90.0
         raise RequestError(
-            f"{name} {_shown(value)}: latitude {latitude:g} is not between -90 and 90",
-            f"latitude comes first: {longitude:g},{latitude:g}" if swapped else "",
+            f"{name} {shown(value)}: latitude {latitude:g} is not between -90 and 90",
+            f"latitude comes first: {parts[1]},{parts[0]}" if swapped else "",
         )
     if abs(longitude) > 180.0:
         raise RequestError(
-            f"{name} {_shown(value)}: longitude {longitude:g} is not between -180 and 180"
+            f"{name} {shown(value)}: longitude {longitude:g} is not between -180 and 180"
         )
     return latitude, longitude
 
@@ -151,7 +152,7 @@ def percent_hint(value: Any) -> str:
     """The hint for a percentage written as a plain number, or nothing."""
     try:
         percent = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return ""
     return f"write {percent:g}%" if 1.0 < percent <= 100.0 else ""
 
@@ -178,14 +179,18 @@ def _from_text(text: str, name: str, unit: str) -> float:
         factor, own = _FOREIGN[suffix.lower()]
         if own == unit:
             hint = f"{text} is {result * factor:.6g} {own}"
-    raise RequestError(f"{name} {_shown(text)} is not a finite number", hint)
+    raise RequestError(f"{name} {shown(text)} is not a finite number", hint)
 
 
 def _unit_hint(unit: str) -> str:
     return f"a number of {_OWN_UNITS[unit]}" if unit in _OWN_UNITS else ""
 
 
-def _shown(value: Any) -> str:
-    text = value if isinstance(value, str) else repr(value)
+def shown(value: Any) -> str:
+    """A value as messages quote it: one printable line of bounded length."""
+    try:
+        text = value if isinstance(value, str) else repr(value)
+    except ValueError:  # an integer of thousands of digits
+        text = f"a number of {value.bit_length()} bits"
     text = text.encode("unicode_escape").decode() if not text.isprintable() else text
     return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"

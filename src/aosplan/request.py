@@ -16,7 +16,7 @@ from aosplan.errors import RequestError
 from aosplan.models import MODELS
 from aosplan.models.equations import exact_share
 from aosplan.pattern import GRIDS
-from aosplan.solve import OBJECTIVES
+from aosplan.problem import OBJECTIVES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,11 +34,25 @@ def target_share(value: Any, name: str) -> float | str:
             if exact == 1
             else q.percent_hint(value) or "a target lies between 0 and 1, such as 0.98 or 98%"
         )
-        raise RequestError(f"{name} '{value}' is not a share below 1", hint)
+        raise RequestError(f"{name} {q.shown(value)} is not a share below 1", hint)
     nearest = float(exact)
     if isinstance(value, float) or exact_share(repr(nearest), name) == exact:
         return nearest
     return str(value)
+
+
+LARGEST = 1e9
+"""No quantity of a request is larger, and none that is not zero smaller than its inverse."""
+
+
+def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
+    """A quantity within the range in which products of several of them stay numbers."""
+    result = parse(value, name, **unit)
+    if result and not 1.0 / LARGEST <= abs(result) <= LARGEST:
+        raise RequestError(
+            f"{name} {q.shown(value)} is not between {1 / LARGEST:g} and {LARGEST:g}"
+        )
+    return result
 
 
 class Option(NamedTuple):
@@ -60,8 +74,9 @@ class Option(NamedTuple):
         return "--" + self.name.replace("_", "-")
 
 
-_length = partial(q.positive, unit="m")
-_height = partial(q.at_least_zero, unit="m")
+_positive = partial(bounded, q.positive)
+_length = partial(bounded, q.positive, unit="m")
+_height = partial(bounded, q.at_least_zero, unit="m")
 
 OPTIONS = tuple(
     Option(name, parse, kind, metavar, text, panel)
@@ -156,7 +171,7 @@ OPTIONS = tuple(
         ),
         "Camera": (
             ("camera", q.word, "text", "NAME|FILE", "Preset or camera file.  [dji-m3t-thermal]"),
-            ("focal_length", q.positive, "number", "MM", "Physical focal length."),
+            ("focal_length", _positive, "number", "MM", "Physical focal length."),
             (
                 "sensor_width",
                 q.positive,
@@ -164,7 +179,7 @@ OPTIONS = tuple(
                 "MM",
                 "Width of the sensor that the image shows.",
             ),
-            ("sensor_height", q.positive, "number", "MM", "Its height.  [square pixels]"),
+            ("sensor_height", _positive, "number", "MM", "Its height.  [square pixels]"),
             (
                 "fov",
                 q.positive,
@@ -221,16 +236,28 @@ OPTIONS = tuple(
             ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
             (
                 "heading",
-                partial(q.number, unit="deg"),
+                partial(bounded, q.number, unit="deg"),
                 "number",
                 "DEG",
                 "Flight lines, clockwise from true north.  [0]",
             ),
         ),
         "Flight": (
-            ("speed", partial(q.positive, unit="m/s"), "number", "M/S", "Cruise speed.  [5]"),
-            ("acceleration", q.positive, "number", "M/S²", "Acceleration.  [2]"),
-            ("hold", partial(q.at_least_zero, unit="s"), "number", "S", "Stop at each site.  [1]"),
+            (
+                "speed",
+                partial(bounded, q.positive, unit="m/s"),
+                "number",
+                "M/S",
+                "Cruise speed.  [5]",
+            ),
+            ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2]"),
+            (
+                "hold",
+                partial(bounded, q.at_least_zero, unit="s"),
+                "number",
+                "S",
+                "Stop at each site.  [1]",
+            ),
         ),
     }.items()
     for name, parse, kind, metavar, text in rows
@@ -405,7 +432,11 @@ class PlanRequest:
             return
         for name in needed:
             if getattr(self, name) is None:
-                raise RequestError(f"a camera on the command line needs {BY_NAME[name].flag}")
+                raise RequestError(
+                    f"a camera on the command line needs {BY_NAME[name].flag}",
+                    "give --focal-length, --sensor-width or --fov with --image-width and "
+                    "--image-height, or --camera NAME",
+                )
 
     def _check_bounds(self) -> None:
         if self.samples and self.max_samples and self.samples > self.max_samples:
@@ -454,7 +485,11 @@ def request_from(
         for names in alternatives:
             if names[0] in flags:
                 foreign = {name for others in alternatives for name in others} - set(names)
+                if names[0] == "scene" and "scene" not in kept:
+                    foreign.add("occluder_size")  # it belonged to the uniform scene of the file
                 kept = {name: value for name, value in kept.items() if name not in foreign}
+    if flags.get("grid") not in (None, "lanes"):
+        kept = {name: value for name, value in kept.items() if not name.startswith("lane")}
     place = f" in {where}" if where else ""
     parsed = {name: _parsed(name, value, f"{name}{place}") for name, value in kept.items()}
     parsed |= {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}

@@ -36,7 +36,10 @@ class Layer(NamedTuple):
 
 
 class Slab(NamedTuple):
-    """Occluders of one size, spread evenly between two heights; `weight` is their share."""
+    """Occluders of one size, spread evenly between two heights, which may be the same.
+
+    `weight` is their share among all slabs, up to a common factor.
+    """
 
     bottom_m: float
     top_m: float
@@ -231,11 +234,11 @@ class LayeredScene:
         return math.exp(self.log_transparency)
 
     def slabs(self) -> tuple[Slab, ...]:
-        """The layers as slabs, weighted by density times thickness."""
+        """The layers at their middle heights, weighted by density times thickness."""
         return tuple(
             Slab(
-                layer.bottom_m,
-                layer.top_m,
+                layer.height_m,
+                layer.height_m,
                 layer.occluder_size_m if self.voxel_m is None else self.voxel_m,
                 layer.density * (layer.top_m - layer.bottom_m),
             )

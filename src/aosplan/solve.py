@@ -8,166 +8,26 @@ evaluates no pattern that cannot be the answer.
 
 from __future__ import annotations
 
+import math
 from itertools import count, takewhile
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight import Timing, path_of
-from aosplan.models.equations import required_samples, required_samples_for_visibility
-from aosplan.pattern import MOST_SITES, Frame, Pattern, check_size, frame_at, pattern_for
+from aosplan.flight import Path, Timing, path_of
+from aosplan.pattern import MOST_SITES, Frame, Pattern, check_size
+from aosplan.problem import TOLERANCE, Bounds, Limit, Problem, Solution
 from aosplan.roots import smallest, smallest_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from fractions import Fraction
 
-    from aosplan.models import Prediction, VisibilityModel
-
-OBJECTIVES = ("samples", "aperture", "time")
-"""What a plan may minimise."""
-
-TOLERANCE = 1e-12
-"""Relative tolerance on the shortfall when samples are counted."""
-
-ROUNDING = 1e-15
-"""The same when a baseline is solved for: no more than rounding may excuse."""
+    from aosplan.models import Prediction
 
 APERTURE_SLACK = 1.01
 """How far the least aperture may be exceeded to save samples."""
 
 SEARCHED_SAMPLES = 400
 """Samples up to which the objectives search that would add samples without end."""
-
-DENSE_SAMPLES = 2500
-"""Samples of a pattern so dense that its extent is nearly the least there is."""
-
-
-class Requirement(NamedTuple):
-    """A target: normalised visibility V̂, or absolute visibility V; exact as it was written."""
-
-    quantity: str
-    target: Fraction
-
-    @property
-    def symbol(self) -> str:
-        """How messages call the quantity."""
-        return "V̂" if self.quantity == "normalized" else "V"
-
-    def __str__(self) -> str:
-        """The target as messages show it."""
-        return f"{self.symbol} = {float(self.target):.10g}"
-
-    def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
-        """Whether a prediction reaches the target, to a relative tolerance of the shortfall."""
-        normalized = self.quantity == "normalized"
-        error = prediction.shortfall if normalized else prediction.mean_squared_error
-        return error <= float(1 - self.target) * (1.0 + tolerance)
-
-    def fewest_independent(self, model: VisibilityModel) -> int:
-        """Samples that would do if all were independent: a lower bound for every pattern.
-
-        Raises
-        ------
-        InfeasibleError
-            Where no number of samples reaches the target.
-        """
-        if self.quantity == "normalized":
-            return required_samples(self.target)
-        fewest = required_samples_for_visibility(float(self.target), model.density)
-        if fewest is None:
-            p = model.density
-            raise InfeasibleError(
-                f"visibility {float(self.target):g} is out of reach for this scene: one sample has "
-                f"{1 - p:.4g}, infinitely many have {(1 - p) * (1 + p):.4g}",
-                f"ask for a --visibility below {(1 - p) * (1 + p):.4g}, or for a --vhat",
-            )
-        return fewest
-
-
-class Bounds(NamedTuple):
-    """Bounds on the unknowns, or fixed values for them."""
-
-    max_aperture_m: float | None = None
-    max_samples: int | None = None
-    baseline_m: float | None = None
-    samples: int | None = None
-
-
-class GridKind(NamedTuple):
-    """A kind of grid by name, and what it needs to know."""
-
-    name: str = "trimmed"
-    lanes: int = 3
-    lane_pitch: float = 4.0
-
-    def frame(self, index: int) -> Frame:
-        """The frame at a place of the sequence, from 1."""
-        return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
-
-    def pattern(self, samples: int) -> Pattern:
-        """The smallest pattern of this kind with at least this many samples."""
-        return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
-
-    def index_of(self, samples: int) -> int:
-        """Place of the first frame that takes this many samples."""
-        high = 1
-        while self.frame(high).most < samples:
-            high *= 2
-        return smallest_whole(lambda index: self.frame(index).most >= samples, 1, high)
-
-
-class Limit(NamedTuple):
-    """What bound the result: a quantity, its value, the bound it met, and why."""
-
-    quantity: str
-    value: float
-    bound: float
-    message: str
-
-
-class Solution(NamedTuple):
-    """A pattern and its baseline, with what they show and what bound them."""
-
-    pattern: Pattern
-    baseline_m: float
-    prediction: Prediction
-    samples_required: int | None
-    limits: tuple[Limit, ...]
-    met: bool
-
-
-class Problem(NamedTuple):
-    """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective."""
-
-    model: VisibilityModel
-    requirement: Requirement
-    grid: GridKind = GridKind()
-    bounds: Bounds = Bounds()
-    objective: str = "samples"
-    timing: Timing = Timing()
-
-    def meets(self, pattern: Pattern, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
-        """Whether a pattern at a baseline reaches the target."""
-        return self.requirement.is_met(self.model.predict(pattern, baseline_m), tolerance)
-
-    def widest_m(self, side: float) -> float:
-        """Widest baseline worth trying for a pattern whose longer side is so many baselines.
-
-        Beyond it nothing is gained, or the bound on the aperture is broken.
-        """
-        cap = self.model.independent_baseline_m
-        if self.bounds.max_aperture_m is not None and side > 0.0:
-            cap = min(cap, self.bounds.max_aperture_m / side)
-        return cap
-
-    def smallest_baseline_m(self, pattern: Pattern) -> float | None:
-        """Smallest baseline at which a pattern meets the target; None where none within bounds."""
-        widest = self.widest_m(pattern.longer_side)
-        if not self.meets(pattern, widest):
-            return None
-        if not self.meets(pattern, widest, ROUNDING):
-            return widest
-        return smallest(lambda baseline: self.meets(pattern, baseline, ROUNDING), 0.0, widest)
 
 
 def solve(problem: Problem) -> Solution:
@@ -183,6 +43,8 @@ def solve(problem: Problem) -> Solution:
     bounds = problem.bounds
     if bounds.baseline_m is not None and bounds.samples is not None:
         return _solution(problem, problem.grid.pattern(bounds.samples), bounds.baseline_m)
+    if bounds.max_samples is None:
+        check_size(_fewest_independent(problem))
     if bounds.baseline_m is not None:
         return _for_baseline(problem, bounds.baseline_m)
     if bounds.samples is not None:
@@ -200,6 +62,8 @@ def fewest_at(problem: Problem, baseline_m: float) -> int | None:
     V̂ of whole frames rises from frame to frame, and within a frame with every sample.
     """
     fewest = problem.requirement.fewest_independent(problem.model)
+    if fewest is None:
+        return None
     first = problem.grid.index_of(fewest)
 
     def frame_meets(index: int) -> bool:
@@ -227,8 +91,8 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
             f"{problem.requirement} at --baseline {baseline_m:g} needs {needed} samples, more than "
             f"{'one plan may have' if bounds.max_samples is None else 'allowed'}",
             f"neighbours share no occluder from --baseline "
-            f"{problem.model.independent_baseline_m:.4g} on, where "
-            f"{_fewest_independent(problem)} samples do",
+            f"{_rounded_up(problem.model.independent_baseline_m)} on, where "
+            f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
         )
     pattern = problem.grid.pattern(samples)
     extent = pattern.longer_side * baseline_m
@@ -250,8 +114,8 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
         raise InfeasibleError(
             f"{problem.requirement} is out of reach with --samples {samples}: at most "
             f"{_value_text(problem, prediction)}, {widest:.4g} m apart",
-            f"independent samples need to be at least {_fewest_independent(problem)}; with "
-            "--baseline given as well, the plan is evaluated as it is",
+            f"it takes at least {_fewest_independent(problem)} samples; with --baseline given as "
+            "well, the plan is evaluated as it is",
         )
     return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
 
@@ -261,7 +125,6 @@ def _fewest_samples(problem: Problem) -> Solution:
         samples = fewest_at(problem, problem.model.independent_baseline_m)
         if samples is None or samples > _most_samples(problem):
             raise _out_of_reach(problem)
-        check_size(samples)
         pattern = problem.grid.pattern(samples)
         return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
     for frame in _candidate_frames(problem):
@@ -275,7 +138,14 @@ def _fewest_samples(problem: Problem) -> Solution:
 
 
 def _least_aperture(problem: Problem) -> Solution:
-    """The fewest samples within 1 % of the least extent."""
+    solution = _least_aperture_or_none(problem)
+    if solution is None:
+        raise _out_of_reach(problem)
+    return solution
+
+
+def _least_aperture_or_none(problem: Problem) -> Solution | None:
+    """The fewest samples within 1 % of the least extent; None where nothing meets the target."""
     candidates: list[tuple[float, Frame, int]] = []
     for frame in _candidate_frames(problem):
         # Within a frame more samples need less baseline, so its best is its fullest pattern.
@@ -284,7 +154,7 @@ def _least_aperture(problem: Problem) -> Solution:
         if baseline is not None:
             candidates.append((baseline * frame.side, frame, most))
     if not candidates:
-        raise _out_of_reach(problem)
+        return None
     allowed = APERTURE_SLACK * min(extent for extent, _, _ in candidates)
     frame, most = next((frame, most) for extent, frame, most in candidates if extent <= allowed)
     widest = problem.widest_m(frame.side)
@@ -297,37 +167,38 @@ def _least_aperture(problem: Problem) -> Solution:
 
 
 def _least_time(problem: Problem) -> Solution:
-    best: tuple[float, int, Pattern, float] | None = None
-    floor = _extent_floor_m(problem)
     timing = problem.timing
+    best: tuple[float, Pattern, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
-        shortest_leg = timing.leg_s(floor / max(frame.side, 1.0))
-        fewest = _lower_bound(problem, frame, most)
-        for samples in range(fewest, most + 1):
-            least = samples * timing.hold_s + (samples - 1) * shortest_leg
-            if best is not None and least >= best[0]:
-                if samples == fewest:  # later frames have more samples, and take longer
-                    return _solution(problem, best[2], best[3])
-                break
+        for samples in range(_lower_bound(problem, frame, most), most + 1):
+            if best is not None and samples * timing.hold_s >= best[0]:
+                return _solution(problem, best[1], best[2])
             pattern = frame.pattern(samples)
+            path = path_of(pattern)
+            if best is not None:
+                # One look at the widest baseline that is still faster spares most searches.
+                allowed = _widest_within(path, timing, best[0], problem.widest_m(frame.side))
+                if allowed is None or not problem.meets(pattern, allowed):
+                    continue
             baseline = problem.smallest_baseline_m(pattern)
             if baseline is None:
                 continue
-            time = path_of(pattern).time_s(baseline, timing)
+            time = path.time_s(baseline, timing)
             if best is None or time < best[0]:
-                best = time, samples, pattern, baseline
+                best = time, pattern, baseline
     if best is None:
         raise _out_of_reach(problem)
-    return _solution(problem, best[2], best[3])
+    return _solution(problem, best[1], best[2])
 
 
-def _extent_floor_m(problem: Problem) -> float:
-    """An extent that no pattern with the target goes below: nearly that of a very dense one."""
-    free = problem._replace(bounds=Bounds())
-    dense = free.grid.pattern(max(DENSE_SAMPLES, 4 * _fewest_independent(problem)))
-    baseline = free.smallest_baseline_m(dense)
-    return 0.0 if baseline is None else 0.95 * baseline * dense.longer_side
+def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -> float | None:
+    """Widest baseline, up to a limit, at which a path takes no longer than a time."""
+    if path.time_s(0.0, timing) >= time_s:
+        return None
+    if path.time_s(widest_m, timing) < time_s:
+        return widest_m
+    return smallest(lambda baseline: path.time_s(baseline, timing) >= time_s, 0.0, widest_m)
 
 
 def _candidate_frames(problem: Problem) -> Iterator[Frame]:
@@ -350,7 +221,17 @@ def _most_samples(problem: Problem) -> int:
 
 
 def _fewest_independent(problem: Problem) -> int:
-    return problem.requirement.fewest_independent(problem.model)
+    """Lower bound of the samples; an error where no number of them reaches the target."""
+    fewest = problem.requirement.fewest_independent(problem.model)
+    if fewest is None:
+        low, high = problem.model.transparency, problem.model.density
+        high = low * (1.0 + high)
+        raise InfeasibleError(
+            f"{problem.requirement} is out of reach for this scene: one sample has {low:.4g}, "
+            f"infinitely many have {high:.4g}",
+            f"ask for a --visibility below {high:.4g}, or for a --vhat",
+        )
+    return fewest
 
 
 def _lower_bound(problem: Problem, frame: Frame, most: int) -> int:
@@ -452,7 +333,7 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
         within.append(f"--max-aperture {bounds.max_aperture_m:g}")
     if bounds.max_samples is not None:
         within.append(f"--max-samples {bounds.max_samples}")
-    fewest = _fewest_independent(problem)
+    fewest = problem.grid.pattern(_fewest_independent(problem)).samples
     if bounds.max_samples is not None and bounds.max_samples < fewest:
         return InfeasibleError(
             f"{requirement} needs at least {fewest} samples, more than --max-samples "
@@ -475,7 +356,10 @@ def _best_within(problem: Problem) -> str:
         for pattern in (frame.pattern(min(frame.most, limit)) for frame in frames)
         for widest in (problem.widest_m(pattern.longer_side),)
     )
-    prediction, pattern, baseline = min(reachable, key=lambda found: found[0].shortfall)
+    best = min(reachable, key=lambda found: found[0].shortfall, default=None)
+    if best is None:
+        return "nothing, for not one grid of this kind is as small"
+    prediction, pattern, baseline = best
     return (
         f"{_value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"
     )
@@ -483,14 +367,22 @@ def _best_within(problem: Problem) -> str:
 
 def _remedy(problem: Problem) -> str:
     """What would reach the target if the aperture were free."""
-    most = problem.bounds.max_samples
-    free = problem._replace(bounds=Bounds(max_samples=most), objective="aperture")
-    try:
-        solution = solve(free)
-    except InfeasibleError:
-        return "ask for less"
+    free = Bounds(max_samples=problem.bounds.max_samples)
+    solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
+    if solution is None:
+        return "ask for less, or allow more samples"
     extent = solution.pattern.longer_side * solution.baseline_m
-    return f"--max-aperture {extent:.4g} is enough, with {solution.pattern.samples} samples"
+    return (
+        f"--max-aperture {_rounded_up(extent)} is enough, with {solution.pattern.samples} samples"
+    )
+
+
+def _rounded_up(value: float) -> str:
+    """A number as text of four digits that is not below it."""
+    if not 0.0 < value < math.inf:
+        return f"{value:g}"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.ceil(value / unit * (1.0 + 1e-12)) * unit:.4g}"
 
 
 def _value_text(problem: Problem, prediction: Prediction) -> str:

@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
-from aosplan.geometry import disparity_px, occluder_px
 from aosplan.flight import path_of
+from aosplan.geometry import disparity_px, occluder_px
 
 if TYPE_CHECKING:
     from aosplan.models import Prediction
-    from aosplan.plan import Plan
+    from aosplan.planning import Plan
     from aosplan.scene import Scene
 
 SCHEMA = 1
@@ -20,7 +20,7 @@ SCHEMA = 1
 
 def plan_document(plan: Plan) -> dict[str, Any]:
     """Everything of a plan as dicts, lists, text and finite numbers."""
-    from aosplan.plan import requirement_of
+    from aosplan.planning import requirement_of
 
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m

@@ -102,6 +102,15 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _report("not enough memory for this request", "", 1)
     except KeyboardInterrupt:
         return 130
+    except Exception as error:  # a fault of the program: said in one line, never a traceback
+        if os.environ.get("AOSPLAN_DEBUG"):
+            raise
+        return _report(
+            f"unexpected {type(error).__name__}: {error}",
+            "this is a fault of aosplan: please report it with the command line; "
+            "AOSPLAN_DEBUG=1 shows where it happened",
+            1,
+        )
     return status if isinstance(status, int) else 0
 
 

@@ -14,7 +14,7 @@ from aosplan.cli.output import (
     write_outputs,
 )
 from aosplan.errors import RequestError
-from aosplan.plan import plan
+from aosplan.planning import plan
 from aosplan.request import request_from
 
 

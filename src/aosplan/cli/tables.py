@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from aosplan.pattern import Pattern
-    from aosplan.plan import Plan
+    from aosplan.planning import Plan
     from aosplan.scene import Scene
 
 WIDTH = 80

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from aosplan.export import Format
@@ -11,20 +12,16 @@ if TYPE_CHECKING:
 
 FORMAT = Format("csv", (".csv",), "CSV", needs_place=False)
 
+_NEGATIVE_ZERO = re.compile(r"-0(?=\.0+(?:,|$))", re.MULTILINE)
+
 
 def render(mission: Mission) -> bytes:
     """Metres to a tenth of a millimetre, degrees to ten decimals (0.01 mm); UTF-8 without BOM."""
     header = "index,east_m,north_m,altitude_m"
+    line = "%d,%.4f,%.4f,%.4f"
     if mission.has_place:
-        lines = [
-            f"{w.index},{w.east_m:.4f},{w.north_m:.4f},{w.altitude_m:.4f},"
-            f"{w.latitude:.10f},{w.longitude:.10f}"
-            for w in mission.waypoints
-        ]
         header += ",latitude,longitude"
-    else:
-        lines = [
-            f"{w.index},{w.east_m:.4f},{w.north_m:.4f},{w.altitude_m:.4f}"
-            for w in mission.waypoints
-        ]
-    return ("\n".join([header, *lines]) + "\n").replace("-0.0000,", "0.0000,").encode()
+        line += ",%.10f,%.10f"
+    lines = [line % tuple(x for x in waypoint if x is not None) for waypoint in mission.waypoints]
+    text = "\n".join([header, *lines]) + "\n"
+    return _NEGATIVE_ZERO.sub("0", text).encode()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from aosplan.export import Format
@@ -60,7 +61,7 @@ def _rounded(name: str, value: float) -> float:
 
 def _path(points: list[list[float]]) -> dict[str, Any]:
     parts = [[points[0]]]
-    for start, stop in zip(points[:-1], points[1:], strict=True):
+    for start, stop in pairwise(points):
         if abs(stop[0] - start[0]) > 180.0:
             side = 180.0 if start[0] > 0.0 else -180.0
             to_edge = side - start[0]

@@ -66,7 +66,11 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
             if any(map(math.isnan, arguments)):
                 return math.nan
             value, valid = kernel(SCALARS, *map(float, arguments))
-        except (ZeroDivisionError, OverflowError):  # numpy would say inf or nan: not valid either
+        except (
+            ZeroDivisionError,
+            OverflowError,
+            ValueError,
+        ):  # numpy would say inf or nan: not valid either
             return math.nan
         return float(value) if valid else math.nan
 

@@ -38,6 +38,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
 from aosplan.models.elementwise import elementwise
+from aosplan.quantities import shown
 from aosplan.roots import smallest
 
 if TYPE_CHECKING:
@@ -117,21 +118,42 @@ def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floa
     return elementwise(_slice_density, integrated, volume_height, occluder_size)
 
 
-def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
-    # An empty volume is transparent whatever D or l/o is, where 0 times infinity would be nan.
+def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:
+    """log T = (l/o) log(1 - D) as a sum of two floats, and whether it is in the domain.
+
+    T loses as many units in the last place as |log T| has, for each rounding of log T; the
+    second float takes the roundings of the quotient and the product back.
+    """
+    log_q = xp.log1p(-d)
+    ratio = height / o
+    remainder = (height - ratio * o) - _product_error(ratio, o)
+    high = ratio * log_q
+    low = _product_error(ratio, log_q) + remainder / o * log_q
+    # An empty volume is transparent whatever D or l/o is, where 0 times infinity would be nan;
+    # and where the correction overflows there is nothing to correct.
     filled = (height > 0.0) & (d > 0.0)
-    log_t = xp.where(filled, (height / o) * xp.log1p(-d), 0.0)
-    return log_t, (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
+    valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
+    return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
+
+
+def _product_error(x: Any, y: Any) -> Any:
+    """What x * y loses by rounding, exactly (Dekker 1971): x y = fl(x y) + error."""
+    x_high = x * 134217729.0 - (x * 134217729.0 - x)  # 2^27 + 1 cuts 53 bits in half
+    y_high = y * 134217729.0 - (y * 134217729.0 - y)
+    x_low, y_low = x - x_high, y - y_high
+    return ((x_high * y_high - x * y) + x_high * y_low + x_low * y_high) + x_low * y_low
 
 
 def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
-    log_t, valid = _log_transparency(xp, d, height, o)
-    return 0.0 - xp.expm1(log_t), valid  # not -expm1: that would make p = -0.0 of D = 0
+    log_t, rest, valid = _log_transparency(xp, d, height, o)
+    # Not -expm1: that would make p = -0.0 of D = 0.
+    return 0.0 - (xp.expm1(log_t) + xp.exp(log_t) * rest), valid
 
 
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
-    log_t, valid = _log_transparency(xp, d, height, o)
-    return xp.exp(log_t), valid
+    log_t, rest, valid = _log_transparency(xp, d, height, o)
+    t = xp.exp(log_t)
+    return t + t * rest, valid
 
 
 def _slice_density(xp: Any, p: Any, height: Any, o: Any) -> tuple[Any, Any]:
@@ -284,7 +306,7 @@ def _kappa(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
     appendix' sum A = Σ (n-i) (1 - i d̂) gives κ = (n + 2A)/n² in the arrangement below,
     which stays within two units in the last place where the plain cubic in m loses four.
     """
-    valid = (n >= 1.0) & (n == xp.floor(n)) & (d >= 0.0)
+    valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
     d = xp.minimum(d, 1.0)  # beyond 1 nothing overlaps
     m = xp.floor(xp.minimum(n - 1.0, 1.0 / xp.maximum(d, 1e-300)))
     e = xp.maximum(1.0 - m * d, 0.0)
@@ -392,7 +414,7 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
             "no finite number of samples reaches 1; ask for 0.98, or 98%"
             if target == 1
             else f"write {vhat}%"
-            if 1 < target <= 100
+            if 1 < target <= 100 and not str(vhat).endswith("%")
             else "a target lies between 0 and 1, such as 0.98 or 98%"
         )
         raise RequestError(f"V̂ = {vhat} is not a share below 1", hint)
@@ -461,24 +483,28 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
     RequestError
         Where it is not a finite number.
     """
-    text = str(value).strip() if isinstance(value, (str, Decimal)) else ""
+    text = str(value).strip() if isinstance(value, (str, Decimal)) else None
     try:
-        exact = _fraction(text) if text else Fraction(value)
+        if isinstance(value, bool):
+            exact = None
+        else:
+            exact = Fraction(value) if text is None else _fraction(text)
     except (ArithmeticError, ValueError, TypeError):
         exact = None
     if exact is None:
-        shown = text or repr(value)
-        shown = shown if len(shown) <= 40 else shown[:37] + "..."
         raise RequestError(
-            f"{name} '{shown}' is not a number", "write a share such as 0.98, or 98%"
+            f"{name} {shown(value if text is None else text)} is not a number",
+            "write a share such as 0.98, or 98%",
         )
     return exact
 
 
 def _fraction(text: str) -> Fraction | None:
     """The exact value of a decimal or a percentage; None for one of absurd length."""
+    if len(text) > 400 or "_" in text:
+        return None
     digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
     # Fraction would write out every zero of an exponent such as 1e-999999999.
-    if len(text) > 400 or not digits.is_finite() or abs(digits.adjusted()) > 400:
+    if not digits.is_finite() or abs(digits.adjusted()) > 400:
         return None
     return Fraction(digits) / (100 if text.endswith("%") else 1)

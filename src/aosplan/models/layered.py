@@ -83,6 +83,7 @@ class LayeredModel:
     def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
+        baseline_m = min(baseline_m, 1e300)  # infinity times no offset would be nan
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
         offsets_x = baseline_m * np.arange(reach_x + 1)
@@ -104,9 +105,7 @@ class LayeredModel:
             )
         return total / len(points) ** 2
 
-    def _covariance(
-        self, offsets_x: NDArray[Any], offsets_y: NDArray[Any]
-    ) -> NDArray[np.float64]:
+    def _covariance(self, offsets_x: NDArray[Any], offsets_y: NDArray[Any]) -> NDArray[np.float64]:
         """Cov/(p T) at every crossing of the offsets, shape (y, x)."""
         y, x = np.meshgrid(offsets_y, offsets_x, indexing="ij")
         return self._pair_covariance(x.ravel(), y.ravel()).reshape(y.shape)
@@ -189,7 +188,7 @@ def _model(layers: Iterable[Any], altitude: float) -> LayeredModel | None:
 
 
 def _counts(*counts: float) -> bool:
-    return all(count >= 1 and count == int(count) for count in counts)
+    return all(1 <= count < math.inf and count == int(count) for count in counts)
 
 
 def _reach(count: int, pitch_m: float, reach_m: float) -> int:

@@ -124,7 +124,9 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
     from scipy.spatial import cKDTree
 
     # Distances are taken from the origin of the set: far positions would lose digits.
-    points = (points - points.mean(axis=0)) / spacing
+    with np.errstate(over="ignore"):
+        points = (points - points.mean(axis=0)) / spacing
+    points = np.clip(points, -1e300, 1e300)
     tree = cKDTree(points)
     neighbours = tree.query_ball_point(points, 1.0, p=np.inf, return_length=True)
     # Neighbours in space are neighbours in memory, so a block's own tree stays compact.
@@ -175,6 +177,7 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
     count = int(np.count_nonzero(chosen))
     if count == 0 or not (dhat_x > 0.0 and dhat_y > 0.0):
         return math.nan
+    dhat_x, dhat_y = min(dhat_x, 1.0), min(dhat_y, 1.0)  # beyond 1 nothing overlaps
     reach_y = _reach(chosen.shape[0], dhat_y)
     reach_x = _reach(chosen.shape[1], dhat_x)
     pairs = offset_counts(chosen, reach_y, reach_x)
@@ -184,7 +187,7 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
 
 
 def _reach(count: int, dhat: float) -> int:
-    return count - 1 if (count - 1) * dhat < 1.0 else math.ceil(1.0 / dhat) - 1
+    return count - 1 if (count - 1) * dhat < 1.0 else max(math.ceil(1.0 / dhat) - 1, 0)
 
 
 def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArray[np.float64]:

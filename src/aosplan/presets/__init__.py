@@ -1,0 +1,1 @@
+"""Cameras and scenes by name, each with its source."""

@@ -12,8 +12,9 @@ from aosplan.mission import Mission, Waypoint, waypoints_of
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture, exact_share
 from aosplan.models.uniform import UniformModel
+from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
-from aosplan.solve import Bounds, GridKind, Problem, Requirement, Solution, solve
+from aosplan.solve import solve
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -1,0 +1,207 @@
+"""The ground below a point cloud: from its points to a height at every corner of a grid.
+
+Points come in blocks of shape (3, n), x, y and z in metres from the corner of the plot, so that
+clouds of any size stream through.  The numbers of triangles, nodes and filter cells are bounded:
+where a plot is too large for a bound, cells grow and their points are merged.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+# Triangulating takes about 7 µs a vertex, evaluating the triangles 0.3 µs a node.
+MAX_VERTICES = 20_000
+MAX_NODES = 160_000
+
+MAX_FILTER_CELLS = 80_000
+FILTER_CELL_M = 0.5
+
+COARSE_CELL_M = 5.0
+NORMALIZED_WITHIN_M = 0.5
+NORMALIZED_SHARE = 0.9
+
+
+class _Cells:
+    """Square cells over a plot, numbered row by row, not many more than a bound."""
+
+    def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
+        width, depth = float(size_m[0]), float(size_m[1])
+        # On a narrow strip it is not the area that counts but the length.
+        self.edge_m = max(
+            least_edge_m, math.sqrt(width * depth / most), max(width, depth) / most, 1e-6
+        )
+        self.columns = int(width / self.edge_m) + 1
+        self.count = self.columns * (int(depth / self.edge_m) + 1)
+
+    def holding(self, points: Floats) -> NDArray[np.intp]:
+        """Numbers of the cells that points lie in, shape (n,)."""
+        column = (points[0] / self.edge_m).astype(np.intp)
+        row = (points[1] / self.edge_m).astype(np.intp)
+        cell: NDArray[np.intp] = row * self.columns + column
+        return cell
+
+    def centres(self, cell: NDArray[np.intp]) -> Floats:
+        """Centres of cells, shape (2, n)."""
+        column_row = np.stack([cell % self.columns, cell // self.columns])
+        centre: Floats = column_row.astype(np.float64) * self.edge_m + 0.5 * self.edge_m
+        return centre
+
+
+def vertices(blocks: Iterable[Floats], count: int, size_m: Floats) -> Floats:
+    """Points to triangulate, shape (3, n): all, or where they are too many a mean per cell."""
+    if count <= MAX_VERTICES:
+        return np.concatenate(list(blocks), axis=1)
+    cells = _Cells(size_m, MAX_VERTICES)
+    members = np.zeros(cells.count)
+    sums = np.zeros((3, cells.count))
+    for block in blocks:
+        cell = cells.holding(block)
+        members += np.bincount(cell, minlength=cells.count)
+        for axis in range(3):
+            sums[axis] += np.bincount(cell, block[axis], cells.count)
+    filled = members > 0.0
+    return sums[:, filled] / members[filled]
+
+
+def lowest(blocks: Iterable[Floats], size_m: Floats, edge_m: float = FILTER_CELL_M) -> Floats:
+    """Lowest point of each cell that holds any, shape (3, n)."""
+    cells = _Cells(size_m, MAX_FILTER_CELLS, edge_m)
+    low = np.full((3, cells.count), np.inf)
+    for block in blocks:
+        cell = cells.holding(block)
+        np.minimum.at(low[2], cell, block[2])
+        lower = block[2] == low[2, cell]
+        low[:, cell[lower]] = block[:, lower]
+    return low[:, np.isfinite(low[2])]
+
+
+def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
+    """Whether z already counts from the ground, by the lowest points of the plot.
+
+    It does where the lowest point lies within half a metre of zero in nine of ten cells of 5 m.
+    """
+    bottom = lowest([low], size_m, COARSE_CELL_M)[2]
+    return float(np.mean(np.abs(bottom - zero_m) <= NORMALIZED_WITHIN_M)) >= NORMALIZED_SHARE
+
+
+def filtered(low: Floats, size_m: Floats) -> Floats:
+    """Those of the lowest points that are ground, shape (3, n), by a cloth simulation filter.
+
+    A cloth falls on the upturned cloud, and what it comes to rest on is ground (Zhang et al.
+    2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a slope, so the
+    general slope is taken off first, and the cloth is the softest: on a slope of 27 % that
+    halves the error of the ground, to 0.06 m at 10 points per m².
+    """
+    from scipy.spatial import cKDTree
+
+    cells = _Cells(size_m, MAX_FILTER_CELLS, FILTER_CELL_M)
+    # Over a large hole the filter would search the whole cloth for each of its nodes.
+    holes = cells.centres(np.setdiff1d(np.arange(cells.count), cells.holding(low)))
+    patches = np.vstack([holes, low[2, cKDTree(low[:2].T).query(holes.T)[1]]])
+    x, y, z = lowest([low], size_m, COARSE_CELL_M)
+    slope = np.linalg.lstsq(np.column_stack([x, y, np.ones_like(x)]), z, rcond=None)[0]
+    level = np.hstack([low, patches]).T
+    level[:, 2] -= level[:, :2] @ slope[:2]
+    csf = _cloth_filter()
+    cloth = csf.CSF()
+    cloth.params.rigidness = 1
+    cloth.params.cloth_resolution = cells.edge_m
+    cloth.setPointCloud(np.ascontiguousarray(level))
+    ground, other = csf.VecInt(), csf.VecInt()
+    with _silent_stdout():
+        cloth.do_filtering(ground, other, False)  # False: no file of the cloth's nodes.
+    index = np.array(ground, dtype=np.intp)
+    return low[:, index[index < low.shape[1]]]
+
+
+def _cloth_filter() -> Any:
+    # The threads of the filter's OpenMP wait for each other at every step of the cloth, for
+    # seconds when a core is busy elsewhere; it reads the number of threads when it is loaded.
+    threads = os.environ.get("OMP_NUM_THREADS")
+    os.environ["OMP_NUM_THREADS"] = "1"
+    try:
+        import CSF
+    except ImportError as error:
+        raise MissingExtraError("finding the ground of an unclassified cloud", "lidar") from error
+    finally:
+        if threads is None:
+            del os.environ["OMP_NUM_THREADS"]
+        else:
+            os.environ["OMP_NUM_THREADS"] = threads
+    return CSF
+
+
+@contextlib.contextmanager
+def _silent_stdout() -> Iterator[None]:
+    """Keep what a C++ library prints away from stdout, which carries data only."""
+    try:
+        kept = os.dup(1)
+    except OSError:  # There is no stdout to keep clean.
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(nowhere)
+        os.close(kept)
+
+
+def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArray[np.float32]:
+    """z of the ground at the corners of a grid of cells, shape (rows + 1, columns + 1).
+
+    Linear within the Delaunay triangles of the points, shape (3, n); outside their hull the
+    z of the nearest one.  Of more than `MAX_NODES` corners every second, third ... is
+    evaluated, and those between are interpolated.
+    """
+    step = math.ceil(math.sqrt((rows + 1) * (columns + 1) / MAX_NODES))
+    y = np.arange(0, rows + step, step) * spacing_m
+    x = np.arange(0, columns + step, step) * spacing_m
+    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    z = _triangulated(points, nodes).reshape(y.size, x.size)
+    return _refined(_refined(z, step, rows + 1).T, step, columns + 1).T.astype(np.float32)
+
+
+def _triangulated(points: Floats, nodes: Floats) -> Floats:
+    from scipy.spatial import Delaunay, QhullError, cKDTree
+
+    plan, z = points[:2].T, points[2]
+    heights = np.full(len(nodes), np.nan)
+    # Fewer than three points, or all on a line, span no triangle: the nearest serves.
+    with contextlib.suppress(QhullError, ValueError):
+        triangles = Delaunay(plan)
+        found = triangles.find_simplex(nodes)
+        affine = triangles.transform[found]
+        first_two = np.einsum("nij,nj->ni", affine[:, :2], nodes - affine[:, 2])
+        weights = np.column_stack([first_two, 1.0 - first_two.sum(axis=1)])
+        inside = found >= 0
+        heights[inside] = (z[triangles.simplices[found]] * weights).sum(axis=1)[inside]
+    outside = np.isnan(heights)
+    if outside.any():
+        heights[outside] = z[cKDTree(plan).query(nodes[outside])[1]]
+    return heights
+
+
+def _refined(nodes: Floats, step: int, count: int) -> Floats:
+    """Interpolate along the first axis between every `step`-th of `count` rows."""
+    row = np.arange(count)
+    below = np.minimum(row // step, len(nodes) - 2)
+    weight = (row / step - below)[:, np.newaxis]
+    refined: Floats = nodes[below] * (1.0 - weight) + nodes[below + 1] * weight
+    return refined

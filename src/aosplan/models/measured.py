@@ -1,0 +1,178 @@
+"""The measured model: the stand itself, voxel by voxel.
+
+Crowns and trunks are clumps: neither are slices independent, nor are occluders of one size.  But
+where every voxel is known, so is which targets each view hides (`aosplan.occlusion`), and the
+prediction is a count, exact for the plan's own sites and for any pattern.  With c the number of
+the N views that hide a target, over all n targets,
+
+    p̄ = Σ c / (N n),   V = 1 - Σ c² / (N² n),   K = (n Σ c² - (Σ c)²) / (Σ c (N n - Σ c)),
+
+the last in whole numbers, from V = 1 - p̄² - p̄ (1 - p̄) K.  Σ c² is also the sum of J n over all
+ordered pairs of views, where J is the share of targets that both of them hide.
+
+`density` is p̄, the mean over the plan's own views: rays off nadir pass more wood.  So V has a
+maximum at a finite aperture, and is not monotonic in the baseline; nor is V̂, strictly.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.mission import local_sites
+from aosplan.models import Prediction
+from aosplan.occlusion import Occlusion, Tally, joint_counts
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from aosplan.occlusion import ViewKind, Words
+    from aosplan.pattern import Pattern
+    from aosplan.voxels import VoxelVolume
+
+CACHE_OCTETS = 1 << 28
+"""Memory for views that a later prediction may use again."""
+
+
+class MeasuredModel:
+    """What views from one altitude show through one volume of voxels.
+
+    Parameters
+    ----------
+    volume
+        What stands on the plot; the plot wraps.
+    altitude_m
+        Above the focal plane, and above everything that stands.
+    heading_deg
+        Of the patterns, clockwise from north, which is the direction of the volume's rows.
+    view
+        ``telecentric``: each target in the middle of its own aperture.  ``perspective``: all
+        targets of the plot below one aperture, whose centre is the plot's.
+    targets_per_voxel
+        Targets along either side of a voxel.
+    focal_height_m
+        Height of the focal plane above the ground.
+
+    Raises
+    ------
+    RequestError
+        Where the altitude is not above the volume, or a number is outside its domain.
+    """
+
+    name = "measured"
+    rule_baseline_m = None
+
+    def __init__(
+        self,
+        volume: VoxelVolume,
+        altitude_m: float,
+        *,
+        heading_deg: float = 0.0,
+        view: ViewKind = "telecentric",
+        targets_per_voxel: int = 4,
+        focal_height_m: float = 0.0,
+    ) -> None:
+        self.view = view
+        self.heading_deg = heading_deg
+        self.occlusion = Occlusion(
+            volume,
+            altitude_m,
+            view=view,
+            targets_per_voxel=targets_per_voxel,
+            focal_height_m=focal_height_m,
+        )
+        top_m = volume.canopy_top_m - focal_height_m
+        half_plot_m = 0.5 * min(volume.size_m)
+        self._widest_m = half_plot_m * altitude_m / top_m if top_m > 0.0 else math.inf
+        self._masks: dict[tuple[float, float], Words] = {}
+
+    @cached_property
+    def nadir(self) -> Prediction:
+        """What a single view from the middle shows."""
+        return self.predict_positions([(0.0, 0.0)])
+
+    @property
+    def density(self) -> float:
+        """p of a single nadir sample."""
+        return self.nadir.density
+
+    @property
+    def transparency(self) -> float:
+        """1 - p of a single nadir sample."""
+        return self.nadir.transparency
+
+    @property
+    def independent_baseline_m(self) -> float:
+        """Widest distance [m] between two views of which the plot can tell something.
+
+        There their rays are half a plot apart at the canopy's top; farther, the wrapped plot
+        brings them together again.  It bounds the aperture, and so any baseline.
+        """
+        return self._widest_m
+
+    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+        """Density and shortfall of a pattern flown at a baseline: exact for its sites."""
+        return self.predict_positions(
+            np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
+        )
+
+    def predict_positions(self, positions_m: ArrayLike) -> Prediction:
+        """Density and shortfall of samples at any positions.
+
+        Parameters
+        ----------
+        positions_m
+            Shape (N, 2), N from 1: east and north of the middle.
+
+        Returns
+        -------
+        Prediction
+            Its density is the mean over the views.  Where nothing or everything is hidden, views
+            count as independent: the shortfall is 1/N.
+        """
+        tally = Tally(self.occlusion.words)
+        for mask in self._views(positions_m):
+            tally.add(mask)
+        hidden, squares = tally.moments()
+        targets = self.occlusion.targets
+        rays = tally.views * targets
+        clear = rays - hidden
+        shortfall = (
+            (targets * squares - hidden**2) / (hidden * clear)
+            if hidden and clear
+            else 1.0 / tally.views
+        )
+        return Prediction(hidden / rays, clear / rays, shortfall)
+
+    def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+        """J, the share of targets that both views of each pair hide, shape (N, N).
+
+        Of any subset S of the positions, p̄ is the mean of J_ii and V is 1 less the mean of J_ik,
+        over i and k in S.
+
+        Parameters
+        ----------
+        positions_m
+            Shape (N, 2): east and north of the middle.
+        """
+        return joint_counts(np.stack(list(self._views(positions_m)))) / self.occlusion.targets
+
+    def _views(self, positions_m: ArrayLike) -> Iterator[Words]:
+        """Masks of the views, computed where they are not kept from an earlier call."""
+        positions = np.asarray(positions_m, dtype=np.float64)
+        keys = [tuple(position) for position in positions.tolist()]
+        capacity = max(CACHE_OCTETS // (8 * self.occlusion.words), 1)
+        for start in range(0, len(keys), capacity):
+            wanted = keys[start : start + capacity]
+            new = [key for key in dict.fromkeys(wanted) if key not in self._masks]
+            if new:
+                self._masks.update(zip(new, self.occlusion.masks(new), strict=True))
+            views = [self._masks[key] for key in wanted]
+            for key in list(self._masks)[:-capacity]:
+                del self._masks[key]
+            yield from views

@@ -1,0 +1,144 @@
+"""What is asked of the solver, and what it answers: targets, bounds, grids, solutions."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.flight import Timing
+from aosplan.pattern import Frame, Pattern, frame_at, pattern_for
+from aosplan.roots import smallest, smallest_whole
+
+if TYPE_CHECKING:
+    from aosplan.models import Prediction, VisibilityModel
+
+OBJECTIVES = ("samples", "aperture", "time")
+"""What a plan may minimise."""
+
+TOLERANCE = 1e-12
+"""Relative tolerance on the shortfall when samples are counted."""
+
+ROUNDING = 1e-15
+"""The same when a baseline is solved for: no more than rounding may excuse."""
+
+
+class Requirement(NamedTuple):
+    """A target: normalised visibility V̂, or absolute visibility V; exact as it was written."""
+
+    quantity: str
+    target: Fraction
+
+    @property
+    def symbol(self) -> str:
+        """How messages call the quantity."""
+        return "V̂" if self.quantity == "normalized" else "V"
+
+    def __str__(self) -> str:
+        """The target as messages show it."""
+        return f"{self.symbol} = {float(self.target):.10g}"
+
+    def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
+        """Whether a prediction reaches the target, to a relative tolerance of the shortfall."""
+        normalized = self.quantity == "normalized"
+        error = prediction.shortfall if normalized else prediction.mean_squared_error
+        return error <= float(1 - self.target) * (1.0 + tolerance)
+
+    def fewest_independent(self, model: VisibilityModel) -> int | None:
+        """Samples that would do if all were independent, a lower bound for every pattern.
+
+        None where no number of samples reaches the target.  With K = 1/N, `is_met` reads
+        1/N <= 1 - V̂ or p (p + T/N) <= 1 - V; both are solved in exact arithmetic.
+        """
+        allowed = (1 - self.target) * (1 + Fraction(TOLERANCE))
+        if self.quantity == "normalized":
+            return math.ceil(1 / allowed)
+        p, t = Fraction(model.density), Fraction(model.transparency)
+        left = allowed - p * p
+        return max(math.ceil(p * t / left), 1) if left > 0 else None
+
+
+class Bounds(NamedTuple):
+    """Bounds on the unknowns, or fixed values for them."""
+
+    max_aperture_m: float | None = None
+    max_samples: int | None = None
+    baseline_m: float | None = None
+    samples: int | None = None
+
+
+class GridKind(NamedTuple):
+    """A kind of grid by name, and what it needs to know."""
+
+    name: str = "trimmed"
+    lanes: int = 3
+    lane_pitch: float = 4.0
+
+    def frame(self, index: int) -> Frame:
+        """The frame at a place of the sequence, from 1."""
+        return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
+
+    def pattern(self, samples: int) -> Pattern:
+        """The smallest pattern of this kind with at least this many samples."""
+        return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
+
+    def index_of(self, samples: int) -> int:
+        """Place of the first frame that takes this many samples."""
+        high = 1
+        while self.frame(high).most < samples:
+            high *= 2
+        return smallest_whole(lambda index: self.frame(index).most >= samples, 1, high)
+
+
+class Limit(NamedTuple):
+    """What bound the result: a quantity, its value, the bound it met, and why."""
+
+    quantity: str
+    value: float
+    bound: float
+    message: str
+
+
+class Solution(NamedTuple):
+    """A pattern and its baseline, with what they show and what bound them."""
+
+    pattern: Pattern
+    baseline_m: float
+    prediction: Prediction
+    samples_required: int | None
+    limits: tuple[Limit, ...]
+    met: bool
+
+
+class Problem(NamedTuple):
+    """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective."""
+
+    model: VisibilityModel
+    requirement: Requirement
+    grid: GridKind = GridKind()
+    bounds: Bounds = Bounds()
+    objective: str = "samples"
+    timing: Timing = Timing()
+
+    def meets(self, pattern: Pattern, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
+        """Whether a pattern at a baseline reaches the target."""
+        return self.requirement.is_met(self.model.predict(pattern, baseline_m), tolerance)
+
+    def widest_m(self, side: float) -> float:
+        """Widest baseline worth trying for a pattern whose longer side is so many baselines.
+
+        Beyond it nothing is gained, or the bound on the aperture is broken.
+        """
+        cap = self.model.independent_baseline_m
+        if self.bounds.max_aperture_m is not None and side > 0.0:
+            cap = min(cap, self.bounds.max_aperture_m / side)
+        return cap
+
+    def smallest_baseline_m(self, pattern: Pattern) -> float | None:
+        """Smallest baseline at which a pattern meets the target; None where none within bounds."""
+        widest = self.widest_m(pattern.longer_side)
+        if not self.meets(pattern, widest):
+            return None
+        if not self.meets(pattern, widest, ROUNDING):
+            return widest
+        return smallest(lambda baseline: self.meets(pattern, baseline, ROUNDING), 0.0, widest)

@@ -1,0 +1,13 @@
+"""What all tests share: the reference implementation on the path, and no deadlines."""
+
+import sys
+from pathlib import Path
+
+from hypothesis import settings
+
+# Tests say `from reference import exact`, whatever folder pytest is started in.
+sys.path.insert(0, str(Path(__file__).parent))
+
+# Time is measured by benchmarks, never by tests.
+settings.register_profile("aosplan", parent=settings.get_profile("default"), deadline=None)
+settings.load_profile("aosplan")

@@ -1,0 +1,1 @@
+"""The reference: the paper in exact arithmetic, and tables written from it."""

@@ -1,0 +1,219 @@
+"""The paper's statistics in exact rational arithmetic, written from its text alone.
+
+Nothing here imports aosplan, and nothing is rounded: arguments are taken as the exact numbers
+that their floats are, results are fractions.  What the paper prints as a sum is summed, term by
+term; `line_shortfall` alone uses the formulas for sums of powers, so that it can serve samples
+by the million, and is tested against the sums as printed.
+
+Source: Kurmi, Schedl and Bimber (2019), Eq. 2 (`double_sum`), appendix in one dimension
+(`appendix_sum`) and the covariances of the appendix for any positions (`pair_sum`).  Volumes of
+independent slices are counted out twice: by their covariances (`layered_pair_sum`), and by
+listing every state of every cell (`enumerated_volume`), which knows of no covariance.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from itertools import pairwise, product
+
+ONE = Fraction(1)
+ZERO = Fraction(0)
+
+
+# --- Accuracy ------------------------------------------------------------------------------
+
+
+def ulps(value: float, exact: Fraction) -> float:
+    """Distance of a float from an exact value, in units in the last place of that value.
+
+    Below the normal numbers a unit is the smallest float; infinite for what is not finite.
+    """
+    if not math.isfinite(value):
+        return math.inf
+    return float(abs(Fraction(float(value)) - exact) / Fraction(math.ulp(float(exact))))
+
+
+# --- Eq. 2 and the appendix ----------------------------------------------------------------
+
+
+def double_sum(side: int, dhat: float | Fraction) -> Fraction:
+    """The bracket of Eq. 2 as the paper prints it, N + 4 ΣΣ …, for N = side²."""
+    d = Fraction(dhat)
+    # Everything times the denominator of d̂, squared: whole numbers are quick to add.
+    step, unit = d.numerator, d.denominator
+    total = 0
+    for i in range(1, side):
+        for j in range(side):
+            total += (side - i) * (side - j) * max(0, unit - i * step) * max(0, unit - j * step)
+    return side**2 + Fraction(4 * total, unit**2)
+
+
+def visibility_as_printed(density: float | Fraction, side: int, dhat: float) -> Fraction:
+    """V by Eq. 2 as the paper prints it, for side x side samples."""
+    p, n = Fraction(density), side**2
+    return 1 - p**2 - p * (1 - p) / n**2 * double_sum(side, dhat)
+
+
+def appendix_sum(samples: int, dhat: float | Fraction) -> Fraction:
+    """The bracket of the appendix in one dimension, N + 2 Σ …, over N²: κ of a line."""
+    d = Fraction(dhat)
+    step, unit = d.numerator, d.denominator
+    total = 0
+    for i in range(1, samples + 1):
+        if i * step >= unit:
+            break  # Max(0, …) is 0 from here on
+        total += (samples - i) * (unit - i * step)
+    return (samples + Fraction(2 * total, unit)) / samples**2
+
+
+def line_shortfall(samples: int, dhat: float | Fraction) -> Fraction:
+    """`appendix_sum` by the formulas for 1 + 2 + … + m and 1 + 4 + … + m²."""
+    d = Fraction(dhat)
+    m = samples - 1 if d == 0 else min(samples - 1, math.floor(1 / d))
+    first, second = Fraction(m * (m + 1), 2), Fraction(m * (m + 1) * (2 * m + 1), 6)
+    total = samples * m - (1 + samples * d) * first + d * second
+    return (samples + 2 * total) / samples**2
+
+
+def grid_shortfall(rows: int, columns: int, dhat: float | Fraction) -> Fraction:
+    """K of a grid: Eq. 2's bracket over N², which is a square, with an axis of its own each."""
+    return line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
+
+
+def visibility(density: float | Fraction, shortfall: Fraction) -> Fraction:
+    """V = 1 - p² - p (1-p) K."""
+    p = Fraction(density)
+    return 1 - p**2 - p * (1 - p) * shortfall
+
+
+# --- Any positions -------------------------------------------------------------------------
+
+
+def triangle(offset: Fraction, reach: Fraction) -> Fraction:
+    """Max(0, 1 - |offset|/reach): what two samples share along one axis."""
+    return max(ZERO, 1 - abs(offset) / reach)
+
+
+def pair_sum(
+    positions: Iterable[Sequence[float]],
+    reach_x: float | Fraction,
+    reach_y: float | Fraction | None = None,
+) -> Fraction:
+    """K of samples at any positions (x, y): every ordered pair, one after the other."""
+    points = [(Fraction(x), Fraction(y)) for x, y in positions]
+    across = Fraction(reach_x)
+    along = across if reach_y is None else Fraction(reach_y)
+    total = sum(
+        (
+            triangle(x - other_x, across) * triangle(y - other_y, along)
+            for x, y in points
+            for other_x, other_y in points
+        ),
+        ZERO,
+    )
+    return total / len(points) ** 2
+
+
+def lattice_pair_sum(
+    sites: Iterable[tuple[int, int]], dhat_x: float, dhat_y: float | None = None
+) -> Fraction:
+    """`pair_sum` of lattice sites (row, column): pairs are counted by offset, then weighed."""
+    chosen = list(sites)
+    step_x = Fraction(dhat_x)
+    step_y = step_x if dhat_y is None else Fraction(dhat_y)
+    pairs = Counter((abs(r - s), abs(c - d)) for r, c in chosen for s, d in chosen)
+    total = sum(
+        count * max(ZERO, 1 - down * step_y) * max(ZERO, 1 - right * step_x)
+        for (down, right), count in pairs.items()
+    )
+    return Fraction(total) / len(chosen) ** 2
+
+
+# --- Independent slices --------------------------------------------------------------------
+
+
+def layered_pair_sum(
+    layers: Iterable[Sequence[float]],
+    altitude: float,
+    positions: Iterable[Sequence[float]],
+) -> tuple[Fraction, Fraction]:
+    """p and K of samples over slices (bottom, top, density, occluder size).
+
+    Cov = Π (q² + D q τ) - Π q² of every ordered pair, over N² p (1 - p).
+    """
+    slices = [
+        (
+            Fraction(density),
+            Fraction(size) * Fraction(altitude) / ((Fraction(bottom) + Fraction(top)) / 2),
+        )
+        for bottom, top, density, size in layers
+    ]
+    points = [(Fraction(x), Fraction(y)) for x, y in positions]
+    clear = math.prod((1 - density for density, _ in slices), start=ONE)
+    total = ZERO
+    for x, y in points:
+        for other_x, other_y in points:
+            both = ONE
+            for density, reach in slices:
+                tau = triangle(x - other_x, reach) * triangle(y - other_y, reach)
+                both *= (1 - density) ** 2 + density * (1 - density) * tau
+            total += both - clear**2
+    return 1 - clear, total / (len(points) ** 2 * (1 - clear) * clear)
+
+
+def enumerated_volume(
+    slices: Iterable[tuple[Fraction, Fraction]], sites: Sequence[tuple[int, int]]
+) -> tuple[Fraction, Fraction]:
+    """p and V of a tiny volume, by listing every state of every cell that a view can meet.
+
+    Parameters
+    ----------
+    slices
+        Share of occupied cells and d̂, of every slice.
+    sites
+        Views as (row, column) of a lattice.
+
+    A slice is a lattice of cells that are occupied or not, independently; its phase against
+    the target is uniform.  From one view to the next it moves by d̂ cells.
+    """
+    blocked = {0: ONE}  # probability of every set of views that see an occluder, as bits
+    for density, dhat in slices:
+        merged: Counter[int] = Counter()
+        one_slice = _blocked_by(density, dhat, sites)
+        for (before, first), (now, second) in product(blocked.items(), one_slice.items()):
+            merged[before | now] += first * second
+        blocked = merged
+    hidden = sum(share for views, share in blocked.items() if views & 1)
+    error = sum(
+        share * Fraction(views.bit_count(), len(sites)) ** 2 for views, share in blocked.items()
+    )
+    return Fraction(hidden), 1 - Fraction(error)
+
+
+def _blocked_by(
+    density: Fraction, dhat: Fraction, sites: Sequence[tuple[int, int]]
+) -> dict[int, Fraction]:
+    """Probability of every set of views that one slice blocks."""
+    result: Counter[int] = Counter()
+    rows = _phases(dhat, {row for row, _ in sites})
+    columns = _phases(dhat, {column for _, column in sites})
+    for (phase_y, share_y), (phase_x, share_x) in product(rows, columns):
+        views_of_cell: Counter[tuple[int, int]] = Counter()
+        for bit, (row, column) in enumerate(sites):
+            cell = math.floor(phase_y + row * dhat), math.floor(phase_x + column * dhat)
+            views_of_cell[cell] |= 1 << bit
+        for state in product((False, True), repeat=len(views_of_cell)):
+            views = 0
+            share = share_y * share_x
+            for occupied, seen_by in zip(state, views_of_cell.values(), strict=True):
+                share *= density if occupied else 1 - density
+                views |= seen_by if occupied else 0
+            result[views] += share
+    return result
+
+
+def _phases(dhat: Fraction, steps: set[int]) -> list[tuple[Fraction, Fraction]]:
+    """A phase of every kind and its share: between two of these no view changes its cell."""
+    edges = sorted({ZERO, ONE, *((-step * dhat) % 1 for step in steps)})
+    return [((low + high) / 2, high - low) for low, high in pairwise(edges)]

@@ -1,0 +1,628 @@
+"""Point clouds: good files become the right voxels, bad files become one clear sentence."""
+
+import errno
+import os
+import struct
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aosplan import las, lidar
+from aosplan.errors import MissingExtraError, RequestError, SurroundingsError
+from aosplan.lidar import read_voxels
+
+laspy = pytest.importorskip("laspy")
+pytest.importorskip("lazrs")
+needs_filter = pytest.mark.skipif(find_spec("CSF") is None, reason="needs the extra lidar")
+
+DATA = Path(__file__).parents[2] / "shared" / "data"
+
+
+def write_cloud(
+    path, xyz, kind=2, *, point_format=6, scale=0.001, offset=0.0, withheld=0, crs=None
+):
+    header = laspy.LasHeader(point_format=point_format)
+    header.scales = np.broadcast_to(scale, 3).astype(float)
+    header.offsets = np.broadcast_to(offset, 3).astype(float)
+    if crs is not None:
+        header.add_crs(pytest.importorskip("pyproj").CRS.from_user_input(crs))
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = xyz
+    cloud.classification = np.broadcast_to(kind, len(xyz[0])).astype(np.uint8)
+    cloud.withheld = np.broadcast_to(withheld, len(xyz[0])).astype(np.uint8)
+    cloud.write(str(path))
+    return path
+
+
+def slope(x, y):
+    return 50.0 + 0.2 * x - 0.1 * y
+
+
+def stand(seed=0, width=20.1, depth=12.1, count=6000):
+    """Half ground, half canopy from 3 to 9 m over a slope, in a rectangle that is filled.
+
+    All points keep clear of the faces of voxels of 0.25 m, so that no rounding moves them over.
+    """
+    rng = np.random.default_rng(seed)
+    within = rng.uniform(0.03, 0.22, (3, count))
+    x = 0.25 * rng.integers(0, int(width / 0.25), count) + within[0]
+    y = 0.25 * rng.integers(0, int(depth / 0.25), count) + within[1]
+    x[:4], y[:4] = [0.0, width, 0.0, width], [0.0, 0.0, depth, depth]
+    kind = np.where(np.arange(count) < count // 2, 2, 5)
+    height = np.where(kind == 2, 0.0, 0.25 * rng.integers(12, 36, count) + within[2])
+    return np.stack([x, y, slope(x, y) + height]), kind
+
+
+def expected_voxels(xyz, kind, voxel=0.25, cut=2.0):
+    """The same by brute force: each point on its own, over the known slope."""
+    x, y, z = np.round(xyz, 3)
+    occupied = {
+        (
+            int(h / voxel + 1e-6),
+            int((b - y.min()) / voxel + 1e-6),
+            int((a - x.min()) / voxel + 1e-6),
+        )
+        for a, b, h in zip(x, y, z - slope(x, y), strict=True)
+        if h >= cut
+    }
+    return sorted(occupied)
+
+
+def listed(volume):
+    return [tuple(index) for index in np.argwhere(volume.occupied).tolist()]
+
+
+def codes(volume):
+    return [code for code, _ in volume.warnings]
+
+
+def patched(path, position, data):
+    content = bytearray(path.read_bytes())
+    content[position : position + len(data)] = data
+    path.write_bytes(content)
+    return path
+
+
+def refusal(path, **given):
+    """The error for a file; it has to name the file."""
+    with pytest.raises(RequestError) as caught:
+        read_voxels(path, **given)
+    assert str(path) in caught.value.message
+    assert "\n" not in caught.value.message
+    return caught.value
+
+
+# --- Good files ---
+
+
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("point_format", [0, 1, 3, 6, 7, 8])
+def test_every_format_gives_the_voxels_of_brute_force(tmp_path, suffix, point_format):
+    xyz, kind = stand()
+    path = write_cloud(tmp_path / f"a.{suffix}", xyz, kind, point_format=point_format)
+    volume = read_voxels(path)
+    assert listed(volume) == expected_voxels(xyz, kind)
+    assert volume.occupied.shape[1:] == (49, 81)
+    assert (volume.ground, volume.points, volume.warnings) == ("class", 6000, ())
+    assert (volume.voxel_m, volume.min_height_m, volume.source) == (0.25, 2.0, str(path))
+
+
+@pytest.mark.parametrize(("voxel", "cut"), [(0.5, 0.5), (0.75, 3.25), (1.0, 0.0), (100.0, 2.0)])
+def test_voxel_size_and_cut_are_respected(tmp_path, voxel, cut):
+    xyz, kind = stand()
+    path = write_cloud(tmp_path / "a.laz", xyz, kind)
+    volume = read_voxels(path, voxel_m=voxel, min_height_m=cut)
+    expected = expected_voxels(xyz, kind, voxel, cut)
+    if cut == 0.0:  # The ground itself: rounding decides which of its points are above it.
+        assert {i for i in listed(volume) if i[0] > 0} == {i for i in expected if i[0] > 0}
+    else:
+        assert listed(volume) == expected
+
+
+def test_coordinates_of_a_map_grid_do_not_matter_but_are_kept(tmp_path):
+    xyz, kind = stand()
+    near = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
+    moved = xyz + np.array([[470_000.0], [5_810_000.0], [2279.0]])
+    far = read_voxels(write_cloud(tmp_path / "b.laz", moved, kind, offset=[4e5, 5e6, 0.0]))
+    assert (far.occupied == near.occupied).all()
+    assert (far.x_min_m, far.y_min_m) == pytest.approx((470_000.0, 5_810_000.0))
+
+
+def test_noise_and_withheld_points_are_dropped(tmp_path):
+    xyz, kind = stand()
+    clean = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
+    far = np.array([[-30.0, 60.0, 10.0, 10.0], [0.0, 0.0, 90.0, 5.0], [50.0, 50.0, 50.0, -40.0]])
+    dirty = write_cloud(
+        tmp_path / "b.laz",
+        np.hstack([far, xyz]),
+        np.concatenate([[7, 18, 5, 2], kind]),
+        withheld=np.concatenate([[0, 0, 1, 1], 0 * kind]),
+    )
+    volume = read_voxels(dirty)
+    assert (volume.occupied == clean.occupied).all()
+    assert volume.points == clean.points
+
+
+def test_files_of_different_scales_are_one_cloud(tmp_path):
+    xyz, kind = stand()
+    whole = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
+    west, east = xyz[0] < 7.0, xyz[0] >= 7.0
+    parts = [
+        write_cloud(tmp_path / "west.laz", xyz[:, west], kind[west]),
+        write_cloud(
+            tmp_path / "east.las", xyz[:, east], kind[east], scale=[1e-4, 1e-3, 5e-4], offset=7.0
+        ),
+    ]
+    volume = read_voxels([str(part) for part in parts])
+    assert (volume.occupied == whole.occupied).all()
+    assert volume.points == whole.points
+    assert volume.source == f"{parts[0]} and 1 more"
+
+
+def test_chunks_and_blocks_do_not_show(tmp_path, monkeypatch):
+    xyz, kind = stand()
+    path = write_cloud(tmp_path / "a.laz", xyz, kind)
+    whole = read_voxels(path)
+    monkeypatch.setattr(las, "CHUNK_POINTS", 1000)
+    monkeypatch.setattr(lidar, "BLOCK_POINTS", 77)
+    assert (read_voxels(path).occupied == whole.occupied).all()
+
+
+def test_a_file_is_decoded_once(tmp_path, monkeypatch):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    decoded = []
+    chunks = las.PointFile.chunks
+    monkeypatch.setattr(
+        las.PointFile, "chunks", lambda file: decoded.append(file.name) or chunks(file)
+    )
+    read_voxels(path)
+    assert decoded == [str(path)]
+
+
+def test_extents_are_those_of_the_points_and_not_of_the_header(tmp_path):
+    xyz, kind = stand()
+    path = write_cloud(tmp_path / "a.las", xyz, kind)
+    honest = read_voxels(path)
+    lies = struct.pack("<6d", 1e9, -1e9, float("nan"), float("inf"), 1e300, -1e300)
+    assert (read_voxels(patched(path, 179, lies)).occupied == honest.occupied).all()
+
+
+def test_progress_rises_to_its_total(tmp_path, monkeypatch):
+    xyz, kind = stand()
+    kind[::10] = 7
+    monkeypatch.setattr(las, "CHUNK_POINTS", 1000)
+    reports = []
+    read_voxels(
+        [write_cloud(tmp_path / name, xyz, kind) for name in ("a.laz", "b.las")],
+        progress=lambda done, total: reports.append((done, total)),
+    )
+    done = [report[0] for report in reports]
+    assert done == sorted(done)
+    assert reports[-1] == (24_000, 24_000)
+    assert {report[1] for report in reports} == {24_000}
+    assert len(reports) > 12
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_what_the_caller_raises_passes_through(tmp_path, error):
+    def progress(done, total):
+        raise error
+
+    with pytest.raises(error):
+        read_voxels(write_cloud(tmp_path / "a.laz", *stand()), progress=progress)
+
+
+def test_one_point_makes_one_column(tmp_path):
+    volume = read_voxels(write_cloud(tmp_path / "a.las", [[5.0], [5.0], [7.0]]), ground="class")
+    assert volume.occupied.shape == (0, 1, 1)
+    assert codes(volume) == ["sparse_cloud", "no_vegetation"]
+
+
+def test_one_column_of_points_is_a_plot(tmp_path):
+    xyz = [[5.0] * 40, [5.0] * 40, [1.0] * 20 + [9.1] * 20]
+    volume = read_voxels(write_cloud(tmp_path / "a.las", xyz, [2] * 20 + [5] * 20))
+    assert volume.occupied.shape == (33, 1, 1)
+    assert volume.column_occupancy == 1.0
+
+
+# --- Ground ---
+
+
+def test_ground_below_thinned_vertices_still_follows_the_slope(tmp_path, monkeypatch):
+    monkeypatch.setattr("aosplan.ground.MAX_VERTICES", 300)
+    monkeypatch.setattr("aosplan.ground.MAX_NODES", 900)
+    xyz, kind = stand(count=40_000)
+    path = write_cloud(tmp_path / "a.laz", xyz, kind)
+    # Along the edges the nearest vertex serves, so only what is inside has to agree.
+    found, expected = read_voxels(path).occupied, np.zeros((80, 49, 81), dtype=bool)
+    expected[tuple(np.transpose(expected_voxels(xyz, kind)))] = True
+    inside = np.s_[:, 8:-8, 8:-8]
+    differing = found[inside] ^ expected[: len(found)][inside]
+    assert differing.sum() < 0.02 * found[inside].sum()
+
+
+def test_normalised_heights_are_recognised_and_said(tmp_path):
+    xyz, kind = stand()
+    flat = xyz - [[0], [0], [1]] * slope(*xyz[:2])
+    path = write_cloud(tmp_path / "a.laz", flat, np.where(kind == 2, 0, kind), offset=[0, 0, 3.0])
+    volume = read_voxels(path)
+    assert (volume.ground, codes(volume)) == ("normalized", ["ground_assumed_normalized"])
+    assert listed(volume) == expected_voxels(xyz, kind)
+    told = read_voxels(path, ground="normalized")
+    assert (told.ground, told.warnings) == ("normalized", ())
+    assert (told.occupied == volume.occupied).all()
+
+
+@needs_filter
+@pytest.mark.parametrize("given", ["auto", "filter"])
+def test_an_unclassified_cloud_is_filtered_and_that_is_said(tmp_path, given):
+    xyz, kind = stand(count=12_000)
+    volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz, 0), ground=given)
+    assert (volume.ground, codes(volume)) == ("filter", ["ground_filtered"])
+    share = len(expected_voxels(xyz, kind)) / volume.occupied[0].size
+    assert volume.occupied.sum() / volume.occupied[0].size == pytest.approx(share, rel=0.05)
+
+
+@needs_filter
+def test_a_few_ground_points_are_not_enough_for_auto(tmp_path):
+    xyz, kind = stand()
+    few = np.where((kind == 2) & (np.arange(6000) > 3), 1, kind)
+    path = write_cloud(tmp_path / "a.laz", xyz, few)
+    assert read_voxels(path).ground == "filter"
+    assert read_voxels(path, ground="class").ground == "class"
+
+
+def test_class_asked_for_and_missing_is_an_error_with_a_way_out(tmp_path):
+    error = refusal(write_cloud(tmp_path / "a.laz", *stand()[:1], 1), ground="class")
+    assert "class 2" in error.message
+    assert "filter" in error.hint
+
+
+def test_a_filter_that_finds_nothing_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(lidar, "filtered", lambda low, _: low[:, :0])
+    error = refusal(write_cloud(tmp_path / "a.laz", *stand()[:1], 1), ground="filter")
+    assert "no ground" in error.message
+
+
+# --- Warnings ---
+
+
+def test_a_sparse_cloud_is_said(tmp_path):
+    volume = read_voxels(write_cloud(tmp_path / "a.laz", *stand(count=2000)))
+    assert codes(volume) == ["sparse_cloud"]
+    assert "8.06 points" in volume.warnings[0][1]
+
+
+def test_bare_ground_is_a_volume_without_slices_and_said(tmp_path):
+    xyz, kind = stand()
+    volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, kind == 2]), min_height_m=1.0)
+    assert volume.occupied.shape == (0, 49, 81)
+    assert (volume.column_occupancy, codes(volume)) == (0.0, ["sparse_cloud", "no_vegetation"])
+
+
+def test_saturation_is_said(tmp_path):
+    path = write_cloud(tmp_path / "a.laz", *stand(width=19.9, depth=11.9))
+    volume = read_voxels(path, voxel_m=4.0)
+    assert codes(volume) == ["saturated"]
+    assert "smaller than 4 m" in volume.warnings[0][1]
+
+
+# --- Coordinate systems ---
+
+
+@pytest.mark.parametrize(("point_format", "crs"), [(6, "EPSG:2231"), (3, "EPSG:2231")])
+def test_feet_become_metres_and_that_is_said(tmp_path, point_format, crs):
+    xyz, kind = stand()
+    foot = 1200 / 3937
+    path = write_cloud(
+        tmp_path / "a.laz", xyz / foot, kind, point_format=point_format, scale=1e-4, crs=crs
+    )
+    volume = read_voxels(path)
+    assert listed(volume) == expected_voxels(xyz, kind)
+    assert codes(volume) == ["units_converted"]
+
+
+def test_heights_in_feet_over_metres_become_metres(tmp_path):
+    xyz, kind = stand()
+    mixed = xyz / [[1.0], [1.0], [1200 / 3937]]
+    volume = read_voxels(
+        write_cloud(tmp_path / "a.laz", mixed, kind, scale=1e-4, crs="EPSG:6341+6360")
+    )
+    assert listed(volume) == expected_voxels(xyz, kind)
+
+
+@pytest.mark.parametrize("keys", [{3076: 9002}, {3076: 9002, 4099: 9002}])
+def test_units_in_geotiff_keys_count(tmp_path, keys):
+    known = pytest.importorskip("laspy.vlrs.known")
+    xyz, kind = stand()
+    path = write_cloud(tmp_path / "a.las", xyz / 0.3048, kind, point_format=3, scale=1e-4)
+    cloud = laspy.read(path)
+    record = known.GeoKeyDirectoryVlr()
+    record.geo_keys = [known.GeoKeyEntryStruct(i, 0, 1, unit) for i, unit in keys.items()]
+    record.geo_keys_header.number_of_keys = len(keys)
+    cloud.vlrs.append(record)
+    cloud.write(str(path))
+    volume = read_voxels(path)
+    assert listed(volume) == expected_voxels(xyz, kind)
+    assert codes(volume) == ["units_converted"]
+
+
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:4979", "EPSG:4978"])
+def test_a_geographic_or_geocentric_system_is_refused(tmp_path, crs):
+    error = refusal(write_cloud(tmp_path / "a.laz", *stand(), crs=crs))
+    assert "geographic" in error.message
+    assert "reproject" in error.hint
+
+
+def test_degrees_are_recognised_without_a_system(tmp_path):
+    xyz, kind = stand()
+    degrees = xyz * [[1e-5], [1e-5], [1.0]] + [[11.5], [48.1], [0.0]]
+    error = refusal(write_cloud(tmp_path / "a.laz", degrees, kind, scale=[1e-7, 1e-7, 1e-3]))
+    assert "11.5" in error.message
+    assert "48.1" in error.message
+    assert "reproject" in error.hint
+
+
+def test_a_system_that_cannot_be_read_states_nothing(tmp_path):
+    path = write_cloud(tmp_path / "a.las", *stand(), crs="EPSG:2231")
+    text = path.read_bytes()
+    path.write_bytes(text.replace(b"PROJC", b"PR?JC"))
+    assert read_voxels(path).size_m == (20.25, 12.25)
+
+
+# --- Bad files and requests ---
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "is empty"),
+        (b"ply\nformat ascii", "is not a LAS or LAZ file"),
+        (b"LASF", "ends within its header"),
+        (b"LASF" + bytes(300), "holds no points"),
+        (b"LASF" + bytes(21) + b"\x04" + bytes(250), "ends within its header"),
+    ],
+)
+def test_what_is_no_cloud_is_named(tmp_path, content, said):
+    path = tmp_path / "a.las"
+    path.write_bytes(content)
+    assert said in refusal(path).message
+
+
+def test_a_missing_file_and_a_folder_are_named(tmp_path):
+    assert "does not exist" in refusal(tmp_path / "none.laz").message
+    assert "is a folder" in refusal(tmp_path).message
+
+
+def test_a_file_without_points_is_named(tmp_path):
+    assert "no points" in refusal(write_cloud(tmp_path / "a.laz", np.zeros((3, 0)))).message
+
+
+@pytest.mark.parametrize("kind", [7, 18])
+def test_a_cloud_of_noise_is_named(tmp_path, kind):
+    path = write_cloud(tmp_path / "a.laz", stand()[0], kind)
+    assert "nothing but noise: all of its 6000 points" in refusal(path).message
+
+
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.3, 0.7, 0.95, 0.9999])
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("point_format", [1, 6])
+def test_a_truncated_file_is_named(tmp_path, capfd, suffix, share, point_format):
+    path = write_cloud(tmp_path / f"a.{suffix}", *stand(), point_format=point_format)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert "truncated" in refusal(path).message
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("promised", [6001, 2**40, 2**64 - 1])
+def test_a_header_that_promises_too_many_points_is_not_believed(tmp_path, capfd, suffix, promised):
+    path = write_cloud(tmp_path / f"a.{suffix}", *stand())
+    assert "truncated" in refusal(patched(path, 247, struct.pack("<Q", promised))).message
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("position", "data", "said"),
+    [
+        (96, struct.pack("<I", 2**31), "byte 2147483648"),
+        (100, struct.pack("<I", 2**32 - 1), "4294967295 records"),
+        (104, b"\x8d", "point format 13"),
+        (105, struct.pack("<H", 3), "damaged"),
+        (131, struct.pack("<d", 0.0), "scale factors 0, 0.001, 0.001"),
+        (131, struct.pack("<d", float("nan")), "scale factors nan"),
+        (139, struct.pack("<d", -0.001), "scale factors 0.001, -0.001"),
+        (147, struct.pack("<d", 1e300), "1e+300"),
+        (155, struct.pack("<d", float("inf")), "offsets inf"),
+        (139, struct.pack("<d", 1000.0), "more than a stand can"),
+    ],
+)
+def test_a_header_out_of_its_mind_is_named(tmp_path, position, data, said):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    assert said in refusal(patched(path, position, data)).message
+
+
+@pytest.mark.parametrize("chunks", [2**32 - 1, 2**20])
+def test_a_table_of_chunks_that_would_exhaust_the_memory_is_not_believed(tmp_path, chunks):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    content = path.read_bytes()
+    start = struct.unpack_from("<I", content, 96)[0]
+    table = struct.unpack_from("<q", content, start)[0]
+    assert "table of chunks" in refusal(patched(path, table + 4, struct.pack("<I", chunks))).message
+    assert "table of chunks" in refusal(patched(path, start, struct.pack("<q", 2**60))).message
+
+
+def test_a_table_of_chunks_at_the_end_is_found(tmp_path):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    whole = read_voxels(path)
+    content = path.read_bytes()
+    start = struct.unpack_from("<I", content, 96)[0]
+    table = content[start : start + 8]
+    path.write_bytes(content[:start] + struct.pack("<q", -1) + content[start + 8 :] + table)
+    assert (read_voxels(path).occupied == whole.occupied).all()
+
+
+def test_chunks_longer_than_the_file_are_not_believed(tmp_path, monkeypatch):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    monkeypatch.setattr("lazrs.read_chunk_table", lambda *_: [(6000, 2**40)])
+    assert "chunks do not fit" in refusal(path).message
+
+
+def test_compression_without_its_record_is_named(tmp_path):
+    path = write_cloud(tmp_path / "a.las", *stand(), point_format=1)
+    assert "compression is missing" in refusal(patched(path, 104, b"\x81")).message
+
+
+def test_damage_within_the_points_is_no_crash(tmp_path):
+    path = write_cloud(tmp_path / "a.laz", *stand(), point_format=1)
+    content = path.read_bytes()
+    middle = len(content) // 2
+    patched(path, middle, bytes(255 - byte for byte in content[middle : middle + 2000]))
+    # A file without checksums may still decode, into other points, but those have to be a plot.
+    try:
+        volume = read_voxels(path, ground="normalized")
+    except RequestError as error:
+        message = error.message
+    else:
+        message = volume.source
+        assert volume.points <= 6000
+    assert str(path) in message
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"voxel_m": 0.0}, "voxel size 0 m"),
+        ({"voxel_m": float("nan")}, "voxel size nan m"),
+        ({"min_height_m": -0.5}, "minimum height -0.5 m"),
+        ({"min_height_m": float("inf")}, "minimum height inf m"),
+        ({"ground": "magic"}, "'magic'"),
+    ],
+)
+def test_a_bad_request_is_named_before_any_file_is_opened(given, said):
+    with pytest.raises(RequestError, match=said):
+        read_voxels("none.laz", **given)
+
+
+def test_no_files_are_no_cloud():
+    with pytest.raises(RequestError, match="no point cloud"):
+        read_voxels([])
+
+
+@pytest.mark.parametrize("voxel", [1e-4, 1e-300])
+def test_too_many_voxels_are_refused_with_a_size_that_does(tmp_path, voxel):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    error = refusal(path, voxel_m=voxel)
+    assert "20.1 x 12.1 x" in error.message
+    size = float(error.hint.split()[2])
+    assert size < 0.02
+    assert read_voxels(path, voxel_m=10 * size).occupied.any()
+
+
+# --- Surroundings ---
+
+
+def test_a_file_that_may_not_be_read_is_the_machine_s_fault(tmp_path, monkeypatch):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+
+    def forbidden(name, mode):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), name)
+
+    monkeypatch.setattr(las, "open", forbidden, raising=False)
+    with pytest.raises(SurroundingsError, match="Permission denied") as caught:
+        read_voxels(path)
+    assert str(path) in caught.value.message
+
+
+@pytest.mark.parametrize("step", ["__init__", "write", "read"])
+def test_a_full_disk_is_the_machine_s_fault(tmp_path, monkeypatch, step):
+    class Full:
+        def __init__(self):
+            self.fail("__init__")
+
+        def fail(self, at):
+            if at == step:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        def write(self, _):
+            self.fail("write")
+
+        def seek(self, position):
+            pass
+
+        def read(self, _):
+            self.fail("read")
+
+        def close(self):
+            pass
+
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    monkeypatch.setattr("tempfile.TemporaryFile", Full)
+    with pytest.raises(SurroundingsError, match="No space left") as caught:
+        read_voxels(path)
+    assert "TMPDIR" in caught.value.hint
+
+
+def test_want_of_memory_is_the_machine_s_fault(tmp_path, monkeypatch):
+    def fill(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(lidar, "fill", fill)
+    with pytest.raises(SurroundingsError, match=r"not enough memory .* 0.25 m"):
+        read_voxels(write_cloud(tmp_path / "a.laz", *stand()))
+
+
+@pytest.mark.parametrize("module", ["laspy", "lazrs"])
+def test_without_the_extra_it_is_named(tmp_path, monkeypatch, module):
+    path = write_cloud(tmp_path / "a.laz", *stand())
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match="'lidar'"):
+        read_voxels(path)
+
+
+def test_importing_the_module_loads_no_point_cloud_library():
+    script = "import sys, aosplan.lidar, aosplan.estimate; print(*sys.modules)"
+    subprocess = pytest.importorskip("subprocess")
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    loaded = set(result.stdout.split())
+    assert "aosplan.lidar" in loaded
+    assert not loaded & {"laspy", "lazrs", "CSF", "scipy", "pyproj"}
+
+
+# --- Real plots ---
+
+
+def plot(name):
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"{name} is not at hand")
+    return path
+
+
+def test_a_classified_plot_has_the_density_of_two_other_implementations():
+    volume = read_voxels(plot("UAS_Clip.laz"), min_height_m=0.5)
+    assert volume.column_occupancy == pytest.approx(0.769, abs=0.001)
+    assert (volume.ground, volume.warnings) == ("class", ())
+    assert volume.canopy_top_m == pytest.approx(32.25)
+    assert volume.occupied.shape[1:] == (104, 109)
+
+
+@needs_filter
+def test_the_filter_agrees_with_the_classification_of_a_plot():
+    path = plot("UAS_Clip.laz")
+    by_class, by_filter = (
+        read_voxels(path, ground=way, min_height_m=0.5) for way in ("class", "filter")
+    )
+    assert by_filter.column_occupancy == pytest.approx(by_class.column_occupancy, abs=0.005)
+
+
+@needs_filter
+def test_an_unclassified_plot_is_read_without_being_told_how():
+    volume = read_voxels(plot("pine_plot.laz"), min_height_m=0.5)
+    assert volume.column_occupancy == pytest.approx(0.988, abs=0.003)
+    assert codes(volume) == ["ground_filtered", "saturated"]
+    assert volume.canopy_top_m == pytest.approx(19.5, abs=0.5)
