@@ -24,7 +24,7 @@ import aosplan
 from aosplan.cli.app import COMMANDS, run
 from aosplan.presets.cameras import CAMERAS
 from aosplan.presets.scenes import SCENES
-from aosplan.request import OPTIONS
+from aosplan.options import OPTIONS
 
 UNIFORM = ["--occluder-size", "0.2", "--volume-height", "18"]
 LENS = ["--focal-length", "9.1", "--sensor-width", "7.68", "--image-width", "640"]

@@ -23,7 +23,8 @@ from aosplan.errors import AosplanError, RequestError
 from aosplan.planning import plan
 from aosplan.presets.cameras import CAMERAS
 from aosplan.presets.scenes import SCENES
-from aosplan.request import OPTIONS, PlanRequest, request_from
+from aosplan.options import OPTIONS
+from aosplan.request import PlanRequest, request_from
 from aosplan.resolve import find_camera, find_preset_scene
 from aosplan.scene import LayeredScene, UniformScene
 

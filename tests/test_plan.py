@@ -500,6 +500,7 @@ bounds = st.fixed_dictionaries(
         "grid": st.sampled_from(GRIDS),
         "optimize": st.sampled_from(["samples", "aperture"]),
         "model": st.sampled_from(["uniform", "layered"]),
+        "max_samples": st.just(60),
     }
 )
 

@@ -14,8 +14,8 @@ from aosplan.camera import Camera
 from aosplan.errors import RequestError
 from aosplan.files import read_table
 from aosplan.mission import Mission, Waypoint
+from aosplan.options import OPTIONS
 from aosplan.quantities import nearest_hint
-from aosplan.request import OPTIONS
 from aosplan.scene import Layer, LayeredScene, Scene, UniformScene
 from aosplan.summary import SCHEMA
 

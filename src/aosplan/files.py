@@ -68,8 +68,6 @@ def read_table(path: str) -> dict[str, Any]:
     as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip()[:1] in ("{", "["))
     try:
         table = _from_json(text) if as_json else _from_toml(text)
-        if _depth(table) > DEEPEST:
-            raise RecursionError
     except ValueError as error:
         kind = "JSON" if as_json else "TOML"
         raise RequestError(f"'{path}' is not valid {kind}: {error}") from None
@@ -93,7 +91,7 @@ def _from_json(text: str) -> Any:
             raise ValueError(f"{twice!r} is given twice")
         return names
 
-    return json.loads(text, parse_constant=refuse, object_pairs_hook=table)
+    return _checked_depth(json.loads(text, parse_constant=refuse, object_pairs_hook=table))
 
 
 def _from_toml(text: str) -> Any:
@@ -102,21 +100,23 @@ def _from_toml(text: str) -> Any:
     # A dotted key makes a table for every dot, which tomllib would build before we can look.
     if any(line.partition("=")[0].count(".") > DEEPEST for line in text.splitlines()):
         raise RecursionError
-    return tomllib.loads(text)
+    return _checked_depth(tomllib.loads(text))
 
 
-def _depth(value: Any) -> int:
-    """Levels of lists and tables in each other."""
+def _checked_depth(value: Any) -> Any:
+    """A document, unless its lists and tables lie too deep in each other."""
     depth, level = 0, [value]
     while level:
         depth += 1
+        if depth > DEEPEST:
+            raise RecursionError
         level = [
             inner
             for outer in level
             if isinstance(outer, (dict, list))
             for inner in (outer.values() if isinstance(outer, dict) else outer)
         ]
-    return depth
+    return value
 
 
 def check_output(path: str, *, force: bool) -> None:

@@ -174,8 +174,8 @@ def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArra
     y = np.arange(0, rows + step, step) * spacing_m
     x = np.arange(0, columns + step, step) * spacing_m
     nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    z = _triangulated(points, nodes).reshape(y.size, x.size)
-    return _refined(_refined(z, step, rows + 1).T, step, columns + 1).T.astype(np.float32)
+    z = _triangulated(points, nodes).reshape(y.size, x.size).astype(np.float32)
+    return _refined(_refined(z, step, rows + 1).T, step, columns + 1).T
 
 
 def _triangulated(points: Floats, nodes: Floats) -> Floats:
@@ -198,10 +198,10 @@ def _triangulated(points: Floats, nodes: Floats) -> Floats:
     return heights
 
 
-def _refined(nodes: Floats, step: int, count: int) -> Floats:
+def _refined(nodes: NDArray[np.float32], step: int, count: int) -> NDArray[np.float32]:
     """Interpolate along the first axis between every `step`-th of `count` rows."""
     row = np.arange(count)
     below = np.minimum(row // step, len(nodes) - 2)
-    weight = (row / step - below)[:, np.newaxis]
-    refined: Floats = nodes[below] * (1.0 - weight) + nodes[below + 1] * weight
+    weight = (row / step - below).astype(np.float32)[:, np.newaxis]
+    refined: NDArray[np.float32] = nodes[below] * (1 - weight) + nodes[below + 1] * weight
     return refined

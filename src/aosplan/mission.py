@@ -16,7 +16,7 @@ class Waypoint(NamedTuple):
     there.  Latitude and longitude are WGS 84 degrees, or None without a place.
     """
 
-    index: int
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
     east_m: float
     north_m: float
     altitude_m: float

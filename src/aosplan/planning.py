@@ -10,9 +10,10 @@ from aosplan.flight import Timing
 from aosplan.geometry import CoverageBaseline, coverage_baseline
 from aosplan.mission import Mission, Waypoint, waypoints_of
 from aosplan.models import Prediction
-from aosplan.models.equations import aperture, exact_share
+from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
 from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
+from aosplan.quantities import exact_share
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.solve import solve
 
@@ -154,7 +155,7 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
-    camera = camera_of(request)
+    camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
     scene, kind, notices, _ = scene_of(request, folder=folder, progress=progress)
     above = scene.above(request.focal_height)

@@ -12,6 +12,9 @@ from aosplan.quantities import number
 NAMES = (("east_m", "north_m"), ("x_m", "y_m"), ("x", "y"), ("east", "north"))
 """Names that the two columns may have."""
 
+FARTHEST_M = 1e9
+"""No position is farther from its origin."""
+
 
 def read_positions(path: str) -> list[tuple[float, float]]:
     """Positions [m] from a CSV with a header, such as aosplan's own waypoints.
@@ -50,4 +53,6 @@ def _position(row: list[str], columns: list[int], place: str) -> tuple[float, fl
     if len(row) <= max(columns):
         raise RequestError(f"{place} {len(row)} values are too few")
     x, y = (number(row[column], f"{place} value") for column in columns)
+    if max(abs(x), abs(y)) > FARTHEST_M:
+        raise RequestError(f"{place} {x:g}, {y:g} is farther than {FARTHEST_M:g} m")
     return x, y

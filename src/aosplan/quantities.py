@@ -8,6 +8,8 @@ fraction, text in a number, infinities.
 from __future__ import annotations
 
 import math
+from decimal import Decimal
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
@@ -184,6 +186,41 @@ def _from_text(text: str, name: str, unit: str) -> float:
 
 def _unit_hint(unit: str) -> str:
     return f"a number of {_OWN_UNITS[unit]}" if unit in _OWN_UNITS else ""
+
+
+def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
+    """A share as the exact number that was written: ``0.98``, ``"0.98"``, ``"98%"``.
+
+    Raises
+    ------
+    RequestError
+        Where it is not a finite number.
+    """
+    text = str(value).strip() if isinstance(value, (str, Decimal)) else None
+    try:
+        if isinstance(value, bool):
+            exact = None
+        else:
+            exact = Fraction(value) if text is None else _fraction(text)
+    except (ArithmeticError, ValueError, TypeError):
+        exact = None
+    if exact is None:
+        raise RequestError(
+            f"{name} {shown(value if text is None else text)} is not a number",
+            "write a share such as 0.98, or 98%",
+        )
+    return exact
+
+
+def _fraction(text: str) -> Fraction | None:
+    """The exact value of a decimal or a percentage; None for one of absurd length."""
+    if len(text) > 400 or "_" in text:
+        return None
+    digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
+    # Fraction would write out every zero of an exponent such as 1e-999999999.
+    if not digits.is_finite() or abs(digits.adjusted()) > 400:
+        return None
+    return Fraction(digits) / (100 if text.endswith("%") else 1)
 
 
 def shown(value: Any) -> str:

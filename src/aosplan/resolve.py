@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 from aosplan.camera import Camera
 from aosplan.errors import RequestError
@@ -14,6 +14,7 @@ from aosplan.scene import Scene, UniformScene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from aosplan.lidar import GroundMethod
     from aosplan.request import PlanRequest
     from aosplan.voxels import VoxelVolume
 
@@ -69,10 +70,10 @@ def find_camera(name: str) -> Camera:
     )
 
 
-def camera_of(request: PlanRequest) -> Camera:
-    """The camera of a request: a preset, a file, or numbers."""
+def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
+    """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
     if request.camera is not None:
-        return find_camera(request.camera)
+        return find_camera(_located(request.camera, folder))
     width, height = request.image_width, request.image_height
     assert width is not None  # the request has checked that a camera is complete
     assert height is not None
@@ -179,7 +180,7 @@ def _cloud(
     volume = read_voxels(
         path,
         voxel_m=request.voxel or 0.25,
-        ground=request.ground or "auto",
+        ground=cast("GroundMethod", request.ground or "auto"),
         min_height_m=2.0 if request.min_height is None else request.min_height,
         progress=progress,
     )

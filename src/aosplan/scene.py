@@ -17,6 +17,9 @@ from typing import NamedTuple
 from aosplan.errors import RequestError
 from aosplan.models.equations import integrated_density, transparency
 
+MOST_SLICES = 100_000
+"""Slices that a uniform volume may be cut into."""
+
 
 class Layer(NamedTuple):
     """One slice of a layered scene.
@@ -126,6 +129,12 @@ class UniformScene:
         Their number is l/o rounded up; their common density keeps the transparency exact.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
+        if count > MOST_SLICES:
+            raise RequestError(
+                f"scene '{self.name}' has {count} slices of its occluders' size, more than "
+                f"{MOST_SLICES}",
+                "larger occluders, or the uniform model, which needs no slices",
+            )
         thickness = self.volume_height_m / count
         density = (
             1.0 if self.transparency == 0.0 else -math.expm1(math.log(self.transparency) / count)

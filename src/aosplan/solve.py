@@ -338,7 +338,9 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
         return InfeasibleError(
             f"{requirement} needs at least {fewest} samples, more than --max-samples "
             f"{bounds.max_samples}: at most {_best_within(problem._replace(objective='aperture'))}",
-            f"allow {fewest} samples, or ask for less",
+            f"allow {fewest} samples, or ask for less"
+            if bounds.max_aperture_m is None
+            else f"raise --max-samples to {fewest} or more, and --max-aperture, or ask for less",
         )
     return InfeasibleError(
         f"{requirement} is out of reach within {' and '.join(within) or 'any baseline'}: "

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MAX_VOXELS = 2_000_000_000
-# A column also holds the ground below it.
-MAX_COLUMNS = MAX_VOXELS // 20
+# The ground takes the room of a few dozen slices.
+MAX_COLUMNS = MAX_VOXELS // 100
 # A point on the face between two voxels belongs to the upper one; rounding must not decide.
 FACE = 1e-6
 

@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 COMMANDS = {
-    "plan": "Solve for baseline and number of photos, and write the grid to fly.",
+    "plan": "Solve for baseline and photos, and write the grid to fly.",
     "visibility": "The equations as a calculator.",
     "scene": "Occluder statistics of a point cloud or scene file.",
-    "export": "Write files from a saved plan without solving again.",
+    "export": "Write files from a saved plan.",
     "cameras": "List the built-in cameras.",
     "scenes": "List the built-in scenes.",
     "formats": "List the formats that waypoints are written in.",
-    "schema": "JSON Schema of the documents that aosplan reads and prints.",
+    "schema": "JSON Schema of the documents read and printed.",
 }
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
+from aosplan.resolve import CLOUD_SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -54,7 +56,7 @@ def chosen_outputs(
     chosen = [choose(path, name) for path in outputs]
     for _, path in chosen:
         check_output(path, force=force)
-        if sum(other == path for _, other in chosen) > 1:
+        if sum(os.path.realpath(other) == os.path.realpath(path) for _, other in chosen) > 1:
             raise RequestError(f"output '{path}' is given twice")
     return chosen
 
@@ -72,14 +74,14 @@ def write_outputs(
 
 
 @contextlib.contextmanager
-def progress_bar(text: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar on a terminal's stderr, or None where there is none to show it on."""
-    if quiet or not sys.stderr.isatty():
+def progress_bar(scene: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar on a terminal's stderr, or None where there is none, or nothing to wait for."""
+    if quiet or not scene.lower().endswith(CLOUD_SUFFIXES) or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(text, total=None)
+        task = progress.add_task("reading points", total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -46,7 +46,7 @@ def run(
                     f"output '{path}': {form.title} needs a place on earth",
                     "give --origin LAT,LON, or write CSV",
                 )
-    with progress_bar("reading points", quiet=quiet) as progress:
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
     print_warnings(result.warnings, quiet=quiet)
     write_outputs(result.mission, chosen, force=force)

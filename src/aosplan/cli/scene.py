@@ -44,7 +44,7 @@ def run(
         {"altitude": 1.0},
         overrides={"scene": scene, "voxel": voxel, "ground": ground, "min_height": min_height},
     )
-    with progress_bar("reading points", quiet=quiet) as progress:
+    with progress_bar(scene, quiet=quiet) as progress:
         resolved = scene_of(request, progress=progress)
     print_warnings(resolved.warnings, quiet=quiet)
     if save is not None:

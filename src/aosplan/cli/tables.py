@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -42,10 +43,10 @@ def print_plan(plan: Plan, written: Sequence[str]) -> None:
     table.add_column(style="bold")
     table.add_column()
     for name, text in _plan_rows(plan):
-        table.add_row(Text(name), Text(text))
+        table.add_row(name, one_line(text))
     picture = grid_picture(plan.solution.pattern, plain=not _speaks_unicode())
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
-    show(table, *drawing, Text(""), Text(_next_step(plan, written)))
+    show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
 
 
 def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
@@ -70,10 +71,12 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"V̂ = {_percent(prediction.normalized)}, V = {_percent(prediction.expected)} "
             f"(target {target} = {wanted})",
         )
+        contrast = prediction.contrast
         yield (
             "",
             f"one photo {_percent(prediction.minimum)}, endless photos "
-            f"{_percent(prediction.maximum)}; contrast {prediction.contrast:.2f}",
+            f"{_percent(prediction.maximum)}"
+            + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
     else:
         yield "Visibility", "V = 100 %: nothing is hidden"
@@ -119,6 +122,11 @@ def _scene_text(scene: Scene, *, custom_base: bool) -> str:
         f"{_named(scene.title, scene.name)}: p = {_percent(scene.integrated_density)}, "
         f"{base}{joint} {scene.canopy_top_m:.3g} m"
     )
+
+
+def one_line(text: str) -> Text:
+    """Text without markup and control characters, which a file may have put into a name."""
+    return Text("".join(c if c.isprintable() else "?" for c in text))
 
 
 def _named(title: str, name: str) -> str:
@@ -176,7 +184,7 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for name in header:
         table.add_column(name, overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(one_line(cell) for cell in row))
     show(table)
 
 
@@ -208,7 +216,7 @@ def print_scene(document: dict[str, Any]) -> None:
                 (f"b at {100 * share:g} %", f"{over_altitude:.4g} of the altitude above ground")
             )
     for name, text in rows:
-        table.add_row(Text(name), Text(text))
+        table.add_row(name, one_line(text))
     profile = _profile(document["layers"])
     show(table, *([Text(""), *profile] if profile else []))
 

@@ -48,28 +48,29 @@ def run(
             raise RequestError("--dhat X is needed", "d̂ = 1 is the optimal baseline")
         unit = q.at_least_zero(dhat, "--dhat")
         count, shortfall = _lattice(samples, grid, unit)
-    prediction = Prediction(p, t, shortfall)
+    numbers = prediction_document(Prediction(p, t, shortfall))
     document = {
         "schema": SCHEMA,
         "version": __version__,
         "samples": count,
         "dhat": unit,
-        "visibility": prediction_document(prediction),
+        "visibility": numbers,
     }
     if as_json:
         print_json(document)
         return
     from aosplan.cli.tables import print_rows
 
+    shown = {name: "-" if value is None else f"{value:.10g}" for name, value in numbers.items()}
     rows = [
         ("N", f"{count}", "samples"),
         ("p", f"{p:.10g}", "integrated density of one sample"),
-        ("V", f"{prediction.expected:.10g}", "visibility (Eq. 2)"),
-        ("V̂", f"{prediction.normalized:.10g}", "normalised visibility"),
-        ("1 - V̂", f"{shortfall:.10g}", "shortfall"),
-        ("Vmin", f"{prediction.minimum:.10g}", "visibility of one sample"),
-        ("Vmax", f"{prediction.maximum:.10g}", "visibility of endless samples"),
-        ("1/(1 - V̂)", f"{prediction.effective_samples:.10g}", "effective samples"),
+        ("V", shown["expected"], "visibility (Eq. 2)"),
+        ("V̂", shown["normalized"], "normalised visibility"),
+        ("1 - V̂", shown["shortfall"], "shortfall"),
+        ("Vmin", shown["minimum"], "visibility of one sample"),
+        ("Vmax", shown["maximum"], "visibility of endless samples"),
+        ("1/(1 - V̂)", shown["effective_samples"], "effective samples"),
     ]
     print_rows(("quantity", "value", "meaning"), rows)
 

@@ -32,17 +32,17 @@ Scalars in, a float out; arrays broadcast.  Outside the domain the result is ``n
 from __future__ import annotations
 
 import math
-from decimal import Decimal
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
 from aosplan.models.elementwise import elementwise
-from aosplan.quantities import shown
+from aosplan.quantities import exact_share
 from aosplan.roots import smallest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from decimal import Decimal
 
     from aosplan.models.elementwise import Floats
 
@@ -473,38 +473,3 @@ def baseline_for_aperture(aperture: Floats, samples: Floats) -> Any:
         aperture,
         samples,
     )
-
-
-def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
-    """A share as the exact number that was written: ``0.98``, ``"0.98"``, ``"98%"``.
-
-    Raises
-    ------
-    RequestError
-        Where it is not a finite number.
-    """
-    text = str(value).strip() if isinstance(value, (str, Decimal)) else None
-    try:
-        if isinstance(value, bool):
-            exact = None
-        else:
-            exact = Fraction(value) if text is None else _fraction(text)
-    except (ArithmeticError, ValueError, TypeError):
-        exact = None
-    if exact is None:
-        raise RequestError(
-            f"{name} {shown(value if text is None else text)} is not a number",
-            "write a share such as 0.98, or 98%",
-        )
-    return exact
-
-
-def _fraction(text: str) -> Fraction | None:
-    """The exact value of a decimal or a percentage; None for one of absurd length."""
-    if len(text) > 400 or "_" in text:
-        return None
-    digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
-    # Fraction would write out every zero of an exponent such as 1e-999999999.
-    if not digits.is_finite() or abs(digits.adjusted()) > 400:
-        return None
-    return Fraction(digits) / (100 if text.endswith("%") else 1)

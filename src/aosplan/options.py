@@ -1,0 +1,267 @@
+"""The options of a plan, each described once.
+
+The command line, request files, the JSON Schema and sweeps are made from `OPTIONS`.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan import quantities as q
+from aosplan.errors import RequestError
+from aosplan.models import MODELS
+from aosplan.pattern import GRIDS
+from aosplan.problem import OBJECTIVES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+GROUND = ("auto", "class", "filter", "normalized")
+"""How the ground of a point cloud is found."""
+
+
+def target_share(value: Any, name: str) -> float | str:
+    """A target below 1, kept as it was written where a float would change it."""
+    exact = q.exact_share(value, name)
+    if not 0 <= exact < 1:
+        hint = (
+            "no finite number of samples reaches 1; ask for 0.98"
+            if exact == 1
+            else q.percent_hint(value) or "a target lies between 0 and 1, such as 0.98 or 98%"
+        )
+        raise RequestError(f"{name} {q.shown(value)} is not a share below 1", hint)
+    nearest = float(exact)
+    if isinstance(value, float) or q.exact_share(repr(nearest), name) == exact:
+        return nearest
+    return str(value)
+
+
+LARGEST = 1e9
+"""No quantity of a request is larger, and none that is not zero smaller than its inverse."""
+
+
+def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
+    """A quantity within the range in which products of several of them stay numbers."""
+    result = parse(value, name, **unit)
+    if result and not 1.0 / LARGEST <= abs(result) <= LARGEST:
+        raise RequestError(
+            f"{name} {q.shown(value)} is not between {1 / LARGEST:g} and {LARGEST:g}"
+        )
+    return result
+
+
+class Option(NamedTuple):
+    """One option: its field, how a value is read, and how help describes it.
+
+    `kind` says what a file may hold: a number, text, a whole number, a pair of numbers.
+    """
+
+    name: str
+    parse: Callable[[Any, str], Any]
+    kind: str
+    metavar: str
+    help: str
+    panel: str
+
+    @property
+    def flag(self) -> str:
+        """The option as it is written on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+
+_positive = partial(bounded, q.positive)
+_length = partial(bounded, q.positive, unit="m")
+_heading = partial(q.number, unit="deg")
+_height = partial(bounded, q.at_least_zero, unit="m")
+
+_Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
+
+_PANELS: dict[str, tuple[_Row, ...]] = {
+    "Altitude": (
+        ("altitude", _length, "number", "M", "Height above the synthetic focal plane."),
+        (
+            "gsd",
+            _length,
+            "number",
+            "M",
+            "Wanted ground sampling distance, instead of an altitude.",
+        ),
+        (
+            "target_size",
+            _length,
+            "number",
+            "M",
+            "Size of what is looked for, with --target-pixels.",
+        ),
+        (
+            "target_pixels",
+            _positive,
+            "number",
+            "PX",
+            "Pixels that it shall fill, instead of an altitude.",
+        ),
+        (
+            "focal_height",
+            _height,
+            "number",
+            "M",
+            "Height of the focal plane above ground.  [0]",
+        ),
+    ),
+    "Target": (
+        (
+            "vhat",
+            target_share,
+            "share",
+            "X",
+            "Target normalised visibility: 0.98 or 98%.  [0.98]",
+        ),
+        (
+            "visibility",
+            target_share,
+            "share",
+            "X",
+            "Target absolute visibility, instead of --vhat.",
+        ),
+    ),
+    "Scene": (
+        (
+            "scene",
+            q.word,
+            "text",
+            "NAME|FILE",
+            "Preset, scene file, or point cloud.  [paper-forest]",
+        ),
+        (
+            "density",
+            q.share,
+            "share",
+            "D",
+            "Share of each slice that occluders fill, for a uniform scene.",
+        ),
+        (
+            "integrated_density",
+            q.share,
+            "share",
+            "P",
+            "Share of the ground that one photo does not see, instead.",
+        ),
+        ("occluder_size", _length, "number", "M", "Edge length of an occluder."),
+        ("volume_height", _length, "number", "M", "Thickness of the volume of occluders."),
+        ("volume_base", _height, "number", "M", "Its lower end above ground.  [2]"),
+        ("voxel", _length, "number", "M", "Voxel size of a point cloud.  [0.25]"),
+        (
+            "ground",
+            q.one_of(GROUND),
+            "text",
+            "HOW",
+            f"Ground of a point cloud: {', '.join(GROUND)}.  [auto]",
+        ),
+        (
+            "min_height",
+            _height,
+            "number",
+            "M",
+            "Lower vegetation of a point cloud is left out.  [2]",
+        ),
+    ),
+    "Camera": (
+        ("camera", q.word, "text", "NAME|FILE", "Preset or camera file.  [dji-m3t-thermal]"),
+        ("focal_length", _positive, "number", "MM", "Physical focal length."),
+        (
+            "sensor_width",
+            _positive,
+            "number",
+            "MM",
+            "Width of the sensor that the image shows.",
+        ),
+        ("sensor_height", _positive, "number", "MM", "Its height.  [square pixels]"),
+        (
+            "fov",
+            _positive,
+            "number",
+            "DEG",
+            "Horizontal field of view, instead of focal length and sensor.",
+        ),
+        ("image_width", q.whole, "whole", "PX", "Width of the image, across the heading."),
+        ("image_height", q.whole, "whole", "PX", "Height of the image, along the heading."),
+    ),
+    "Model and objective": (
+        (
+            "coverage",
+            q.share_above_zero,
+            "share",
+            "X",
+            "Share of occluders that must reach d̂ ≥ 1.  [0.98]",
+        ),
+        (
+            "model",
+            q.one_of(MODELS),
+            "text",
+            "NAME",
+            f"Visibility model: {', '.join(MODELS)}.  [by scene]",
+        ),
+        (
+            "optimize",
+            q.one_of(OBJECTIVES),
+            "text",
+            "WHAT",
+            f"What is minimised: {', '.join(OBJECTIVES)}.  [samples]",
+        ),
+        ("max_aperture", _length, "number", "M", "Bound on the longer side of the grid."),
+        ("max_samples", q.whole, "whole", "N", "Bound on the number of samples."),
+        ("baseline", _length, "number", "M", "Fixed distance between neighbouring samples."),
+        ("samples", q.whole, "whole", "N", "Fixed number of samples."),
+    ),
+    "Grid": (
+        (
+            "grid",
+            q.one_of(GRIDS),
+            "text",
+            "KIND",
+            f"Kind of grid: {', '.join(GRIDS)}.  [trimmed]",
+        ),
+        ("lanes", q.whole, "whole", "K", "Number of lanes, for --grid lanes.  [3]"),
+        (
+            "lane_pitch",
+            _positive,
+            "number",
+            "X",
+            "Lane pitch over the spacing along a lane.  [4]",
+        ),
+        ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
+        (
+            "heading",
+            _heading,
+            "number",
+            "DEG",
+            "Flight lines, clockwise from true north.  [0]",
+        ),
+    ),
+    "Flight": (
+        (
+            "speed",
+            partial(bounded, q.positive, unit="m/s"),
+            "number",
+            "M/S",
+            "Cruise speed.  [5]",
+        ),
+        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2]"),
+        (
+            "hold",
+            partial(bounded, q.at_least_zero, unit="s"),
+            "number",
+            "S",
+            "Stop at each site.  [1]",
+        ),
+    ),
+}
+
+OPTIONS = tuple(
+    Option(name, parse, kind, metavar, text, panel)
+    for panel, rows in _PANELS.items()
+    for name, parse, kind, metavar, text in rows
+)
+
+BY_NAME = {option.name: option for option in OPTIONS}
