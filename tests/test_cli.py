@@ -22,9 +22,10 @@ import tomli_w
 
 import aosplan
 from aosplan.cli.app import COMMANDS, run
+from aosplan.cli.output import print_json
+from aosplan.options import OPTIONS
 from aosplan.presets.cameras import CAMERAS
 from aosplan.presets.scenes import SCENES
-from aosplan.options import OPTIONS
 
 UNIFORM = ["--occluder-size", "0.2", "--volume-height", "18"]
 LENS = ["--focal-length", "9.1", "--sensor-width", "7.68", "--image-width", "640"]
@@ -336,7 +337,7 @@ EFFECTS = {
     ),
 }
 
-CLOUD_ONLY = ("voxel", "ground", "min_height")
+CLOUD_ONLY = ("voxel", "ground", "min_height", "view")
 
 
 def legs_of(waypoints):
@@ -903,6 +904,13 @@ def test_out_with_json_prints_one_document_and_writes(folder, document):
     result = document("plan", "--altitude", "40", "--out", "a.csv")
     rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text())))
     assert len(rows) == result["samples"]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_json_with_what_is_no_number_is_not_printed(capsys, value):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        print_json({"a": value})
+    assert capsys.readouterr().out == ""
 
 
 def test_a_dash_is_stdout_and_nothing_else_is_on_it(command):

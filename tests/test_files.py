@@ -99,6 +99,14 @@ def test_a_special_file_is_refused_before_any_work_is_done(folder):
         check_output("pipe.csv", force=True)
 
 
+def test_an_existing_file_is_refused_before_any_work_is_done(folder):
+    (folder / "a.csv").write_bytes(b"old")
+    with pytest.raises(RequestError, match="exists"):
+        check_output("a.csv", force=False)
+    check_output("a.csv", force=True)
+    check_output("b.csv", force=False)
+
+
 def test_a_file_that_appears_meanwhile_is_not_overwritten(folder, monkeypatch):
     monkeypatch.setattr(files, "check_output", lambda *_, **__: None)
     (folder / "b.csv").write_bytes(b"somebody else's")

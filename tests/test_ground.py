@@ -116,6 +116,33 @@ def test_a_few_cells_without_ground_do_not_unmake_heights():
     assert not is_level_zero(low, np.array([40.0, 40.0]), 0.0)
 
 
+def test_triangles_agree_with_interpolation_point_by_point():
+    interpolate = pytest.importorskip("scipy.interpolate")
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        rows, columns = rng.integers(1, 30, 2)
+        points = rng.uniform(-1.0, 1.0, (3, 40)) * [[20.0], [20.0], [5.0]]
+        if seed % 2:  # Vertices on the nodes, many of them in line.
+            points = np.unique(np.round(points), axis=1)
+            points = points[:, np.unique(points[:2], axis=1, return_index=True)[1]]
+        y, x = np.mgrid[0 : rows + 1, 0 : columns + 1]
+        expected = interpolate.LinearNDInterpolator(points[:2].T, points[2])(x, y)
+        nearest = interpolate.NearestNDInterpolator(points[:2].T, points[2])(x, y)
+        outside = np.isnan(expected)
+        found = surface(points, rows, columns, 1.0)
+        assert found[~outside] == pytest.approx(expected[~outside], abs=1e-5)
+        # Two nearest vertices may be as near as each other.
+        assert (np.abs(found - nearest)[outside] > 1e-5).sum() <= 0.1 * outside.sum()
+
+
+def test_a_plane_has_its_slope_and_a_line_has_none():
+    points = cloud_on(plane, (30.0, 20.0), 50)
+    assert ground._slope(points) == pytest.approx((0.2, -0.1))
+    along = np.array([[0.0, 1.0, 2.0], [0.0, 2.0, 4.0], [0.0, 9.0, 18.0]])
+    assert ground._slope(along) == (0.0, 0.0)
+    assert ground._slope(along[:, :1]) == (0.0, 0.0)
+
+
 @pytest.fixture
 def grove():
     """Lowest points of a slope of 30 % with a canopy over every second of them."""

@@ -15,8 +15,8 @@ from aosplan.flight import Timing, path_of
 from aosplan.models.layered import LayeredModel
 from aosplan.models.uniform import UniformModel
 from aosplan.pattern import MOST_SITES
-from aosplan.scene import Layer
 from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
+from aosplan.scene import Layer
 from aosplan.solve import fewest_at, solve
 
 near = partial(pytest.approx, abs=0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from aosplan.answer import BEST
 from aosplan.geometry import baseline_for_disparity_px, disparity_px
 from aosplan.planning import requirement_of
 from aosplan.resolve import Message
@@ -20,14 +21,15 @@ def advice(plan: Plan) -> Iterator[Message]:
         yield Message(
             "no_occluders", "nothing stands above the focal plane: a single photo shows everything"
         )
-    if not plan.solution.met:
+    if not plan.solution.met and plan.request.optimize not in BEST:
         yield _missed(plan)
     if min(plan.common_footprint_m) <= 0.0:
         yield _no_common_ground(plan)
     if plan.coverage is not None:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
-    if getattr(plan.scene, "voxel_m", None) is not None and plan.coverage is not None:
+    clumped = plan.request.ground is not None and plan.model != "measured"
+    if clumped and plan.coverage is not None:
         yield Message(
             "independent_occluders",
             f"the {plan.model} model takes occluders for independent, and those of a real stand "
@@ -38,7 +40,7 @@ def advice(plan: Plan) -> Iterator[Message]:
 def _missed(plan: Plan) -> Message:
     requirement = requirement_of(plan.request)
     prediction = plan.solution.prediction
-    reached = prediction.normalized if requirement.quantity == "normalized" else prediction.expected
+    reached = requirement.value_of(prediction)
     required = plan.solution.samples_required
     remedy = (
         f"{required} samples would reach it at this baseline"

@@ -112,20 +112,30 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     # Over a large hole the filter would search the whole cloth for each of its nodes.
     holes = cells.centres(np.setdiff1d(np.arange(cells.count), cells.holding(low)))
     patches = np.vstack([holes, low[2, cKDTree(low[:2].T).query(holes.T)[1]]])
-    x, y, z = lowest([low], size_m, COARSE_CELL_M)
-    slope = np.linalg.lstsq(np.column_stack([x, y, np.ones_like(x)]), z, rcond=None)[0]
-    level = np.hstack([low, patches]).T
-    level[:, 2] -= level[:, :2] @ slope[:2]
+    level = np.hstack([low, patches])
+    east, north = _slope(lowest([low], size_m, COARSE_CELL_M))
+    level[2] -= east * level[0] + north * level[1]
     csf = _cloth_filter()
     cloth = csf.CSF()
     cloth.params.rigidness = 1
     cloth.params.cloth_resolution = cells.edge_m
-    cloth.setPointCloud(np.ascontiguousarray(level))
+    cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
     with _silent_stdout():
         cloth.do_filtering(ground, other, False)  # False: no file of the cloth's nodes.
     index = np.array(ground, dtype=np.intp)
     return low[:, index[index < low.shape[1]]]
+
+
+def _slope(points: Floats) -> tuple[float, float]:
+    """Least-squares slope of points towards x and y; none where they lie on a line."""
+    x, y, z = points - points.mean(axis=1, keepdims=True)
+    xx, xy, yy = (x * x).sum(), (x * y).sum(), (y * y).sum()
+    xz, yz = (x * z).sum(), (y * z).sum()
+    spread = xx * yy - xy * xy
+    if spread <= 1e-9 * xx * yy:
+        return 0.0, 0.0
+    return float((xz * yy - yz * xy) / spread), float((yz * xx - xz * xy) / spread)
 
 
 def _cloth_filter() -> Any:
@@ -170,32 +180,80 @@ def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArra
     z of the nearest one.  Of more than `MAX_NODES` corners every second, third ... is
     evaluated, and those between are interpolated.
     """
+    from scipy.spatial import cKDTree
+
     step = math.ceil(math.sqrt((rows + 1) * (columns + 1) / MAX_NODES))
-    y = np.arange(0, rows + step, step) * spacing_m
-    x = np.arange(0, columns + step, step) * spacing_m
-    nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    z = _triangulated(points, nodes).reshape(y.size, x.size).astype(np.float32)
-    return _refined(_refined(z, step, rows + 1).T, step, columns + 1).T
+    pitch_m = step * spacing_m
+    z = _triangulated(points, math.ceil(rows / step) + 1, math.ceil(columns / step) + 1, pitch_m)
+    outside = np.argwhere(np.isnan(z))
+    if outside.size:
+        nearest = cKDTree(points[:2].T).query(outside[:, ::-1] * pitch_m)[1]
+        z[tuple(outside.T)] = points[2, nearest]
+    by_row = _refined(z.astype(np.float32), step, rows + 1)
+    return _refined(by_row.T, step, columns + 1).T
 
 
-def _triangulated(points: Floats, nodes: Floats) -> Floats:
-    from scipy.spatial import Delaunay, QhullError, cKDTree
+def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Floats:
+    """z at the nodes of a raster within the triangles of the points, else nan.
 
-    plan, z = points[:2].T, points[2]
-    heights = np.full(len(nodes), np.nan)
-    # Fewer than three points, or all on a line, span no triangle: the nearest serves.
-    with contextlib.suppress(QhullError, ValueError):
-        triangles = Delaunay(plan)
-        found = triangles.find_simplex(nodes)
-        affine = triangles.transform[found]
-        first_two = np.einsum("nij,nj->ni", affine[:, :2], nodes - affine[:, 2])
-        weights = np.column_stack([first_two, 1.0 - first_two.sum(axis=1)])
-        inside = found >= 0
-        heights[inside] = (z[triangles.simplices[found]] * weights).sum(axis=1)[inside]
-    outside = np.isnan(heights)
-    if outside.any():
-        heights[outside] = z[cKDTree(plan).query(nodes[outside])[1]]
-    return heights
+    Row by row of the raster through each triangle: scipy finds a node's triangle by a small
+    linear system for each, whose threads wait for seconds where a processor is busy.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    raster = np.full((rows, columns), np.nan)
+    try:
+        triangles = Delaunay(points[:2].T).simplices
+    except (QhullError, ValueError):
+        return raster  # Fewer than three points, or all on a line, span no triangle.
+    # Corner 0 is the southernmost, corner 2 the northernmost.
+    triangles = np.take_along_axis(triangles, np.argsort(points[1][triangles], axis=1), axis=1)
+    x, y = points[0][triangles] / pitch_m, points[1][triangles] / pitch_m
+    z = points[2][triangles]
+    (x1, x2), (y1, y2), (z1, z2) = ((c[:, 1:] - c[:, :1]).T for c in (x, y, z))
+    area = x1 * y2 - x2 * y1
+    real = np.abs(area) > 1e-9
+    x, y, z, area = x[real], y[real], z[real], area[real]
+    east = (z1 * y2 - z2 * y1)[real] / area
+    north = (x1 * z2 - x2 * z1)[real] / area
+
+    triangle, row = _steps(y[:, 0], y[:, 2], rows)
+    x, y = x[triangle], y[triangle]
+    upper = row >= y[:, 1]
+    one_side = _crossing(x[:, 0], y[:, 0], x[:, 2], y[:, 2], row)
+    other_side = np.where(
+        upper,
+        _crossing(x[:, 1], y[:, 1], x[:, 2], y[:, 2], row),
+        _crossing(x[:, 0], y[:, 0], x[:, 1], y[:, 1], row),
+    )
+    segment, column = _steps(
+        np.minimum(one_side, other_side), np.maximum(one_side, other_side), columns
+    )
+    triangle, row = triangle[segment], row[segment]
+    raster[row, column] = (
+        z[triangle, 0]
+        + east[triangle] * (column - x[segment, 0])
+        + north[triangle] * (row - y[segment, 0])
+    )
+    return raster
+
+
+def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """For each of many intervals the integers in it, of 0 to count - 1: (interval, integer)."""
+    first = np.maximum(np.ceil(low - 1e-9), 0.0).astype(np.intp)
+    last = np.minimum(np.floor(high + 1e-9), count - 1.0).astype(np.intp)
+    lengths = np.maximum(last - first + 1, 0)
+    interval = np.repeat(np.arange(lengths.size), lengths)
+    start = np.cumsum(lengths) - lengths
+    return interval, np.arange(interval.size) - start[interval] + first[interval]
+
+
+def _crossing(x0: Floats, y0: Floats, x1: Floats, y1: Floats, row: NDArray[np.intp]) -> Floats:
+    """x at which edges meet rows, from their lower ends (x0, y0) to their upper (x1, y1)."""
+    rise = y1 - y0
+    share = np.divide(row - y0, rise, out=np.zeros_like(rise), where=rise > 0.0)
+    crossing: Floats = x0 + np.clip(share, 0.0, 1.0) * (x1 - x0)
+    return crossing
 
 
 def _refined(nodes: NDArray[np.float32], step: int, count: int) -> NDArray[np.float32]:

@@ -11,19 +11,22 @@ canopy, and rays that leave on one side come back on the other.
 - *perspective*: t (1 - H/h) + C H/h, from the plot's centre.  C is the camera's position: all
   targets under one aperture.
 
-**Sheets.**  A slanted ray enters a cube through its bottom or its side and leaves through its
-side or its top.  The sheet at the face between two slices holds the cells of either; a ray that
-meets no filled cell of any sheet meets no cube, but for those of which it cuts just an edge that
-stands upright.
+**Cells.**  Within a slice of voxels a ray meets the cell at the slice's bottom, that at its top,
+and where both coordinates change between them one of the two cells beside: the one that lies
+along the axis on which the view is more oblique (perspective: along x).  So each ray meets as
+many cells as it should, for up to one cell per slice and axis, and which of the two it is
+makes no difference on average.
 
-**Shifts.**  With u = t (telecentric), or sampled on a lattice that is scaled by m = 1 - H/h once
-for all cameras (perspective, with m = 1 in the other view), a sheet is met at m (u + shift),
-shift = ⌊c H/(h m s) + ½⌋ whole targets.  So a view is an OR of shifted sheets: no ray is traced.
+**Telecentric views are shifts.**  All targets share the shift c H/h, here rounded to whole
+targets: a view is an OR of shifted slices, and no ray is traced.  Targets along x are bits of
+octets, and octets along y are neighbours in memory.  A shift along x by less than an octet is
+done once for all views that share it; all others are steps in memory, so that what is left is
+one OR of one flat stretch of memory per view and meeting.
 
-**Bits.**  64 targets along x share a word, and the words of a column of targets are neighbours in
-memory.  A shift along x is a shift of bits, done once for all views that share it; whole words
-and targets along y are steps in memory, so that what is left to do is one OR over one slice of
-memory, per view and sheet.
+**Perspective views are scaled as well.**  A ray's place along x depends on x alone, and along y
+on y: columns of voxels are picked once for all cameras of one x, then packed rows are picked for
+each.  Nothing is rounded: in a scaled lattice a rounded ray would waver about its place, and
+meet neighbours that it passes by.
 """
 
 from __future__ import annotations
@@ -109,15 +112,13 @@ class Occlusion:
             )
         lowest = int(focal_height_m / volume.voxel_m + FACE)
         self._occupied = volume.occupied[lowest:]
-        faces = np.arange(len(self._occupied) + 1)
-        height_m = np.maximum((lowest + faces) * volume.voxel_m - focal_height_m, 0.0)
-        filled = np.pad(volume.slice_densities[lowest:] > 0.0, 1)
-        kept = filled[:-1] | filled[1:]
-        self._faces = faces[kept]
-        self._scale = 1.0 - height_m[kept] / altitude_m * (view == "perspective")
-        pitch_m = volume.voxel_m / targets_per_voxel
-        self._shear = height_m[kept] / (altitude_m * pitch_m * self._scale)
+        self._filled = np.flatnonzero(volume.slice_densities[lowest:])
+        faces_m = (lowest + np.arange(len(self._occupied) + 1)) * volume.voxel_m - focal_height_m
+        # Height over altitude of the faces between slices, bottom and top included.
+        self._faces = np.maximum(faces_m, 0.0) / altitude_m
+        self._view = view
         self._per_voxel = int(targets_per_voxel)
+        self._pitch_m = volume.voxel_m / self._per_voxel
         _, rows, columns = volume.occupied.shape
         self.rows = int(rows * self._per_voxel)
         self.columns = int(columns * self._per_voxel)
@@ -153,8 +154,10 @@ class Occlusion:
         if offsets.ndim != 2 or offsets.shape[1] != 2 or not np.isfinite(offsets).all():
             raise ValueError("positions are not finite numbers of shape (N, 2)")
         masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
-        if len(offsets):
-            self._fill(masks, offsets, 0)
+        if self._view == "perspective":
+            self._perspective(masks, offsets)
+        elif len(offsets):
+            self._telecentric(masks, offsets, 0)
         ends = np.arange(8 * self._width).reshape(self._width, 8) < self.columns
         masks &= np.packbits(ends, axis=1, bitorder="little")
         return masks.reshape(len(offsets), -1).view(np.uint64)
@@ -165,57 +168,104 @@ class Occlusion:
         bits = np.unpackbits(octets.transpose(0, 2, 1), axis=2, bitorder="little")
         return bits[:, :, : self.columns].astype(np.bool_)
 
-    def _fill(self, masks: Octets, offsets: NDArray[np.float64], row: int) -> None:
-        """Set the masks, shape (views, width, rows), of the targets in a band from `row` on."""
+    def _telecentric(self, masks: Octets, offsets: NDArray[np.float64], row: int) -> None:
+        """Set masks, shape (views, width, rows), of the targets in a band from `row` on."""
         views, width, rows = masks.shape
         if rows * width > OCTETS_A_VIEW and rows > 1:
             half = rows // 2
-            self._fill(masks[:, :, :half], offsets, row)
-            self._fill(masks[:, :, half:], offsets, row + half)
+            self._telecentric(masks[:, :, :half], offsets, row)
+            self._telecentric(masks[:, :, half:], offsets, row + half)
             return
-        shifts = np.floor(offsets * self._shear[:, np.newaxis, np.newaxis] + 0.5).astype(np.intp)
-        lows = shifts.min(axis=1)
-        spans = shifts.max(axis=1) - lows
-        spare_x, spare_y = spans.max(axis=0, initial=0).tolist()
-        # With rows to spare for the largest shift, every shift is one slice of flat memory; what
+        faces = self._faces[:, np.newaxis, np.newaxis]
+        shifts = np.floor(offsets * faces / self._pitch_m + 0.5).astype(np.intp)
+        low = shifts.min(axis=(0, 1))
+        shifts -= low
+        span_x, span_y = shifts.max(axis=(0, 1)).tolist()
+        # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
         # it drags along beyond the band's own rows is thrown away in the end.
-        stride = rows + spare_y
-        if (views + 1) * (width + spare_x // 8) * stride > OCTETS_AT_ONCE and views > 1:
+        stride = rows + span_y
+        octets = width + span_x // 8 + 1
+        if (views + 1) * octets * stride > OCTETS_AT_ONCE and views > 1:
             half = views // 2
-            self._fill(masks[:half], offsets[:half], row)
-            self._fill(masks[half:], offsets[half:], row)
+            self._telecentric(masks[:half], offsets[:half], row)
+            self._telecentric(masks[half:], offsets[half:], row)
             return
         size = (width - 1) * stride + rows
         hidden = np.zeros((views, width * stride), dtype=np.uint8)
-        targets = [mask[:size] for mask in hidden]
-        for sheet, low in enumerate(lows):
-            octets = int(spans[sheet, 0]) // 8 + width + 1
-            tile = self._tile(sheet, int(low[0]), int(low[1]) + row, octets, stride)
+        hits = [mask[:size] for mask in hidden]
+        steps = _meetings(shifts, np.abs(offsets[:, 0]) >= np.abs(offsets[:, 1]))
+        places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
+        x = (low[0] + np.arange(8 * octets)) // self._per_voxel
+        y = (low[1] + row + np.arange(stride)) // self._per_voxel
+        used = np.arange(y[0], y[-1] + 1)
+        for level in self._filled:
+            near = self._occupied[level].take(used, axis=0, mode="wrap")
+            packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
+            tile = packed.take(y - y[0], axis=0).ravel(order="F")
             phases: dict[int, Octets] = {0: tile}
-            for (x, y), hit in zip((shifts[sheet] - low).tolist(), targets, strict=True):
-                octet, bit = divmod(x, 8)
-                if bit not in phases:
-                    phases[bit] = _advanced(tile, stride, bit)
-                start = octet * stride + y
-                np.bitwise_or(hit, phases[bit][start : start + size], out=hit)
+            for met, hit in zip(places[level].tolist(), hits, strict=True):
+                for place in set(met):
+                    start, bit = divmod(place, 8)
+                    if bit not in phases:
+                        phases[bit] = _advanced(tile, stride, bit)
+                    np.bitwise_or(hit, phases[bit][start : start + size], out=hit)
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
 
-    def _tile(self, sheet: int, low_x: int, low_y: int, width: int, rows: int) -> Octets:
-        """A sheet on the lattice of targets from (low_x, low_y) on, flat from (width, rows)."""
-        face, scale = self._faces[sheet], self._scale[sheet]
-        slices = self._occupied[max(face - 1, 0) : face + 1]
-        x = self._voxels(low_x, 8 * width, self.columns, scale)
-        y = self._voxels(low_y, rows, self.rows, scale)
-        used = np.arange(y[0], y[-1] + 1)
-        plane = slices.take(used, axis=1, mode="wrap").any(axis=0).take(x, axis=1, mode="wrap")
-        octets: Octets = np.packbits(plane, axis=1, bitorder="little").take(y - y[0], axis=0)
-        return octets.ravel(order="F")
+    def _perspective(self, masks: Octets, positions: NDArray[np.float64]) -> None:
+        """Set masks, shape (views, width, rows)."""
+        x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
+        y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
+        abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
+        hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
+        for face in np.union1d(self._filled, self._filled + 1):
+            below = _shifted_columns(self._occupied[max(face - 1, 0) : face + 1].any(axis=0))
+            above = _shifted_columns(self._occupied[face : face + 1].any(axis=0))
+            x = self._voxels(x_m, face, self.columns, 8 * self._width)
+            x_next = self._voxels(x_m, min(face + 1, len(self._occupied)), self.columns, 8 * self._width)
+            y = self._voxels(y_m, face, self.rows, self.rows)
+            for views, here, there in zip(abreast, x, x_next, strict=True):
+                met = _picked(below, here) | _picked(above, there)
+                packed = np.ascontiguousarray(met.T)
+                for view in views:
+                    hidden[view] |= packed.take(y[y_of[view]], axis=0)
+        masks[...] = hidden.transpose(0, 2, 1)
 
-    def _voxels(self, low: int, count: int, across: int, scale: float) -> NDArray[np.intp]:
-        """Voxels, not wrapped, below targets low … low + count - 1 of a side `across` targets long."""
-        centre = 0.5 * across
-        cells = (np.arange(low, low + count) + (0.5 - centre)) * scale + centre
-        return np.floor(cells / self._per_voxel).astype(np.intp)
+    def _voxels(
+        self, camera_m: NDArray[np.float64], face: int, across: int, count: int
+    ) -> NDArray[np.intp]:
+        """Voxels that rays to targets 0 … count - 1 meet at a face, along an axis `across` long."""
+        target = (np.arange(count) + (0.5 - 0.5 * across)) * (1.0 - self._faces[face])
+        camera = camera_m * (self._faces[face] / self._pitch_m) + 0.5 * across
+        place = np.floor((target + camera[:, np.newaxis]) / self._per_voxel)
+        return place.astype(np.int32) % (across // self._per_voxel)
+
+
+def _shifted_columns(plane: NDArray[np.bool_]) -> Octets:
+    """Columns of a plane as each of the bits of octets, shape (8, columns, rows)."""
+    bits = np.uint8(1) << np.arange(8, dtype=np.uint8)
+    return plane.T * bits[:, np.newaxis, np.newaxis]
+
+
+def _picked(shifted: Octets, columns: NDArray[np.intp]) -> Octets:
+    """Columns of a plane, eight by eight in the bits of octets, shape (width, rows)."""
+    _, count, rows = shifted.shape
+    places = columns.reshape(-1, 8) + np.arange(8) * count
+    return np.bitwise_or.reduce(shifted.reshape(-1, rows).take(places, axis=0), axis=1)
+
+
+def _meetings(shifts: NDArray[np.intp], x_first: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Shifts at which views meet each slice, shape (slices, views, 3, 2), from those at faces."""
+    bottom, top = shifts[:-1], shifts[1:]
+    beside = np.where(x_first[:, np.newaxis] == (True, False), top, bottom)
+    return np.stack([bottom, beside, top], axis=2)
+
+
+def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
+    """A flat tile whose targets have moved 1 to 7 places towards x = 0; its last octets are lost."""
+    moved = tile[:-stride] >> np.uint8(bit)
+    # As fast as the other operations on octets, which a shift to the left is not.
+    moved |= tile[stride:] * np.uint8(1 << (8 - bit))
+    return moved
 
 
 def popcount(words: Words) -> NDArray[np.int64]:
@@ -273,11 +323,3 @@ def joint_counts(masks: Words) -> NDArray[np.int64]:
         bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
         counts += (bits @ bits.T).astype(np.int64)
     return counts
-
-
-def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
-    """A flat tile whose targets have moved 1 to 7 places towards x = 0; its last octets are lost."""
-    moved = tile[:-stride] >> np.uint8(bit)
-    # As fast as the other operations on octets, which a shift to the left is not.
-    moved |= tile[stride:] * np.uint8(1 << (8 - bit))
-    return moved

@@ -17,6 +17,9 @@ from aosplan.problem import OBJECTIVES
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+VIEWS = ("telecentric", "perspective")
+"""Targets of the measured model: each below its own aperture, or all below one."""
+
 GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
@@ -203,11 +206,18 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             f"Visibility model: {', '.join(MODELS)}.  [by scene]",
         ),
         (
+            "view",
+            q.one_of(VIEWS),
+            "text",
+            "KIND",
+            f"Measured model: {' or '.join(VIEWS)}.  [telecentric]",
+        ),
+        (
             "optimize",
             q.one_of(OBJECTIVES),
             "text",
             "WHAT",
-            f"What is minimised: {', '.join(OBJECTIVES)}.  [samples]",
+            f"Objective: {', '.join(OBJECTIVES)}.  [samples]",
         ),
         ("max_aperture", _length, "number", "M", "Bound on the longer side of the grid."),
         ("max_samples", q.whole, "whole", "N", "Bound on the number of samples."),

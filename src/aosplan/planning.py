@@ -24,6 +24,10 @@ if TYPE_CHECKING:
     from aosplan.models import VisibilityModel
     from aosplan.request import PlanRequest
     from aosplan.scene import Scene
+    from aosplan.voxels import VoxelVolume
+
+MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
+"""The smallest model that fits a kind of scene."""
 
 
 @dataclass(frozen=True)
@@ -157,10 +161,11 @@ def plan(
     """
     camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
-    scene, kind, notices, _ = scene_of(request, folder=folder, progress=progress)
+    scene, kind, notices, volume = scene_of(request, folder=folder, progress=progress)
     above = scene.above(request.focal_height)
     density = above.integrated_density if above is not None else 0.0
-    model_name = request.model or ("layered" if kind == "layered" else "uniform")
+    model_name = request.model or MODEL_OF[kind]
+    _check_model(model_name, kind, request)
     if above is None or density == 0.0:
         coverage, solution = None, _clear_view(request)
     else:
@@ -169,8 +174,12 @@ def plan(
         coverage = coverage_baseline(
             above.slabs(), altitude, camera.focal_length_px, request.coverage
         )
-        model = _model(model_name, above, altitude, camera, coverage)
-        solution = solve(_problem(request, model))
+        if model_name == "measured":
+            assert volume is not None  # the model was checked against the kind of scene
+            solution = solve(_measured_problem(request, volume, altitude))
+        else:
+            model = _model(model_name, above, altitude, camera, coverage)
+            solution = solve(_problem(request, model))
     return Plan(
         request=_completed(request, model_name, kind),
         scene=scene,
@@ -235,6 +244,34 @@ def _model(
     return LayeredModel(above.slices(), altitude_m, camera.focal_length_px)
 
 
+def _check_model(name: str, kind: str, request: PlanRequest) -> None:
+    if name == "measured" and kind != "cloud":
+        raise RequestError(
+            "--model measured needs the voxels of a point cloud",
+            "give --scene FILE.laz, or another --model",
+        )
+    if request.view is not None and name != "measured":
+        raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
+
+
+def _measured_problem(request: PlanRequest, volume: VoxelVolume, altitude_m: float) -> Problem:
+    from aosplan.models.correlogram import CorrelogramModel, correlogram
+    from aosplan.models.measured import MeasuredModel
+
+    model = MeasuredModel(
+        volume,
+        altitude_m,
+        heading_deg=request.heading,
+        view="perspective" if request.view == "perspective" else "telecentric",
+        focal_height_m=request.focal_height,
+    )
+    problem = _problem(request, model)
+    if model.view == "perspective" or None not in (request.baseline, request.samples):
+        return problem  # the correlogram is telecentric; and with both fixed nothing is searched
+    table = correlogram(volume, focal_height_m=request.focal_height)
+    return problem._replace(sketch=CorrelogramModel(table, altitude_m, heading_deg=request.heading))
+
+
 def _problem(request: PlanRequest, model: VisibilityModel) -> Problem:
     return Problem(
         model=model,
@@ -271,6 +308,8 @@ def _clear_view(request: PlanRequest) -> Solution:
 def _completed(request: PlanRequest, model: str, kind: str) -> PlanRequest:
     """The request with the defaults that depend on its scene."""
     filled: dict[str, Any] = {"model": model}
+    if model == "measured":
+        filled["view"] = request.view or "telecentric"
     if kind == "cloud":
         filled["voxel"] = request.voxel or 0.25
         filled["ground"] = request.ground or "auto"

@@ -13,8 +13,8 @@ from aosplan.roots import smallest, smallest_whole
 if TYPE_CHECKING:
     from aosplan.models import Prediction, VisibilityModel
 
-OBJECTIVES = ("samples", "aperture", "time")
-"""What a plan may minimise."""
+OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast")
+"""What a plan may minimise, or, the last two, maximise."""
 
 TOLERANCE = 1e-12
 """Relative tolerance on the shortfall when samples are counted."""
@@ -28,6 +28,10 @@ class Requirement(NamedTuple):
 
     quantity: str
     target: Fraction
+
+    def value_of(self, prediction: Prediction) -> float:
+        """What a prediction reaches of this quantity."""
+        return prediction.normalized if self.quantity == "normalized" else prediction.expected
 
     @property
     def symbol(self) -> str:
@@ -111,7 +115,10 @@ class Solution(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective."""
+    """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
+
+    `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.
+    """
 
     model: VisibilityModel
     requirement: Requirement
@@ -119,6 +126,7 @@ class Problem(NamedTuple):
     bounds: Bounds = Bounds()
     objective: str = "samples"
     timing: Timing = Timing()
+    sketch: VisibilityModel | None = None
 
     def meets(self, pattern: Pattern, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
         """Whether a pattern at a baseline reaches the target."""
@@ -130,9 +138,13 @@ class Problem(NamedTuple):
         Beyond it nothing is gained, or the bound on the aperture is broken.
         """
         cap = self.model.independent_baseline_m
-        if self.bounds.max_aperture_m is not None and side > 0.0:
-            cap = min(cap, self.bounds.max_aperture_m / side)
-        return cap
+        return min(cap, self.widest_aperture_m / side) if side > 0.0 else cap
+
+    @property
+    def widest_aperture_m(self) -> float:
+        """Largest extent that the bounds, and what is known of the scene, allow."""
+        bound = self.bounds.max_aperture_m
+        return min(math.inf if bound is None else bound, self.model.widest_aperture_m)
 
     def smallest_baseline_m(self, pattern: Pattern) -> float | None:
         """Smallest baseline at which a pattern meets the target; None where none within bounds."""

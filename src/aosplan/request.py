@@ -76,6 +76,7 @@ class PlanRequest:
     image_height: int | None = None
     coverage: float = 0.98
     model: str | None = None
+    view: str | None = None
     optimize: str = "samples"
     max_aperture: float | None = None
     max_samples: int | None = None

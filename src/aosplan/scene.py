@@ -17,6 +17,9 @@ from typing import NamedTuple
 from aosplan.errors import RequestError
 from aosplan.models.equations import integrated_density, transparency
 
+SMALLEST_M, LARGEST_M = 1e-9, 1e9
+"""No length of a scene is outside, so that products of several stay numbers."""
+
 MOST_SLICES = 100_000
 """Slices that a uniform volume may be cut into."""
 
@@ -211,6 +214,10 @@ class LayeredScene:
             previous_top = layer.top_m
         if self.measured_density is not None:
             _check_share(self.measured_density, "integrated_density", where)
+            if self.measured_density > 0.0 and not any(layer.density for layer in self.layers):
+                raise RequestError(
+                    f"{where}: integrated_density {self.measured_density:g}, but every layer is empty"
+                )
         if self.voxel_m is not None:
             _check_positive(self.voxel_m, "voxel_m", where)
 
@@ -298,10 +305,12 @@ def _check_share(value: float, name: str, where: str) -> None:
 
 
 def _check_positive(value: float, name: str, where: str) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise RequestError(f"{where}: {name} {value:g} is not a positive number")
+    if not SMALLEST_M <= value <= LARGEST_M:
+        raise RequestError(
+            f"{where}: {name} {value:g} is not a number between {SMALLEST_M:g} and {LARGEST_M:g}"
+        )
 
 
 def _check_at_least_zero(value: float, name: str, where: str) -> None:
-    if not (math.isfinite(value) and value >= 0.0):
-        raise RequestError(f"{where}: {name} {value:g} is not zero or above")
+    if not 0.0 <= value <= LARGEST_M:
+        raise RequestError(f"{where}: {name} {value:g} is not between 0 and {LARGEST_M:g}")

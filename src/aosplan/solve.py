@@ -8,20 +8,19 @@ evaluates no pattern that cannot be the answer.
 
 from __future__ import annotations
 
-import math
 from itertools import count, takewhile
 from typing import TYPE_CHECKING
 
+from aosplan.answer import rounded_up, solution_of, value_text
 from aosplan.errors import InfeasibleError
 from aosplan.flight import Path, Timing, path_of
 from aosplan.pattern import MOST_SITES, Frame, Pattern, check_size
-from aosplan.problem import TOLERANCE, Bounds, Limit, Problem, Solution
+from aosplan.problem import TOLERANCE, Bounds, Problem, Solution
 from aosplan.roots import smallest, smallest_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.models import Prediction
 
 APERTURE_SLACK = 1.01
 """How far the least aperture may be exceeded to save samples."""
@@ -41,6 +40,10 @@ def solve(problem: Problem) -> Solution:
         Where the answer has more sites than one plan may have.
     """
     bounds = problem.bounds
+    if not problem.model.rises_with_baseline or problem.objective in ("visibility", "contrast"):
+        from aosplan.search import search
+
+        return search(problem)
     if bounds.baseline_m is not None and bounds.samples is not None:
         return _solution(problem, problem.grid.pattern(bounds.samples), bounds.baseline_m)
     if bounds.max_samples is None:
@@ -91,7 +94,7 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
             f"{problem.requirement} at --baseline {baseline_m:g} needs {needed} samples, more than "
             f"{'one plan may have' if bounds.max_samples is None else 'allowed'}",
             f"neighbours share no occluder from --baseline "
-            f"{_rounded_up(problem.model.independent_baseline_m)} on, where "
+            f"{rounded_up(problem.model.independent_baseline_m)} on, where "
             f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
         )
     pattern = problem.grid.pattern(samples)
@@ -113,7 +116,7 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
     if not problem.requirement.is_met(prediction):
         raise InfeasibleError(
             f"{problem.requirement} is out of reach with --samples {samples}: at most "
-            f"{_value_text(problem, prediction)}, {widest:.4g} m apart",
+            f"{value_text(problem, prediction)}, {widest:.4g} m apart",
             f"it takes at least {_fewest_independent(problem)} samples; with --baseline given as "
             "well, the plan is evaluated as it is",
         )
@@ -257,72 +260,9 @@ def _preferred_baseline_m(problem: Problem, pattern: Pattern) -> float:
 
 
 def _solution(problem: Problem, pattern: Pattern, baseline_m: float) -> Solution:
-    prediction = problem.model.predict(pattern, baseline_m)
     trimmed = problem.grid._replace(name="trimmed")
     counted = problem if problem.grid.name in ("line", "lanes") else problem._replace(grid=trimmed)
-    required = fewest_at(counted, baseline_m)
-    return Solution(
-        pattern=pattern,
-        baseline_m=baseline_m,
-        prediction=prediction,
-        samples_required=required,
-        limits=tuple(_limits(problem, pattern, baseline_m, prediction)),
-        met=problem.requirement.is_met(prediction),
-    )
-
-
-def _limits(
-    problem: Problem, pattern: Pattern, baseline_m: float, prediction: Prediction
-) -> Iterator[Limit]:
-    bounds, requirement, model = problem.bounds, problem.requirement, problem.model
-    extent = pattern.longer_side * baseline_m
-    if bounds.baseline_m is not None:
-        yield Limit("baseline_m", baseline_m, bounds.baseline_m, "the baseline is fixed")
-    elif bounds.max_aperture_m is not None and extent >= bounds.max_aperture_m * (1 - 1e-9):
-        yield Limit(
-            "extent_m",
-            extent,
-            bounds.max_aperture_m,
-            "the baseline is as wide as --max-aperture lets it be",
-        )
-    elif baseline_m >= model.independent_baseline_m * (1 - 1e-9):
-        yield Limit(
-            "baseline_m",
-            baseline_m,
-            model.independent_baseline_m,
-            "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
-        )
-    else:
-        yield Limit(
-            "baseline_m",
-            baseline_m,
-            baseline_m,
-            f"the smallest baseline at which {pattern.samples} samples reach {requirement}",
-        )
-    if bounds.samples is not None:
-        yield Limit("samples", pattern.samples, bounds.samples, "the number of samples is fixed")
-    elif bounds.max_samples is not None and pattern.samples >= bounds.max_samples:
-        yield Limit(
-            "samples",
-            pattern.samples,
-            bounds.max_samples,
-            "as many samples as --max-samples allows",
-        )
-    else:
-        reached = (
-            prediction.normalized if requirement.quantity == "normalized" else prediction.expected
-        )
-        message = {
-            "samples": "the fewest samples",
-            "aperture": "the fewest samples within 1 % of the least aperture",
-            "time": "the number of samples that takes the least time",
-        }[problem.objective]
-        yield Limit(
-            requirement.quantity,
-            reached,
-            float(requirement.target),
-            f"{message} with {requirement}",
-        )
+    return solution_of(problem, pattern, baseline_m, fewest_at(counted, baseline_m))
 
 
 def _out_of_reach(problem: Problem) -> InfeasibleError:
@@ -363,7 +303,7 @@ def _best_within(problem: Problem) -> str:
         return "nothing, for not one grid of this kind is as small"
     prediction, pattern, baseline = best
     return (
-        f"{_value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"
+        f"{value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"
     )
 
 
@@ -374,20 +314,4 @@ def _remedy(problem: Problem) -> str:
     if solution is None:
         return "ask for less, or allow more samples"
     extent = solution.pattern.longer_side * solution.baseline_m
-    return (
-        f"--max-aperture {_rounded_up(extent)} is enough, with {solution.pattern.samples} samples"
-    )
-
-
-def _rounded_up(value: float) -> str:
-    """A number as text of four digits that is not below it."""
-    if not 0.0 < value < math.inf:
-        return f"{value:g}"
-    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
-    return f"{math.ceil(value / unit * (1.0 + 1e-12)) * unit:.4g}"
-
-
-def _value_text(problem: Problem, prediction: Prediction) -> str:
-    if problem.requirement.quantity == "normalized":
-        return f"V̂ = {prediction.normalized:.4g}"
-    return f"V = {prediction.expected:.4g}"
+    return f"--max-aperture {rounded_up(extent)} is enough, with {solution.pattern.samples} samples"

@@ -48,7 +48,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "target": float(requirement.target),
             "target_quantity": requirement.quantity,
             "model": plan.model,
-            "view": None,
+            "view": plan.request.view,
         },
         "disparity": disparity_document(plan),
         "camera": {

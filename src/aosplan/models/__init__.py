@@ -6,6 +6,7 @@ baseline.  Everything else follows from those in `Prediction`, the same for ever
 
 - `aosplan.models.uniform`: one volume of occluders of one kind, the paper's model.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
+- `aosplan.models.measured`: the voxels of a stand themselves.
 
 Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the paper, and
 `aosplan.models.sites`, the shortfall of any set of positions, on a lattice or scattered.
@@ -19,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 if TYPE_CHECKING:
     from aosplan.pattern import Pattern
 
-MODELS = ("uniform", "layered")
+MODELS = ("uniform", "layered", "measured")
 """Visibility models by name."""
 
 
@@ -90,6 +91,14 @@ class VisibilityModel(Protocol):
     @property
     def independent_baseline_m(self) -> float:
         """Baseline from which neighbouring samples share no occluder: K = 1/N; may be inf."""
+
+    @property
+    def widest_aperture_m(self) -> float:
+        """Largest extent [m] of which the scene can tell something; inf where any."""
+
+    @property
+    def rises_with_baseline(self) -> bool:
+        """Whether V̂ and V never fall as the baseline grows."""
 
     @property
     def rule_baseline_m(self) -> float | None:

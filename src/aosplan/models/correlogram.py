@@ -207,6 +207,7 @@ class CorrelogramModel:
 
     name = "correlogram"
     rule_baseline_m = None
+    rises_with_baseline = False
 
     def __init__(
         self, correlogram: Correlogram, altitude_m: float, *, heading_deg: float = 0.0
@@ -229,6 +230,11 @@ class CorrelogramModel:
     def independent_baseline_m(self) -> float:
         """Widest distance [m] between two views of which the plot can tell something."""
         return self.correlogram.reach * self.altitude_m
+
+    @property
+    def widest_aperture_m(self) -> float:
+        """The same distance."""
+        return self.independent_baseline_m
 
     def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.

@@ -50,6 +50,8 @@ class LayeredModel:
 
     name = "layered"
     rule_baseline_m = None
+    widest_aperture_m = math.inf
+    rises_with_baseline = True
 
     def __init__(
         self, layers: Sequence[Layer], altitude_m: float, focal_length_px: float | None = None

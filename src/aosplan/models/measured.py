@@ -66,6 +66,7 @@ class MeasuredModel:
 
     name = "measured"
     rule_baseline_m = None
+    rises_with_baseline = False
 
     def __init__(
         self,
@@ -113,6 +114,11 @@ class MeasuredModel:
         There their rays are half a plot apart at the canopy's top; farther, the wrapped plot
         brings them together again.  It bounds the aperture, and so any baseline.
         """
+        return self._widest_m
+
+    @property
+    def widest_aperture_m(self) -> float:
+        """The same distance: no two sites of a grid are to be farther apart along an axis."""
         return self._widest_m
 
     def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.models import Prediction
@@ -31,6 +32,16 @@ class UniformModel(NamedTuple):
     def independent_baseline_m(self) -> float:
         """Baseline from which K = 1/N."""
         return self.unit_baseline_m
+
+    @property
+    def widest_aperture_m(self) -> float:
+        """Any aperture will do."""
+        return math.inf
+
+    @property
+    def rises_with_baseline(self) -> bool:
+        """V̂ never falls as the baseline grows."""
+        return True
 
     @property
     def rule_baseline_m(self) -> float | None:

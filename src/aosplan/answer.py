@@ -1,0 +1,117 @@
+"""Answers: a solution with what bound it, and values as messages show them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from aosplan.problem import Limit, Problem, Solution
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.models import Prediction
+    from aosplan.pattern import Pattern
+
+
+BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
+"""What the objectives that are maximised look for."""
+
+
+def solution_of(
+    problem: Problem, pattern: Pattern, baseline_m: float, samples_required: int | None
+) -> Solution:
+    """The solution of a pattern at a baseline, with what bound it."""
+    prediction = problem.model.predict(pattern, baseline_m)
+    return Solution(
+        pattern=pattern,
+        baseline_m=baseline_m,
+        prediction=prediction,
+        samples_required=samples_required,
+        limits=tuple(_limits(problem, pattern, baseline_m, prediction)),
+        met=problem.requirement.is_met(prediction),
+    )
+
+
+def _limits(
+    problem: Problem, pattern: Pattern, baseline_m: float, prediction: Prediction
+) -> Iterator[Limit]:
+    bounds, requirement, model = problem.bounds, problem.requirement, problem.model
+    extent = pattern.longer_side * baseline_m
+    if bounds.baseline_m is not None:
+        yield Limit("baseline_m", baseline_m, bounds.baseline_m, "the baseline is fixed")
+    elif bounds.max_aperture_m is not None and extent >= bounds.max_aperture_m * (1 - 1e-9):
+        yield Limit(
+            "extent_m",
+            extent,
+            bounds.max_aperture_m,
+            "the baseline is as wide as --max-aperture lets it be",
+        )
+    elif extent >= model.widest_aperture_m * (1 - 1e-9):
+        yield Limit(
+            "extent_m",
+            extent,
+            model.widest_aperture_m,
+            "the plot that was scanned tells nothing of a larger aperture",
+        )
+    elif baseline_m >= model.independent_baseline_m * (1 - 1e-9):
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            model.independent_baseline_m,
+            "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
+        )
+    elif problem.objective in BEST:
+        yield Limit(
+            "baseline_m", baseline_m, baseline_m, f"the baseline of {BEST[problem.objective]}"
+        )
+    else:
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            baseline_m,
+            f"the smallest baseline at which {pattern.samples} samples reach {requirement}",
+        )
+    if bounds.samples is not None:
+        yield Limit("samples", pattern.samples, bounds.samples, "the number of samples is fixed")
+    elif bounds.max_samples is not None and pattern.samples >= bounds.max_samples:
+        yield Limit(
+            "samples",
+            pattern.samples,
+            bounds.max_samples,
+            "as many samples as --max-samples allows",
+        )
+    elif problem.objective in BEST:
+        value = prediction.contrast if problem.objective == "contrast" else prediction.expected
+        yield Limit(
+            problem.objective,
+            value,
+            value,
+            f"the fewest samples near {BEST[problem.objective]}",
+        )
+    else:
+        message = {
+            "samples": "the fewest samples",
+            "aperture": "the fewest samples within 1 % of the least aperture",
+            "time": "the number of samples that takes the least time",
+        }[problem.objective]
+        yield Limit(
+            requirement.quantity,
+            requirement.value_of(prediction),
+            float(requirement.target),
+            f"{message} with {requirement}",
+        )
+
+
+def value_text(problem: Problem, prediction: Prediction) -> str:
+    """What a prediction reaches of the wanted quantity."""
+    requirement = problem.requirement
+    return f"{requirement.symbol} = {requirement.value_of(prediction):.4g}"
+
+
+def rounded_up(value: float) -> str:
+    """A number as text of four digits that is not below it."""
+    if not 0.0 < value < math.inf:
+        return f"{value:g}"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.ceil(value / unit * (1.0 + 1e-12)) * unit:.4g}"
