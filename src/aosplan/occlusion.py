@@ -218,39 +218,45 @@ class Occlusion:
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
         hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
         for face in np.union1d(self._filled, self._filled + 1):
-            below = _shifted_columns(self._occupied[max(face - 1, 0) : face + 1].any(axis=0))
-            above = _shifted_columns(self._occupied[face : face + 1].any(axis=0))
-            x = self._voxels(x_m, face, self.columns, 8 * self._width)
-            x_next = self._voxels(x_m, min(face + 1, len(self._occupied)), self.columns, 8 * self._width)
-            y = self._voxels(y_m, face, self.rows, self.rows)
-            for views, here, there in zip(abreast, x, x_next, strict=True):
-                met = _picked(below, here) | _picked(above, there)
-                packed = np.ascontiguousarray(met.T)
+            above = self._occupied[face : face + 1].any(axis=0)
+            around = above | self._occupied[face - 1] if face else above
+            x = self._voxels(face, x_m, self.columns, 8 * self._width)
+            x_beside = self._voxels(face + 1, x_m, self.columns, 8 * self._width)
+            y = self._voxels(face, y_m, self.rows, self.rows)
+            above_bits, around_bits = _column_bits(above), _column_bits(around)
+            for views, met, beside in zip(abreast, x, x_beside, strict=True):
+                octets = _picked(around_bits, met) | _picked(above_bits, beside)
+                rows = np.ascontiguousarray(octets.T)
                 for view in views:
-                    hidden[view] |= packed.take(y[y_of[view]], axis=0)
+                    hidden[view] |= rows.take(y[y_of[view]], axis=0)
         masks[...] = hidden.transpose(0, 2, 1)
 
     def _voxels(
-        self, camera_m: NDArray[np.float64], face: int, across: int, count: int
-    ) -> NDArray[np.intp]:
-        """Voxels that rays to targets 0 … count - 1 meet at a face, along an axis `across` long."""
-        target = (np.arange(count) + (0.5 - 0.5 * across)) * (1.0 - self._faces[face])
-        camera = camera_m * (self._faces[face] / self._pitch_m) + 0.5 * across
+        self, face: int, camera_m: NDArray[np.float64], across: int, count: int
+    ) -> NDArray[np.int32]:
+        """Voxels met at a face along an axis `across` targets long, shape (cameras, count).
+
+        Where there is no such face, nothing is met, wherever that is.
+        """
+        height = self._faces[min(face, len(self._faces) - 1)]
+        target = (np.arange(count) + (0.5 - 0.5 * across)) * (1.0 - height)
+        camera = camera_m * (height / self._pitch_m) + 0.5 * across
         place = np.floor((target + camera[:, np.newaxis]) / self._per_voxel)
         return place.astype(np.int32) % (across // self._per_voxel)
 
 
-def _shifted_columns(plane: NDArray[np.bool_]) -> Octets:
-    """Columns of a plane as each of the bits of octets, shape (8, columns, rows)."""
+def _column_bits(plane: NDArray[np.bool_]) -> Octets:
+    """Columns of a plane, moved to each of the bits of octets: shape (8, columns, rows)."""
     bits = np.uint8(1) << np.arange(8, dtype=np.uint8)
-    return plane.T * bits[:, np.newaxis, np.newaxis]
+    return np.ascontiguousarray(plane.T).view(np.uint8) * bits[:, np.newaxis, np.newaxis]
 
 
-def _picked(shifted: Octets, columns: NDArray[np.intp]) -> Octets:
-    """Columns of a plane, eight by eight in the bits of octets, shape (width, rows)."""
-    _, count, rows = shifted.shape
-    places = columns.reshape(-1, 8) + np.arange(8) * count
-    return np.bitwise_or.reduce(shifted.reshape(-1, rows).take(places, axis=0), axis=1)
+def _picked(column_bits: Octets, columns: NDArray[np.int32]) -> Octets:
+    """Columns of a plane that targets lie below, eight to an octet: shape (width, rows)."""
+    _, count, rows = column_bits.shape
+    places = columns.reshape(-1, 8) + count * np.arange(8)
+    picked: Octets = column_bits.reshape(-1, rows).take(places, axis=0)
+    return np.bitwise_or.reduce(picked, axis=1)
 
 
 def _meetings(shifts: NDArray[np.intp], x_first: NDArray[np.bool_]) -> NDArray[np.intp]:
