@@ -179,7 +179,7 @@ def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
 
 
 def _write_beside(path: str, content: bytes) -> str:
-    folder = os.path.dirname(path) or "."
+    folder = os.path.dirname(_target(path))
     temporary = ""
     try:
         handle, temporary = tempfile.mkstemp(prefix=".aosplan-", dir=folder)
@@ -198,6 +198,11 @@ def _write_beside(path: str, content: bytes) -> str:
     return temporary
 
 
+def _target(path: str) -> str:
+    """What is written: a link stays, and what it points to is replaced."""
+    return os.path.realpath(path)
+
+
 def _place(temporary: str, path: str, *, force: bool) -> str | None:
     """Give a file its name; the name under which an earlier file is kept, None if there was none."""
     if not os.path.lexists(path):
@@ -208,8 +213,8 @@ def _place(temporary: str, path: str, *, force: bool) -> str | None:
         raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
     try:
         if earlier is not None:
-            os.replace(path, earlier)
-        os.replace(temporary, path)
+            os.replace(_target(path), earlier)
+        os.replace(temporary, _target(path))
     except OSError as error:
         _restore(path, earlier)
         raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
@@ -218,9 +223,9 @@ def _place(temporary: str, path: str, *, force: bool) -> str | None:
 
 def _restore(path: str, earlier: str | None) -> None:
     if earlier is None:
-        _remove(path)
+        _remove(_target(path))
     elif os.path.lexists(earlier):
-        os.replace(earlier, path)
+        os.replace(earlier, _target(path))
 
 
 def _remove(path: str) -> None:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 APERTURE_SLACK = 1.01
 """How far the least aperture may be exceeded to save samples."""
 
+SEARCHED_FRAMES = 2000
+"""Frames that a search looks at: squares of up to a million samples, lines of some thousand."""
+
 SEARCHED_SAMPLES = 400
 """Samples up to which the objectives search that would add samples without end."""
 
@@ -174,9 +177,17 @@ def _least_time(problem: Problem) -> Solution:
     best: tuple[float, Pattern, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
-        for samples in range(_lower_bound(problem, frame, most), most + 1):
-            if best is not None and samples * timing.hold_s >= best[0]:
-                return _solution(problem, best[1], best[2])
+        fewest = _lower_bound(problem, frame, most)
+        if best is not None:
+            if fewest * timing.hold_s >= best[0]:
+                break
+            # No leg is shorter than a baseline, and no pattern of the frame needs less than its
+            # fullest: one look there tells whether any of them can be faster.
+            shortest = Path(((1.0, fewest - 1),), fewest)
+            allowed = _widest_within(shortest, timing, best[0], problem.widest_m(frame.side))
+            if allowed is None or not problem.meets(frame.pattern(most), allowed):
+                continue
+        for samples in range(fewest, most + 1):
             pattern = frame.pattern(samples)
             path = path_of(pattern)
             if best is not None:
@@ -208,7 +219,8 @@ def _candidate_frames(problem: Problem) -> Iterator[Frame]:
     """Frames from the first that could meet the target to the most samples allowed."""
     grid = problem.grid
     most = _most_samples(problem)
-    for index in count(grid.index_of(_fewest_independent(problem))):
+    first = grid.index_of(_fewest_independent(problem))
+    for index in range(first, first + SEARCHED_FRAMES):
         frame = grid.frame(index)
         if frame.fewest > most:
             return
@@ -300,7 +312,7 @@ def _best_within(problem: Problem) -> str:
     )
     best = min(reachable, key=lambda found: found[0].shortfall, default=None)
     if best is None:
-        return "nothing, for not one grid of this kind is as small"
+        return "nothing, for no grid of this kind has so few samples"
     prediction, pattern, baseline = best
     return (
         f"{value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"

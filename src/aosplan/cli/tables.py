@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from aosplan.answer import BEST
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -64,12 +66,12 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     x, y = plan.extent_m
     yield "Aperture", f"a = {plan.aperture_m:.1f} m (grid {x:.1f} x {y:.1f} m)"
     if prediction.density > 0.0:
-        target = "V̂" if request.visibility is None else "V"
+        symbol = "V̂" if request.visibility is None else "V"
         wanted = request.vhat if request.visibility is None else request.visibility
+        target = "" if request.optimize in BEST else f" (target {symbol} = {wanted})"
         yield (
             "Visibility",
-            f"V̂ = {_percent(prediction.normalized)}, V = {_percent(prediction.expected)} "
-            f"(target {target} = {wanted})",
+            f"V̂ = {_percent(prediction.normalized)}, V = {_percent(prediction.expected)}{target}",
         )
         contrast = prediction.contrast
         yield (

@@ -48,7 +48,9 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
     """
     known = formats()
     prefix, colon, rest = path.partition(":")
-    if name is None and colon and prefix in known:
+    if colon and prefix in known:
+        if name not in (None, prefix):
+            raise RequestError(f"output '{path}' and --format {name} contradict each other")
         name, path = prefix, rest
     if not path:
         raise RequestError("output '' is not a file name")
