@@ -183,6 +183,25 @@ def test_v_and_vhat_and_their_complements_are_within_8_ulp_of_exact_arithmetic(d
         assert exact.ulps(value, reference) <= ULPS
 
 
+@pytest.mark.parametrize(
+    ("density", "side", "dhat"),
+    [
+        (7.379400928050507e-05, 73, 0.014758059876807398),
+        (0.0004411080086249292, 127_459, 1.1727738064907312e-05),
+        (0.0015317011429244497, 6, 0.23319273939779162),
+        (1.1224527578898253e-07, 88, 0.9998717430166095),
+        (2.129239068897007e-07, 714_099, 6.996442653059599e-06),
+        (0.019796945886073895, 17_752, 6.000397688535082e-05),
+        (0.3, 695_660, 6.884624297578392e-06),
+    ],
+)
+def test_arguments_found_by_search_to_be_the_worst_keep_8_ulp(density, side, dhat):
+    """Where every rounding on the way points to the same side."""
+    values = computed_values(density, side, side, dhat)
+    for value, reference in zip(values, exact_values(density, side, side, dhat), strict=True):
+        assert exact.ulps(value, reference) <= ULPS
+
+
 def test_arrays_are_within_8_ulp_of_exact_arithmetic():
     arguments = spread(4000, seed=1)
     found = np.transpose(computed_values(*arguments))
@@ -654,7 +673,12 @@ def test_empty_and_solid_volumes_are_clear_and_opaque():
         for arguments in ((0.0, 20.0, 0.2), (0.5, 0.0, 0.2), (1.0, 0.0, 0.2), (0.0, 1e300, 1e-300)):
             assert of_eq_1(*arguments) == clear
             assert of_eq_1(*map(np.array, arguments)) == clear
-        for arguments in ((1.0, 20.0, 0.2), (0.5, 1e300, 1e-300), (0.5, math.inf, 0.2)):
+        for arguments in (
+            (1.0, 20.0, 0.2),
+            (0.5, 1e300, 1e-300),
+            (0.5, math.inf, 0.2),
+            (1.0, 1e-200, 1e200),
+        ):
             assert of_eq_1(*arguments) == 1.0 - clear
             assert of_eq_1(*map(np.array, arguments)) == 1.0 - clear
     assert slice_density(0.0, 20.0, 0.2) == 0.0
@@ -759,6 +783,14 @@ def test_a_float_snaps_to_a_whole_number_of_samples_within_1_ulp_only(target):
     unit = Fraction(math.ulp(target))
     assert 1 - Fraction(1, samples) >= Fraction(target) - unit
     assert samples == 1 or 1 - Fraction(1, samples - 1) < Fraction(target)
+
+
+@pytest.mark.parametrize("samples", [2, 3, 10, 50, 100, 1000, 12_345])
+def test_a_float_further_than_1_ulp_above_asks_for_one_sample_more(samples):
+    target = 1.0 - 1.0 / samples
+    for _ in range(3):
+        target = math.nextafter(target, 1.0)
+    assert required_samples(target) == samples + 1
 
 
 @pytest.mark.parametrize(

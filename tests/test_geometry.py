@@ -260,6 +260,20 @@ def test_a_gap_between_slabs_is_not_asked_to_be_covered():
     assert just_more.height_m == near(2.0, rel=1e-8)
 
 
+def test_slabs_without_thickness_are_covered_one_after_the_other():
+    thin = (Slab(2.0, 2.0, 0.2, 1.0), Slab(5.0, 5.0, 0.3, 1.0), Slab(10.0, 10.0, 0.2, 2.0))
+    for share, baseline in (
+        (0.5, 1.0),
+        (0.4, 1.0),
+        (0.75, 3.0),
+        (0.6, 3.0),
+        (0.98, 5.0),
+        (1.0, 5.0),
+    ):
+        assert coverage_baseline(thin, 50.0, SHARP, share).baseline_m == near(baseline, rel=1e-9)
+    assert coverage_baseline(thin[:1], 50.0, SHARP, 0.3).baseline_m == near(5.0, rel=1e-12)
+
+
 def test_all_occluders_may_be_asked_for_where_none_stand_on_the_focal_plane():
     for slabs in (
         (Slab(1.0, 3.0, 0.2, 1.0),),

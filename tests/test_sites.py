@@ -89,9 +89,10 @@ def test_thousands_of_missing_sites_are_summed_as_precisely(dhat):
     chosen = np.random.default_rng(7).random((80, 90)) < 0.6
     missing = tuple((int(row), int(column)) for row, column in np.argwhere(~chosen))
     assert len(missing) > 2000
-    assert pattern_shortfall(Pattern(80, 90, 1.0, missing), dhat) == near(
-        lattice_shortfall(chosen, dhat), rel=ACCURACY
-    )
+    for row_pitch in (1.0, 2.5):
+        assert pattern_shortfall(Pattern(80, 90, row_pitch, missing), dhat) == near(
+            lattice_shortfall(chosen, dhat, dhat * row_pitch), rel=ACCURACY
+        )
 
 
 # --- Scattered positions -------------------------------------------------------------------

@@ -613,6 +613,11 @@ def test_the_wider_baseline_that_a_refusal_names_does_with_the_samples_it_names(
         assert found.pattern.samples == samples
 
 
+def test_a_baseline_of_few_digits_is_named_as_it_is():
+    error = refused(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=1.0, max_samples=50)))
+    assert "--baseline 3.5 on" in error.hint
+
+
 def test_a_baseline_that_breaks_the_bound_on_the_aperture_is_refused():
     bounds = Bounds(baseline_m=3.5, max_aperture_m=20.0)
     error = refused(Problem(PAPER, vhat("0.98"), bounds=bounds))

@@ -95,6 +95,36 @@ def test_a_saved_scene_gives_the_uniform_plan_of_its_cloud(stand, tmp_path, monk
     assert of_file.prediction == of_cloud.prediction
 
 
+def test_a_scene_saved_with_its_voxels_gives_the_measured_plan_of_its_cloud(
+    stand, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["scene", stand, "--save", "stand.npz", "--quiet"]) == 0
+    of_cloud = planned(stand, vhat="0.5")
+    of_file = planned("stand.npz", vhat="0.5")
+    assert of_file.model == "measured"
+    assert of_file.solution == of_cloud.solution
+    again = plan(PlanRequest(**of_file.document()["request"]))
+    assert again.document() == of_file.document()
+
+
+def test_statistics_of_a_cloud_have_its_correlogram(stand, capsys):
+    assert run(["scene", stand, "--json", "--quiet"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    table = document["correlogram"]
+    rho = np.array(table["rho"])
+    assert rho.shape == (len(table["directions_deg"]), len(table["lags"]))
+    assert np.array(document["density_by_offset"]).shape == rho.shape
+    assert rho[:, 0].min() > rho[:, -1].max()  # near views are alike, far ones are not
+
+
+def test_a_scene_without_voxels_is_not_saved_with_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(["scene", "savanna", "--save", "savanna.npz"]) == 2
+    assert "no voxels" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("given", [{"scene": "paper-forest"}, {"scene": None}])
 def test_the_measured_model_needs_a_cloud(given):
     with pytest.raises(RequestError, match="voxels of a point cloud"):

@@ -28,8 +28,8 @@ def advice(plan: Plan) -> Iterator[Message]:
     if plan.coverage is not None:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
-    clumped = plan.request.ground is not None and plan.model != "measured"
-    if clumped and plan.coverage is not None:
+    measured_stand = getattr(plan.scene, "voxel_m", None) is not None
+    if measured_stand and plan.model != "measured" and plan.coverage is not None:
         yield Message(
             "independent_occluders",
             f"the {plan.model} model takes occluders for independent, and those of a real stand "

@@ -218,6 +218,14 @@ class PlanDocument(OpenDocument):
     waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]
 
 
+class CorrelogramDocument(OpenDocument):
+    """Correlation of two views by direction and lag (camera offset over altitude)."""
+
+    lags: list[Finite]
+    directions_deg: list[Finite]
+    rho: list[list[Finite]]
+
+
 class StatisticsDocument(OpenDocument):
     """What `aosplan scene --json` prints."""
 
@@ -230,6 +238,8 @@ class StatisticsDocument(OpenDocument):
     mean_density: Finite
     canopy_top_m: Finite
     baseline_curve: list[Pair]
+    correlogram: CorrelogramDocument | None = None
+    density_by_offset: list[list[Finite]] | None = None
     warnings: list[MessageDocument]
 
 

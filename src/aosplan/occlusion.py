@@ -52,10 +52,10 @@ OCTETS_A_VIEW = 1 << 18
 """Memory for the targets of one view that are worked on at a time."""
 
 OCTETS_AT_ONCE = 1 << 23
-"""The same for all views that share the work of preparing a sheet."""
+"""The same for all views that share the work of preparing a slice."""
 
-TARGETS_AT_ONCE = 1 << 15
-"""Targets that are unpacked at a time, four bytes each and view."""
+TARGETS_AT_ONCE = 1 << 24
+"""Targets of all views that are unpacked at a time, as float32: it counts exactly up to there."""
 
 BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
     axis=1, dtype=np.uint8
@@ -74,8 +74,8 @@ class Occlusion:
     view
         ``telecentric`` or ``perspective``, as in the module's text.
     targets_per_voxel
-        k, targets along either side of a voxel, from 1.  Lateral positions are rounded to 1/k
-        of a voxel.
+        k, targets along either side of a voxel, from 1.  Telecentric rays are rounded to 1/k of
+        a voxel.
     focal_height_m
         Height of the focal plane, and the targets, above the ground; what is below it hides
         nothing.
@@ -176,11 +176,10 @@ class Occlusion:
             self._telecentric(masks[:, :, :half], offsets, row)
             self._telecentric(masks[:, :, half:], offsets, row + half)
             return
-        faces = self._faces[:, np.newaxis, np.newaxis]
-        shifts = np.floor(offsets * faces / self._pitch_m + 0.5).astype(np.intp)
-        low = shifts.min(axis=(0, 1))
-        shifts -= low
-        span_x, span_y = shifts.max(axis=(0, 1)).tolist()
+        steps = self._meetings(offsets)
+        lows = steps.min(axis=(1, 2))
+        steps -= lows[:, np.newaxis, np.newaxis]
+        span_x, span_y = steps.max(axis=(0, 1, 2), initial=0).tolist()
         # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
         # it drags along beyond the band's own rows is thrown away in the end.
         stride = rows + span_y
@@ -193,13 +192,12 @@ class Occlusion:
         size = (width - 1) * stride + rows
         hidden = np.zeros((views, width * stride), dtype=np.uint8)
         hits = [mask[:size] for mask in hidden]
-        steps = _meetings(shifts, np.abs(offsets[:, 0]) >= np.abs(offsets[:, 1]))
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
-        x = (low[0] + np.arange(8 * octets)) // self._per_voxel
-        y = (low[1] + row + np.arange(stride)) // self._per_voxel
-        used = np.arange(y[0], y[-1] + 1)
         for level in self._filled:
-            near = self._occupied[level].take(used, axis=0, mode="wrap")
+            low_x, low_y = lows[level].tolist()
+            x = (low_x + np.arange(8 * octets)) // self._per_voxel
+            y = (low_y + row + np.arange(stride)) // self._per_voxel
+            near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
             packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
             tile = packed.take(y - y[0], axis=0).ravel(order="F")
             phases: dict[int, Octets] = {0: tile}
@@ -211,6 +209,15 @@ class Occlusion:
                     np.bitwise_or(hit, phases[bit][start : start + size], out=hit)
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
 
+    def _meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Shifts [targets] at which views meet each slice, shape (slices, views, 3, x and y)."""
+        faces = self._faces[:, np.newaxis, np.newaxis]
+        shifts = np.floor(offsets * faces / self._pitch_m + 0.5).astype(np.intp)
+        bottom, top = shifts[:-1], shifts[1:]
+        x_first = np.abs(offsets[:, :1]) >= np.abs(offsets[:, 1:])
+        beside = np.where(x_first == (True, False), top, bottom)
+        return np.stack([bottom, beside, top], axis=2)
+
     def _perspective(self, masks: Octets, positions: NDArray[np.float64]) -> None:
         """Set masks, shape (views, width, rows)."""
         x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
@@ -218,8 +225,8 @@ class Occlusion:
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
         hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
         for face in np.union1d(self._filled, self._filled + 1):
-            above = self._occupied[face : face + 1].any(axis=0)
-            around = above | self._occupied[face - 1] if face else above
+            above = np.asarray(self._occupied[face : face + 1].any(axis=0))
+            around = np.asarray(self._occupied[max(face - 1, 0) : face + 1].any(axis=0))
             x = self._voxels(face, x_m, self.columns, 8 * self._width)
             x_beside = self._voxels(face + 1, x_m, self.columns, 8 * self._width)
             y = self._voxels(face, y_m, self.rows, self.rows)
@@ -241,8 +248,10 @@ class Occlusion:
         height = self._faces[min(face, len(self._faces) - 1)]
         target = (np.arange(count) + (0.5 - 0.5 * across)) * (1.0 - height)
         camera = camera_m * (height / self._pitch_m) + 0.5 * across
-        place = np.floor((target + camera[:, np.newaxis]) / self._per_voxel)
-        return place.astype(np.int32) % (across // self._per_voxel)
+        place = (target + camera[:, np.newaxis]) / self._per_voxel
+        voxels: NDArray[np.int32] = np.floor(place).astype(np.int32)
+        voxels %= across // self._per_voxel
+        return voxels
 
 
 def _column_bits(plane: NDArray[np.bool_]) -> Octets:
@@ -255,15 +264,9 @@ def _picked(column_bits: Octets, columns: NDArray[np.int32]) -> Octets:
     """Columns of a plane that targets lie below, eight to an octet: shape (width, rows)."""
     _, count, rows = column_bits.shape
     places = columns.reshape(-1, 8) + count * np.arange(8)
-    picked: Octets = column_bits.reshape(-1, rows).take(places, axis=0)
-    return np.bitwise_or.reduce(picked, axis=1)
-
-
-def _meetings(shifts: NDArray[np.intp], x_first: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Shifts at which views meet each slice, shape (slices, views, 3, 2), from those at faces."""
-    bottom, top = shifts[:-1], shifts[1:]
-    beside = np.where(x_first[:, np.newaxis] == (True, False), top, bottom)
-    return np.stack([bottom, beside, top], axis=2)
+    apart = column_bits.reshape(-1, rows).take(places, axis=0)
+    octets: Octets = np.bitwise_or.reduce(apart, axis=1)
+    return octets
 
 
 def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
@@ -323,9 +326,9 @@ def joint_counts(masks: Words) -> NDArray[np.int64]:
     """
     octets = masks.view(np.uint8)
     counts = np.zeros((len(masks), len(masks)), dtype=np.int64)
-    step = TARGETS_AT_ONCE // 8
+    step = max(TARGETS_AT_ONCE // (8 * max(len(masks), 1)), 1)
     for start in range(0, octets.shape[1], step):
-        # Below 2^24 a float32 counts exactly, and its matrix product is the fastest there is.
+        # A product of matrices counts faster than anything on bits.
         bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
         counts += (bits @ bits.T).astype(np.int64)
     return counts

@@ -14,7 +14,7 @@ from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
 from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
 from aosplan.quantities import exact_share
-from aosplan.resolve import Message, altitude_of, camera_of, scene_of
+from aosplan.resolve import VOXEL_SUFFIX, Message, altitude_of, camera_of, scene_of
 from aosplan.solve import solve
 
 if TYPE_CHECKING:
@@ -248,7 +248,7 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
             "--model measured needs the voxels of a point cloud",
-            "give --scene FILE.laz, or another --model",
+            "give --scene FILE.laz or FILE.npz, or another --model",
         )
     if request.view is not None and name != "measured":
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
@@ -310,7 +310,7 @@ def _completed(request: PlanRequest, model: str, kind: str) -> PlanRequest:
     filled: dict[str, Any] = {"model": model}
     if model == "measured":
         filled["view"] = request.view or "telecentric"
-    if kind == "cloud":
+    if kind == "cloud" and not (request.scene or "").lower().endswith(VOXEL_SUFFIX):
         filled["voxel"] = request.voxel or 0.25
         filled["ground"] = request.ground or "auto"
         filled["min_height"] = 2.0 if request.min_height is None else request.min_height

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from aosplan.voxels import VoxelVolume
 
 CLOUD_SUFFIXES = (".las", ".laz")
+VOXEL_SUFFIX = ".npz"
 
 
 class Message(NamedTuple):
@@ -148,7 +149,9 @@ def scene_of(
     name = _located(request.scene, folder)
     if name.lower().endswith(CLOUD_SUFFIXES):
         return _cloud(request, name, progress)
-    for option in ("voxel", "ground", "min_height", "occluder_size"):
+    voxels = name.lower().endswith(VOXEL_SUFFIX)
+    own = () if voxels else ("occluder_size",)
+    for option in ("voxel", "ground", "min_height", *own):
         if getattr(request, option) is not None:
             raise RequestError(
                 f"--{option.replace('_', '-')} goes with a point cloud, and scene '{request.scene}' "
@@ -157,6 +160,10 @@ def scene_of(
     preset = find_preset_scene(name)
     if preset is not None:
         return ResolvedScene(preset, "uniform")
+    if name.lower().endswith(VOXEL_SUFFIX):
+        from aosplan.voxel_file import read_volume
+
+        return _of_volume(read_volume(name), os.path.basename(name), request)
     if _is_file_name(name):
         from aosplan.documents import read_scene
 
@@ -167,14 +174,13 @@ def scene_of(
     raise RequestError(
         f"unknown scene '{request.scene}'",
         nearest_hint(request.scene, SCENES)
-        or "aosplan scenes lists them; a file name ends in .toml, .json, .las or .laz",
+        or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .las or .laz",
     )
 
 
 def _cloud(
     request: PlanRequest, path: str, progress: Callable[[int, int], None] | None
 ) -> ResolvedScene:
-    from aosplan.estimate import layered_scene
     from aosplan.lidar import read_voxels
 
     volume = read_voxels(
@@ -184,7 +190,13 @@ def _cloud(
         min_height_m=2.0 if request.min_height is None else request.min_height,
         progress=progress,
     )
-    scene = layered_scene(volume, os.path.basename(path))
+    return _of_volume(volume, os.path.basename(path), request)
+
+
+def _of_volume(volume: VoxelVolume, name: str, request: PlanRequest) -> ResolvedScene:
+    from aosplan.estimate import layered_scene
+
+    scene = layered_scene(volume, name)
     if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)
     warnings = tuple(Message(*warning) for warning in volume.warnings)

@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 
 def statistics_document(
-    scene: Scene, warnings: Sequence[Message] = (), volume: VoxelVolume | None = None
+    scene: Scene,
+    warnings: Sequence[Message] = (),
+    volume: VoxelVolume | None = None,
+    *,
+    with_correlogram: bool = False,
 ) -> dict[str, Any]:
     """Occluder statistics of a scene: what ``scene --json`` prints.
 
@@ -30,6 +34,8 @@ def statistics_document(
         What its reading had to say.
     volume
         The voxels behind it, where there are any.
+    with_correlogram
+        Whether the correlogram of the voxels is measured and added.
     """
     layers = scene.slices()
     document: dict[str, Any] = {
@@ -53,6 +59,12 @@ def statistics_document(
             "points": volume.points,
             "points_per_m2": volume.points_per_m2,
         }
+    if volume is not None and with_correlogram:
+        from aosplan.models.correlogram import correlogram
+
+        table = correlogram(volume)
+        document["correlogram"] = table.to_document()
+        document["density_by_offset"] = table.density_by_offset.tolist()
     return document
 
 

@@ -115,7 +115,8 @@ class Correlogram:
 
     def _stretched(self, lag: Floats) -> Floats:
         """Lags on a scale on which the table is smooth: as they are near 0, then logarithmic."""
-        return np.log1p(np.minimum(lag, self.lags[-1]) / self.lags[0])
+        stretched: Floats = np.log1p(np.minimum(lag, self.lags[-1]) / self.lags[0])
+        return stretched
 
     def _at(self, rows: Callable[[Floats], Floats], lag: Floats, direction_deg: Floats) -> Floats:
         along = rows(self._stretched(lag))
@@ -147,7 +148,7 @@ def correlogram(
         volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
     )
     # All directions, and two lags below the table's: half of a lag, and half of it times √2.
-    lags = SMALLEST_LAG * 2.0 ** (0.5 * np.arange(-2, LAGS))
+    lags: Floats = SMALLEST_LAG * np.exp2(0.5 * np.arange(-2, LAGS))
     turns = np.arange(2 * DIRECTIONS) * (math.pi / DIRECTIONS)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
     offsets_m = altitude_m * unit[:, np.newaxis] * lags[:, np.newaxis]

@@ -1,0 +1,111 @@
+"""Voxels in one compressed file (``.npz``), so that a stand plans again without its cloud.
+
+The file is a zip archive of plain arrays: ``occupied``, eight voxels to an octet along x, and
+the numbers and texts of a `VoxelVolume` beside it.  It is read without pickle, and written with
+fixed dates, so that the same volume gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.files import read_bytes
+from aosplan.voxels import MAX_VOXELS, VoxelVolume
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+VERSION = 1
+MOST_OCTETS = MAX_VOXELS // 4
+"""Size that a file, or an array in it, may have: eight voxels to an octet, and half as much again."""
+
+DAMAGE = (
+    ArithmeticError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+)
+"""What readers of archives and arrays raise when the file is something else."""
+
+
+def volume_npz(volume: VoxelVolume) -> bytes:
+    """A volume as the bytes of an ``.npz`` file."""
+    about = {
+        "version": VERSION,
+        "voxel_m": volume.voxel_m,
+        "x_min_m": volume.x_min_m,
+        "y_min_m": volume.y_min_m,
+        "min_height_m": volume.min_height_m,
+        "points": volume.points,
+        "ground": volume.ground,
+        "warnings": [list(warning) for warning in volume.warnings],
+        "source": volume.source,
+        "shape": list(volume.occupied.shape),
+    }
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        _add(archive, "about", np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
+        _add(archive, "occupied", np.packbits(volume.occupied, axis=2))
+    return buffer.getvalue()
+
+
+def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    with archive.open(entry, "w", force_zip64=True) as member:
+        np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def read_volume(path: str) -> VoxelVolume:
+    """A volume from a file that `volume_npz` made.
+
+    Raises
+    ------
+    RequestError
+        Where the file is something else, is damaged, or would not fit in memory.
+    """
+    content = io.BytesIO(read_bytes(path, most=MOST_OCTETS))
+    try:
+        with zipfile.ZipFile(content) as archive:
+            largest = max((entry.file_size for entry in archive.infolist()), default=0)
+        if largest <= MOST_OCTETS:
+            with np.load(content, allow_pickle=False) as arrays:
+                about = json.loads(arrays["about"].tobytes())
+                return _volume(about, arrays["occupied"])
+    except DAMAGE as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
+    raise RequestError(f"'{path}' holds more than {MAX_VOXELS} voxels")
+
+
+def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
+    if about["version"] != VERSION:
+        raise ValueError(f"its version is {about['version']}, not {VERSION}")
+    slices, rows, columns = about["shape"]
+    if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
+        raise ValueError("its voxels are not of the shape that it says")
+    return VoxelVolume(
+        np.unpackbits(packed, axis=2, count=columns).astype(np.bool_),
+        voxel_m=float(about["voxel_m"]),
+        x_min_m=float(about["x_min_m"]),
+        y_min_m=float(about["y_min_m"]),
+        min_height_m=float(about["min_height_m"]),
+        points=int(about["points"]),
+        ground=str(about["ground"]),
+        warnings=tuple((str(code), str(message)) for code, message in about["warnings"]),
+        source=str(about["source"]),
+    )

@@ -1,0 +1,91 @@
+"""Voxels saved in one file: what was written is read, and nothing else is."""
+
+import io
+import zipfile
+
+import numpy as np
+import pytest
+from forests import STANDS, clumped_forest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aosplan.errors import AosplanError, RequestError
+from aosplan.voxel_file import read_volume, volume_npz
+from aosplan.voxels import VoxelVolume
+
+FOREST = VoxelVolume(
+    clumped_forest(STANDS["beech"], side_m=6.1).occupied,
+    0.25,
+    x_min_m=478_123.25,
+    y_min_m=5_353_000.5,
+    min_height_m=0.5,
+    points=12_345,
+    ground="filter",
+    warnings=(("sparse_cloud", "„few“ points"),),
+    source="stand.laz",
+)
+
+
+def test_a_volume_is_read_as_it_was_written(tmp_path):
+    path = tmp_path / "stand.npz"
+    path.write_bytes(volume_npz(FOREST))
+    again = read_volume(str(path))
+    assert np.array_equal(again.occupied, FOREST.occupied)
+    names = set(FOREST.__dataclass_fields__) - {"occupied"}
+    assert {n: getattr(again, n) for n in names} == {n: getattr(FOREST, n) for n in names}
+
+
+def test_the_same_volume_gives_the_same_bytes():
+    assert volume_npz(FOREST) == volume_npz(FOREST)
+
+
+def test_bare_ground_has_no_slices(tmp_path):
+    path = tmp_path / "bare.npz"
+    path.write_bytes(volume_npz(VoxelVolume(np.zeros((0, 3, 5), dtype=bool), 0.5)))
+    assert read_volume(str(path)).occupied.shape == (0, 3, 5)
+
+
+@pytest.mark.parametrize("cut", [0, 10, 200, -30])
+def test_a_truncated_file_is_refused(tmp_path, cut):
+    path = tmp_path / "cut.npz"
+    path.write_bytes(volume_npz(FOREST)[:cut])
+    with pytest.raises(RequestError, match="voxel file"):
+        read_volume(str(path))
+
+
+@given(position=st.integers(0, len(volume_npz(FOREST)) - 1), value=st.integers(0, 255))
+def test_a_damaged_file_is_refused_or_still_right(tmp_path_factory, position, value):
+    content = bytearray(volume_npz(FOREST))
+    content[position] = value
+    path = tmp_path_factory.mktemp("damaged") / "stand.npz"
+    path.write_bytes(content)
+    try:
+        again = read_volume(str(path))
+    except AosplanError:
+        return
+    assert np.array_equal(again.occupied, FOREST.occupied)
+
+
+def test_an_archive_from_elsewhere_is_refused(tmp_path):
+    path = tmp_path / "other.npz"
+    np.savez(path, something=np.arange(3))
+    with pytest.raises(RequestError, match="not a voxel file"):
+        read_volume(str(path))
+
+
+def test_pickles_are_never_opened(tmp_path):
+    path = tmp_path / "evil.npz"
+    np.savez(path, about=np.array([{"version": 1}], dtype=object), occupied=np.zeros(1))
+    with pytest.raises(RequestError, match="not a voxel file"):
+        read_volume(str(path))
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
+    monkeypatch.setattr("aosplan.voxel_file.MOST_OCTETS", 100_000)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("occupied.npy", b"\0" * 1_000_000)
+    path = tmp_path / "bomb.npz"
+    path.write_bytes(buffer.getvalue())
+    with pytest.raises(RequestError, match="more than"):
+        read_volume(str(path))
