@@ -49,8 +49,8 @@ def _missed(plan: Plan) -> Message:
     )
     return Message(
         "target_missed",
-        f"{requirement} is missed: {plan.solution.pattern.samples} samples "
-        f"{plan.solution.baseline_m:.4g} m apart reach {reached:.4g}; {remedy}",
+        f"{requirement} is missed: N = {plan.solution.pattern.samples} with b = "
+        f"{plan.solution.baseline_m:.4g} m reaches {reached:.4g}; {remedy}",
     )
 
 

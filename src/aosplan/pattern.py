@@ -131,12 +131,12 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
     return frame.pattern(max(samples, frame.fewest))
 
 
-def check_size(samples: int) -> None:
+def check_size(samples: int, wanted: str = "the grid has") -> None:
     """Refuse a plan whose waypoints would not fit in memory."""
     if samples > MOST_SITES:
         raise RequestError(
-            f"{samples} samples are more than the {MOST_SITES} that one plan may have",
-            "ask for a lower visibility, or a wider baseline",
+            f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have",
+            "ask for less, or for fewer samples",
         )
 
 

@@ -50,7 +50,7 @@ def solve(problem: Problem) -> Solution:
     if bounds.baseline_m is not None and bounds.samples is not None:
         return _solution(problem, problem.grid.pattern(bounds.samples), bounds.baseline_m)
     if bounds.max_samples is None:
-        check_size(_fewest_independent(problem))
+        check_size(_fewest_independent(problem), f"{problem.requirement} needs")
     if bounds.baseline_m is not None:
         return _for_baseline(problem, bounds.baseline_m)
     if bounds.samples is not None:
