@@ -111,7 +111,8 @@ def value_text(problem: Problem, prediction: Prediction) -> str:
 
 def rounded_up(value: float) -> str:
     """A number as text of four digits that is not below it."""
-    if not 0.0 < value < math.inf:
-        return f"{value:g}"
+    text = f"{value:.4g}"
+    if not 0.0 < value < math.inf or float(text) >= value * (1.0 - 1e-13):
+        return text
     unit = 10.0 ** (math.floor(math.log10(value)) - 3)
-    return f"{math.ceil(value / unit * (1.0 + 1e-12)) * unit:.4g}"
+    return f"{math.ceil(value / unit) * unit:.4g}"

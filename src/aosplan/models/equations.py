@@ -133,6 +133,7 @@ def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, A
     # and where the correction overflows there is nothing to correct.
     filled = (height > 0.0) & (d > 0.0)
     valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
+    high = xp.where(d < 1.0, high, -math.inf)  # even where l/o is so small that it rounds to 0
     return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
 
 
@@ -271,8 +272,7 @@ def _with_density(
     if rows is columns:  # one κ serves both axes
 
         def square(xp: Any, p: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
-            kappa, rest, valid = _kappa(xp, n, d)
-            return kernel(p, *_square_of(kappa, rest), valid, *t)
+            return kernel(p, *_square_of(xp, n, d), *t)
 
         return elementwise(square, density, rows, dhat, *given_t)
 
@@ -299,36 +299,38 @@ def _transparency_of(p: Any, t: Any, valid: Any) -> tuple[Any, Any]:
     return t, valid & (t >= 0.0) & (t <= 1.0)
 
 
-def _kappa(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
-    """κ(n, d̂) of one axis, 1 - κ, and whether the arguments are in the domain.
+def _axis(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
+    """n κ(n, d̂) of one axis, 1 - κ, and whether the arguments are in the domain.
 
     With m neighbours in reach and e = 1 - m d̂, what is left of the last one's overlap, the
-    appendix' sum A = Σ (n-i) (1 - i d̂) gives κ = (n + 2A)/n² in the arrangement below,
-    which stays within two units in the last place where the plain cubic in m loses four.
+    appendix' sum A = Σ (n-i) (1 - i d̂) gives n κ = (n + 2A)/n in the arrangement below, which
+    stays within two units in the last place where the plain cubic in m loses four.
     """
     valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
     d = xp.minimum(d, 1.0)  # beyond 1 nothing overlaps
-    m = xp.floor(xp.minimum(n - 1.0, 1.0 / xp.maximum(d, 1e-300)))
+    others = n - 1.0
+    m = xp.floor(xp.minimum(others, 1.0 / xp.maximum(d, 1e-300)))
     e = xp.maximum(1.0 - m * d, 0.0)
-    kappa = ((m + 1.0) * e + m - m * (m + 1.0) * (1.0 + 2.0 * e - d) / (3.0 * n)) / n
+    summed = m + (m + 1.0) * (e - m / (3.0 * n) * (1.0 + 2.0 * e - d))
     # While all n overlap, 1 - κ is linear in d̂: accurate where κ is nearly 1.
-    linear = d * ((n - 1.0) * (n + 1.0) / (3.0 * n))
-    overlapping = d * (n - 1.0) <= 1.0
-    return (
-        xp.where(overlapping, 1.0 - linear, kappa),
-        xp.where(overlapping, linear, 1.0 - kappa),
-        valid,
-    )
+    linear = d * (others * (n + 1.0) / (3.0 * n))
+    overlapping = d * others <= 1.0
+    summed = xp.where(overlapping, n * (1.0 - linear), summed)
+    return summed, xp.where(overlapping, linear, 1.0 - summed / n), valid
 
 
-def _square_of(kappa: Any, rest: Any) -> tuple[Any, Any]:
-    return kappa * kappa, rest * (1.0 + kappa)
+def _square_of(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
+    """K, 1 - K and validity of n x n samples.  One division by N rounds less than two by n."""
+    summed, rest, valid = _axis(xp, n, d)
+    return summed * summed / (n * n), rest * (1.0 + summed / n), valid
 
 
 def _product_of(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any, Any]:
-    kappa_y, rest_y, valid_y = _kappa(xp, rows, d)
-    kappa_x, rest_x, valid_x = _kappa(xp, columns, d)
-    return kappa_y * kappa_x, rest_x + kappa_x * rest_y, valid_y & valid_x
+    """K, 1 - K and validity of rows x columns samples."""
+    sum_y, rest_y, valid_y = _axis(xp, rows, d)
+    sum_x, rest_x, valid_x = _axis(xp, columns, d)
+    k = sum_y * sum_x / (rows * columns)
+    return k, rest_x + sum_x / columns * rest_y, valid_y & valid_x
 
 
 def _normalized(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
@@ -342,18 +344,18 @@ def _shortfall(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
 
 
 def _square_normalized(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    kappa, rest, valid = _kappa(xp, n, d)
-    return _square_of(kappa, rest)[1], valid
+    _, rest, valid = _square_of(xp, n, d)
+    return rest, valid
 
 
 def _square_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    kappa, _, valid = _kappa(xp, n, d)
-    return kappa * kappa, valid
+    k, _, valid = _square_of(xp, n, d)
+    return k, valid
 
 
 def _line_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    kappa, _, valid = _kappa(xp, n, d)
-    return kappa, valid
+    summed, _, valid = _axis(xp, n, d)
+    return summed / n, valid
 
 
 def dhat_for_shortfall(
@@ -376,13 +378,13 @@ def dhat_for_shortfall(
         d̂ in [0, 1]; ``nan`` where 1 - 1/N is too little even at d̂ = 1.
     """
 
-    def excess(dhat: float) -> bool:
-        kappa = line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat)
-        return bool(kappa <= shortfall)
+    def reached(dhat: float) -> float:
+        return float(line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat))
 
-    if not excess(1.0):
-        return math.nan
-    return smallest(excess, 0.0, 1.0)
+    if reached(1.0) > shortfall:
+        # 1/N may have been rounded otherwise than here.
+        return 1.0 if reached(1.0) <= shortfall * (1.0 + 1e-15) else math.nan
+    return smallest(lambda dhat: reached(dhat) <= shortfall, 0.0, 1.0)
 
 
 # --- Eq. 4 and 5 backwards: how many samples, how large an aperture -----------------------
