@@ -381,7 +381,7 @@ def dhat_for_shortfall(
     def reached(dhat: float) -> float:
         return float(line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat))
 
-    if reached(1.0) > shortfall:
+    if not reached(1.0) <= shortfall:
         # 1/N may have been rounded otherwise than here.
         return 1.0 if reached(1.0) <= shortfall * (1.0 + 1e-15) else math.nan
     return smallest(lambda dhat: reached(dhat) <= shortfall, 0.0, 1.0)
