@@ -218,7 +218,7 @@ STYLES = {
 FLOOR = 1e-17
 """Where an error of 0 is drawn."""
 
-LOWEST = 3e-19
+LOWEST = 1e-19
 """Lower end of the figure."""
 
 
@@ -238,7 +238,7 @@ def draw(rows: list[Row], path: Path) -> None:
     panels = (("error_v", "visibility V"), ("error_shortfall", "shortfall 1 − V̂"))
     for axis, (field, quantity) in zip(axes, panels, strict=True):
         axis.axhspan(LOWEST, 2**-53, color="#e8f1e8", zorder=0)
-        axis.text(1e-4, 1.5 * LOWEST, "nearest float: half an ulp", ha="center", color="#4d7f4d")
+        axis.text(1e-3, 1.5 * LOWEST, "nearest float: half an ulp", ha="center", color="#4d7f4d")
         for kind, (color, marker) in STYLES.items():
             draw_kind(axis, [row for row in rows if kind_of(row) == kind], field, color, marker)
         axis.set_xscale("log")

@@ -272,6 +272,9 @@ def test_slabs_without_thickness_are_covered_one_after_the_other():
     ):
         assert coverage_baseline(thin, 50.0, SHARP, share).baseline_m == near(baseline, rel=1e-9)
     assert coverage_baseline(thin[:1], 50.0, SHARP, 0.3).baseline_m == near(5.0, rel=1e-12)
+    close = (Slab(5.0, 5.0, 0.2, 1.0), Slab(5.02, 5.02, 0.2, 1.0))
+    assert coverage_baseline(close, 50.0, SHARP, 0.5).height_m == 5.02
+    assert coverage_baseline(close, 50.0, SHARP, 0.51).height_m == 5.0
 
 
 def test_all_occluders_may_be_asked_for_where_none_stand_on_the_focal_plane():

@@ -160,7 +160,7 @@ class Occlusion:
             self._telecentric(masks, offsets, 0)
         ends = np.arange(8 * self._width).reshape(self._width, 8) < self.columns
         masks &= np.packbits(ends, axis=1, bitorder="little")
-        return masks.reshape(len(offsets), -1).view(np.uint64)
+        return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
 
     def unpack(self, masks: Words) -> NDArray[np.bool_]:
         """Masks as arrays: shape (N, rows, columns), true where the target is hidden."""
