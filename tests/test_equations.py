@@ -193,6 +193,8 @@ def test_v_and_vhat_and_their_complements_are_within_8_ulp_of_exact_arithmetic(d
         (2.129239068897007e-07, 714_099, 6.996442653059599e-06),
         (0.019796945886073895, 17_752, 6.000397688535082e-05),
         (0.3, 695_660, 6.884624297578392e-06),
+        (0.007517852780000112, 792_999, 1.0937126223406864e-06),
+        (0.014422571290178487, 6, 0.14352941354775078),
     ],
 )
 def test_arguments_found_by_search_to_be_the_worst_keep_8_ulp(density, side, dhat):

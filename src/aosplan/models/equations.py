@@ -272,24 +272,28 @@ def _with_density(
     if rows is columns:  # one κ serves both axes
 
         def square(xp: Any, p: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
-            return kernel(p, *_square_of(xp, n, d), *t)
+            return kernel(xp, p, *_square_of(xp, n, d), *t)
 
         return elementwise(square, density, rows, dhat, *given_t)
 
     def grid(xp: Any, p: Any, m: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
-        return kernel(p, *_product_of(xp, m, n, d), *t)
+        return kernel(xp, p, *_product_of(xp, m, n, d), *t)
 
     return elementwise(grid, density, rows, columns, dhat, *given_t)
 
 
-def _visibility(p: Any, _k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
+def _visibility(_xp: Any, p: Any, _k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
     t, valid = _transparency_of(p, t, valid)
     return t * (1.0 + p * rest), valid
 
 
-def _mean_squared_error(p: Any, k: Any, _rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
-    t, valid = _transparency_of(p, t, valid)
-    return p * (p + t * k), valid
+def _mean_squared_error(
+    xp: Any, p: Any, k: Any, rest: Any, valid: Any, t: Any = None
+) -> tuple[Any, Any]:
+    given_t, valid = _transparency_of(p, t, valid)
+    # p + T K = K + p (1 - K), which spares the rounding of T where p is all there is.
+    share = p + given_t * k if t is not None else k + p * rest
+    return p * xp.minimum(share, 1.0), valid
 
 
 def _transparency_of(p: Any, t: Any, valid: Any) -> tuple[Any, Any]:
@@ -304,7 +308,7 @@ def _axis(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
 
     With m neighbours in reach and e = 1 - m d̂, what is left of the last one's overlap, the
     appendix' sum A = Σ (n-i) (1 - i d̂) gives n κ = (n + 2A)/n in the arrangement below, which
-    stays within two units in the last place where the plain cubic in m loses four.
+    stays within three units in the last place where the plain cubic in m loses more than four.
     """
     valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
     d = xp.minimum(d, 1.0)  # beyond 1 nothing overlaps
