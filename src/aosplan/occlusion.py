@@ -51,7 +51,7 @@ ViewKind = Literal["telecentric", "perspective"]
 OCTETS_A_VIEW = 1 << 18
 """Memory for the targets of one view that are worked on at a time."""
 
-OCTETS_AT_ONCE = 1 << 23
+OCTETS_AT_ONCE = 1 << 24
 """The same for all views that share the work of preparing a slice."""
 
 TARGETS_AT_ONCE = 1 << 24
