@@ -225,33 +225,27 @@ def draw(rows: list[Row], title: str, path: Path) -> None:
     kinds = sorted({(row.method, row.view) for row in rows})
     for panel, error, name in zip(panels, ("error_v", "error_vhat"), ("V", "V̂"), strict=True):
         for method, view in kinds:
-            # Larger voxels are another stand: their points stay on their own.
             chosen = [row for row in rows if (row.method, row.view) == (method, view)]
+            # Larger voxels are another stand: their points stay on their own.
             line = [row for row in chosen if not row.setting.endswith("m")]
             style = "o-" if view == "telecentric" else "s--"
-            seconds = [row.seconds for row in line]
-            (drawn,) = panel.loglog(
-                seconds, [getattr(row, error) for row in line], style, label=f"{method}, {view}"
-            )
+            points = [(row.seconds, getattr(row, error)) for row in line]
+            (drawn,) = panel.loglog(*np.transpose(points), style, label=f"{method}, {view}")
             for row in chosen:
+                at = row.seconds, getattr(row, error)
                 if row not in line:
-                    panel.plot(
-                        row.seconds, getattr(row, error), style[0], mfc="none", c=drawn.get_color()
+                    panel.plot(*at, style[0], mfc="none", c=drawn.get_color())
+                if row not in line[1:-1]:
+                    panel.annotate(
+                        row.setting, at, textcoords="offset points", xytext=(5, 4), fontsize=8
                     )
-                panel.annotate(
-                    row.setting,
-                    (row.seconds, getattr(row, error)),
-                    textcoords="offset points",
-                    xytext=(4, 4),
-                    fontsize=7,
-                )
         panel.set(
             xlabel="run time of a prediction of 49 views [s]", ylabel=f"largest error of {name}"
         )
         panel.grid(visible=True, which="major", alpha=0.3)
-    panels[0].legend(fontsize=8)
+    panels[0].legend(fontsize=8, loc="lower left")
     figure.suptitle(title)
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=120)
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
 
 from aosplan.camera import Camera
 from aosplan.errors import RequestError
@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
 """Two numbers; a file has them as a list."""
 
 Pixels = Annotated[int, Field(gt=0, le=10**9)]
