@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import tokenize
 import zipfile
 import zlib
@@ -36,6 +37,7 @@ DAMAGE = (
     RuntimeError,
     TypeError,
     ValueError,
+    struct.error,
     tokenize.TokenError,
     zipfile.BadZipFile,
     zipfile.LargeZipFile,

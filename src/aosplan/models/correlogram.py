@@ -14,9 +14,12 @@ behind one entry then all are pairs of views on one polar lattice, and 273 views
 
 **Pairs.**  Two views Δ apart are less alike the farther off nadir they are, so an entry is a mean
 over where in a square aperture such a pair may lie: symmetric about the middle, a half of Δ off
-to either side across, and, with half the weight since there is less room, along Δ.  That holds
-V̂ to 0.011 over b/h = 0.01 … 0.1 and N = 4 … 100 where views along and about the middle alone
-are off by up to 0.018.
+to either side across, and, with half the weight since there is less room, along Δ.
+
+For grids as wide as they are long, within the plot's reach, b/h = 0.01 … 0.1 and N = 4 … 100,
+V̂ is within 0.013 of the exact one (two clouds and twenty generated stands), or 0.04 where
+all that is left to see hangs on a few gaps (p above 0.98).  Lanes and lines, whose pairs lie
+differently, are off by up to 0.02, in sparse stands of a few trees by up to 0.06.
 """
 
 from __future__ import annotations
