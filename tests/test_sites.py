@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from reference import exact
 
@@ -54,6 +54,9 @@ def patterns(draw):
     return Pattern(rows, columns, row_pitch, tuple(sorted(removed)))
 
 
+@example(  # a rectangle of which one site is left
+    pattern=Pattern(4, 4, 1.0, tuple((i // 4, i % 4) for i in range(15))), dhat=1e-06
+)
 @given(pattern=patterns(), dhat=st.one_of(disparities, st.just(0.0)))
 def test_a_pattern_with_sites_missing_equals_the_sum_over_its_pairs(pattern, dhat):
     reference = exact.lattice_pair_sum(pattern.sites(), dhat, dhat * pattern.row_pitch)

@@ -47,6 +47,8 @@ def pattern_shortfall(pattern: Pattern, dhat: float) -> float:
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
     if not pattern.removed:
         return float(whole)
+    if len(pattern.removed) > samples:  # taking most of a rectangle away would cost the digits
+        return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(
         _overlaps(row, pattern.rows, dhat_y) * _overlaps(column, pattern.columns, dhat)
