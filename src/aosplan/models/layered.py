@@ -153,10 +153,8 @@ def layered_visibility(
     float
         V; ``nan`` where an argument is outside its domain.
     """
-    model = _model(layers, altitude)
-    if model is None or not _counts(rows, columns) or not baseline >= 0.0:
-        return math.nan
-    return model.predict(Pattern(int(rows), int(columns)), baseline).expected
+    prediction = _prediction(layers, altitude, rows, columns, baseline)
+    return math.nan if prediction is None else prediction.expected
 
 
 def layered_shortfall(
@@ -170,10 +168,18 @@ def layered_shortfall(
 
     Parameters and domain as in `layered_visibility`.
     """
+    prediction = _prediction(layers, altitude, rows, columns, baseline)
+    return math.nan if prediction is None else prediction.shortfall
+
+
+def _prediction(
+    layers: Iterable[Any], altitude: float, rows: int, columns: int, baseline: float
+) -> Prediction | None:
+    """The prediction of a rectangle; None where an argument is outside its domain."""
     model = _model(layers, altitude)
     if model is None or not _counts(rows, columns) or not baseline >= 0.0:
-        return math.nan
-    return model.predict(Pattern(int(rows), int(columns)), baseline).shortfall
+        return None
+    return model.predict(Pattern(int(rows), int(columns)), baseline)
 
 
 def _model(layers: Iterable[Any], altitude: float) -> LayeredModel | None:
