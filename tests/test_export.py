@@ -18,7 +18,7 @@ import aosplan.export
 from aosplan.cli.app import run
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.export import choose, formats, render
-from aosplan.mission import Mission, Waypoint
+from aosplan.mission import Mission, Waypoint, Waypoints
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
 
@@ -102,7 +102,7 @@ missions = st.lists(
     ),
     min_size=1,
     max_size=5,
-).map(lambda rows: Mission(tuple(Waypoint(i, *row) for i, row in enumerate(rows)), {}))
+).map(lambda rows: Mission(Waypoints.of(Waypoint(i, *row) for i, row in enumerate(rows)), {}))
 
 
 @given(mission=missions)
@@ -158,9 +158,10 @@ def test_geojson_names_longitude_first():
 
 def test_points_have_the_properties_of_the_csv():
     content = rendered(planned(origin=LINZ), "geojson")
-    for point, waypoint in zip(points_of(content), planned(origin=LINZ).waypoints, strict=True):
-        assert set(point["properties"]) == set(waypoint._asdict())
-        assert point["properties"]["index"] == waypoint.index
+    rows = planned(origin=LINZ).document()["waypoints"]
+    for point, waypoint in zip(points_of(content), rows, strict=True):
+        assert set(point["properties"]) == set(waypoint)
+        assert point["properties"]["index"] == waypoint["index"]
         assert point["geometry"]["coordinates"] == [
             point["properties"]["longitude"],
             point["properties"]["latitude"],
@@ -219,7 +220,9 @@ def test_a_cut_lies_on_the_straight_line_between_its_neighbours():
         Waypoint(0, 0.0, 0.0, 40.0, 10.0, 179.9),
         Waypoint(1, 0.0, 0.0, 40.0, 13.0, -179.8),
     )
-    geometry = path_of(render(Mission(waypoints, {}), formats()["geojson"]))["geometry"]
+    geometry = path_of(render(Mission(Waypoints.of(waypoints), {}), formats()["geojson"]))[
+        "geometry"
+    ]
     assert geometry["coordinates"] == [
         [[179.9, 10.0, 40.0], [180.0, pytest.approx(11.0), 40.0]],
         [[-180.0, pytest.approx(11.0), 40.0], [-179.8, 13.0, 40.0]],
@@ -458,4 +461,5 @@ def test_numbers_in_files_are_finite():
         content = rendered(planned(origin=LINZ), name).decode().lower()
         assert "nan" not in content
         assert "infinity" not in content
-    assert all(math.isfinite(value) for w in planned(origin=LINZ).waypoints for value in w)
+    columns = planned(origin=LINZ).waypoints.columns()
+    assert all(math.isfinite(value) for column in columns.values() for value in column)

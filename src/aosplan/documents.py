@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from aosplan.camera import Camera
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.mission import Mission, Waypoint
+from aosplan.mission import Conduct, Mission, Waypoint, Waypoints
 from aosplan.options import OPTIONS
 from aosplan.quantities import nearest_hint
 from aosplan.scene import Layer, LayeredScene, Scene, UniformScene
@@ -108,7 +108,7 @@ RequestDocument = create_model(
 
 
 class WaypointDocument(Document):
-    """One photo position, in flight order."""
+    """One position, in flight order; a photo is taken unless `photo` is false."""
 
     index: int
     east_m: Finite
@@ -116,6 +116,8 @@ class WaypointDocument(Document):
     altitude_m: Finite
     latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
     longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
+    ground_m: Finite | None = None
+    photo: bool = True
 
 
 class GridDocument(OpenDocument):
@@ -168,10 +170,22 @@ class CameraSummaryDocument(OpenDocument):
 
 
 class FlightDocument(OpenDocument):
-    """Path from the first waypoint to the last."""
+    """Path from the first waypoint to the last, and how it is flown (`mission.Conduct`)."""
 
     length_m: Finite
     time_s: Finite
+    trigger: Literal["stop", "distance"] = "stop"
+    speed_mps: Finite = 5.0
+    hold_s: Finite = 1.0
+    spacing_m: Finite = 0.0
+    yaw_deg: Finite = 0.0
+    gimbal_pitch_deg: Finite = -90.0
+    autopilot: str | None = None
+    drone: str | None = None
+    payload: str | None = None
+    takeoff_latitude: Finite | None = None
+    takeoff_longitude: Finite | None = None
+    takeoff_ground_m: Finite | None = None
 
 
 class LimitDocument(OpenDocument):
@@ -365,11 +379,16 @@ def read_mission(path: str) -> Mission:
     table = read_table(path)
     document = _checked(PlanDocument, table, path)
     assert isinstance(document, PlanDocument)
-    waypoints = tuple(Waypoint(**waypoint.model_dump()) for waypoint in document.waypoints)
-    placed = {w.latitude is not None and w.longitude is not None for w in waypoints}
-    if len(placed) > 1 or [w.index for w in waypoints] != list(range(len(waypoints))):
+    waypoints = [Waypoint(**waypoint.model_dump()) for waypoint in document.waypoints]
+    given = {tuple(value is None for value in waypoint) for waypoint in waypoints}
+    half_placed = (waypoints[0].latitude is None) != (waypoints[0].longitude is None)
+    if len(given) > 1 or half_placed or [w.index for w in waypoints] != list(range(len(waypoints))):
         raise RequestError(f"'{path}': the waypoints are not one gapless list in flight order")
-    return Mission(waypoints, {name: value for name, value in table.items() if name != "waypoints"})
+    return Mission(
+        Waypoints.of(waypoints),
+        {name: value for name, value in table.items() if name != "waypoints"},
+        Conduct(**document.flight.model_dump(include=set(Conduct._fields))),
+    )
 
 
 def _checked(model: type[BaseModel], table: Mapping[str, Any], path: str) -> BaseModel:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 from aosplan.flight import Timing
 from aosplan.geometry import CoverageBaseline, coverage_baseline
-from aosplan.mission import Mission, Waypoint, waypoints_of
+from aosplan.mission import Conduct, Mission, Waypoints, waypoints_of
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
@@ -61,7 +61,7 @@ class Plan:
     model: str
     solution: Solution
     coverage: CoverageBaseline | None
-    waypoints: tuple[Waypoint, ...]
+    waypoints: Waypoints
     notices: tuple[Message, ...]
 
     @property
@@ -93,6 +93,14 @@ class Plan:
         """How the drone flies between sites."""
         return Timing(self.request.speed, self.request.acceleration, self.request.hold)
 
+    @property
+    def conduct(self) -> Conduct:
+        """How the waypoints are flown."""
+        request = self.request
+        return Conduct(
+            speed_mps=request.speed, hold_s=request.hold, yaw_deg=request.heading % 360.0
+        )
+
     def document(self) -> dict[str, Any]:
         """The plan as plain values: what ``plan --json`` prints."""
         from aosplan.summary import plan_document
@@ -103,7 +111,7 @@ class Plan:
         """The plan as formats take it."""
         document = self.document()
         del document["waypoints"]
-        return Mission(self.waypoints, document)
+        return Mission(self.waypoints, document, self.conduct)
 
     def write(self, path: str, *, format: str | None = None, force: bool = False) -> None:  # noqa: A002
         """Write the waypoints, whole or not at all.

@@ -10,6 +10,7 @@ from aosplan.flight import path_of
 from aosplan.geometry import disparity_px, occluder_px
 
 if TYPE_CHECKING:
+    from aosplan.mission import Waypoints
     from aosplan.models import Prediction
     from aosplan.planning import Plan
     from aosplan.scene import Scene
@@ -60,14 +61,21 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         "flight": {
             "length_m": path.length_m(baseline),
             "time_s": path.time_s(baseline, plan.timing),
-        },
+        }
+        | _given(plan.conduct._asdict()),
         "limits": [limit._asdict() for limit in solution.limits],
         "warnings": [warning._asdict() for warning in plan.warnings],
-        "waypoints": [
-            {name: value for name, value in waypoint._asdict().items() if value is not None}
-            for waypoint in plan.waypoints
-        ],
+        "waypoints": waypoints_document(plan.waypoints),
     }
+
+
+def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
+    """A row per waypoint, in flight order."""
+    names, columns = zip(*waypoints.columns().items(), strict=True)
+    return [
+        {"index": index} | dict(zip(names, row, strict=True))
+        for index, row in enumerate(zip(*columns, strict=True))
+    ]
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:
@@ -111,6 +119,10 @@ def disparity_document(plan: Plan) -> dict[str, float | None]:
             coverage.occluder_size_m, coverage.height_m, altitude, focal
         ),
     }
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _finite(value: float) -> float | None:

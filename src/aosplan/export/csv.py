@@ -22,6 +22,10 @@ def render(mission: Mission) -> bytes:
     if mission.has_place:
         header += ",latitude,longitude"
         line += ",%.10f,%.10f"
-    lines = [line % tuple(x for x in waypoint if x is not None) for waypoint in mission.waypoints]
+    ways = mission.waypoints
+    columns = [ways.east_m, ways.north_m, ways.altitude_m]
+    if ways.latitude is not None and ways.longitude is not None:
+        columns += [ways.latitude, ways.longitude]
+    lines = [line % row for row in zip(range(len(ways)), *columns, strict=True)]
     text = "\n".join([header, *lines]) + "\n"
     return _NEGATIVE_ZERO.sub("0", text).encode()

@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from aosplan.export import Format
+from aosplan.summary import waypoints_document
 
 if TYPE_CHECKING:
     from aosplan.mission import Mission, Waypoint
@@ -23,11 +24,11 @@ def render(mission: Mission) -> bytes:
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": _coordinates(waypoint)},
-            "properties": {
-                name: _rounded(name, value) for name, value in waypoint._asdict().items()
-            },
+            "properties": {name: _rounded(name, value) for name, value in row.items()},
         }
-        for waypoint in mission.waypoints
+        for waypoint, row in zip(
+            mission.waypoints, waypoints_document(mission.waypoints), strict=True
+        )
     ]
     if len(mission.waypoints) > 1:
         features.append(
@@ -56,7 +57,11 @@ def _coordinates(waypoint: Waypoint) -> list[float]:
 
 
 def _rounded(name: str, value: float) -> float:
-    return value if name == "index" else round(value, 4 if name.endswith("_m") else 10) + 0.0
+    return (
+        value
+        if name in {"index", "photo"}
+        else round(value, 4 if name.endswith("_m") else 10) + 0.0
+    )
 
 
 def _path(points: list[list[float]]) -> dict[str, Any]:
