@@ -16,6 +16,7 @@ platform.  Plots wrap around.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,8 +34,10 @@ if TYPE_CHECKING:
 MOST_VOXELS = 1 << 26
 """Voxels of one volume; where a forest takes more, its voxels become larger."""
 
-THINNEST = 40
-"""Bisections of the share of leaves that gives the wanted density."""
+VOXELS_AN_OCCLUDER = 3
+"""Voxels along the edge of a cube, where the volume stays within bounds."""
+
+BISECTIONS = 40
 
 
 def generator(seed: int, index: int = 0) -> np.random.Generator:
@@ -42,11 +45,22 @@ def generator(seed: int, index: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
 
 
-def voxel_for(wanted_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """The wanted voxel size [m], or the smallest with which the volume stays within bounds."""
+def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float) -> float:
+    """Voxel size [m] for cubes: a third, half or all of their edge, larger where that is too many.
+
+    Below a cube's edge, cells of different slices begin at different places, as they should.
+    """
+    for parts in range(VOXELS_AN_OCCLUDER, 0, -1):
+        voxel_m = occluder_size_m / parts
+        if _smallest_voxel_m(voxel_m, size_m, top_m) <= voxel_m:
+            return voxel_m
+    return _smallest_voxel_m(occluder_size_m, size_m, top_m)
+
+
+def _smallest_voxel_m(wanted_m: float, size_m: tuple[float, float], top_m: float) -> float:
+    """The wanted voxel size, or the smallest with which a volume stays within bounds."""
     width, depth = (max(length, wanted_m) for length in size_m)
-    fewest_m = math.cbrt(width * depth * max(top_m, wanted_m) / MOST_VOXELS)
-    return max(wanted_m, fewest_m)
+    return max(wanted_m, math.cbrt(width * depth * max(top_m, wanted_m) / MOST_VOXELS))
 
 
 def uniform_forest(
@@ -153,7 +167,7 @@ def clumped_forest(
     if not 0.0 <= density < 1.0:
         raise RequestError(f"forest: density {density:g} is not a share below 1")
     top_m = volume_base_m + volume_height_m
-    voxel_m = voxel_for(occluder_size_m, size_m, top_m)
+    voxel_m = _smallest_voxel_m(occluder_size_m, size_m, top_m)
     canvas = _Canvas(size_m, voxel_m, top_m)
     if density == 0.0:
         return canvas.volume("clumped forest")
@@ -220,14 +234,30 @@ def _cells(
     rng: np.random.Generator, shape: tuple[int, ...], size: float, density: float
 ) -> NDArray[np.bool_]:
     """A plane of square cells, `size` voxels wide, at a random phase."""
-    phases = rng.random(2) * size
+    width = _cell_width(size)
+    phases = rng.random(2) * width
     rows, columns = (
-        np.floor((np.arange(count) + 0.5 + phase) / size).astype(np.intp)
+        np.floor((np.arange(count) + 0.5 + phase) / width).astype(np.intp)
         for count, phase in zip(shape, phases.tolist(), strict=True)
     )
     cells = rng.random((rows[-1] + 1, columns[-1] + 1)) < density
     plane: NDArray[np.bool_] = cells[rows[:, np.newaxis], columns]
     return plane
+
+
+@lru_cache
+def _cell_width(size: float) -> float:
+    """Width of cells [voxels] whose integral range is a size once they are made of voxels.
+
+    The correlation of a plane of voxels is the triangle of its cells at whole lags and straight
+    between them.  At a width w = n + f it integrates to w + f (1 - f)/w, a little more than w.
+    """
+    low, high = float(math.floor(size)), size
+    for _ in range(BISECTIONS):
+        width = 0.5 * (low + high)
+        part = width % 1.0
+        low, high = (low, width) if width + part * (1.0 - part) / width > size else (width, high)
+    return high
 
 
 def _clumps(rng: np.random.Generator, shape: tuple[int, ...], clump: int) -> NDArray[np.bool_]:
@@ -284,7 +314,7 @@ def _kept_share(leaves: NDArray[np.int64], trunk: NDArray[np.bool_], density: fl
     columns = np.bincount(leaves[~trunk])
     always = np.count_nonzero(trunk)
     low, high = 0.0, 1.0
-    for _ in range(THINNEST):
+    for _ in range(BISECTIONS):
         share = 0.5 * (low + high)
         open_columns = float((columns * (1.0 - share) ** np.arange(len(columns))).sum())
         hidden = (always + float(columns.sum()) - open_columns) / leaves.size
