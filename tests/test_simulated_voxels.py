@@ -10,7 +10,7 @@ from aosplan.scene import Layer
 from aosplan.simulate import voxels
 from aosplan.simulate.forests import clumped_forest, generator, layered_forest, uniform_forest
 from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import Experiment, blocks, tiles
+from aosplan.simulate.voxels import VoxelViews, blocks, tiles
 
 VIEWS = ("telecentric", "perspective")
 
@@ -42,17 +42,17 @@ def test_a_window_shows_the_same_targets_as_the_whole_plot(stand, view, window):
 def test_tiles_and_batches_change_no_count(stand, view, monkeypatch):
     positions = sites(12, 1.7)
     window = Window(3, 7, 101, 150)
-    whole = Experiment(stand, 30.0, view=view, window=window)
+    whole = VoxelViews(stand, 30.0, view=view, window=window)
     counts, blocked = whole.counts(positions), whole.blocked_views(positions)
     monkeypatch.setattr(voxels, "TILE_TARGETS", 900)
     monkeypatch.setattr(voxels, "BATCH_OCTETS", 2000)
-    pieces = Experiment(stand, 30.0, view=view, window=window)
+    pieces = VoxelViews(stand, 30.0, view=view, window=window)
     assert pieces.counts(positions) == counts
     assert np.array_equal(pieces.blocked_views(positions), blocked)
 
 
 def test_images_and_counts_are_the_same_experiment(stand):
-    experiment = Experiment(stand, 30.0)
+    experiment = VoxelViews(stand, 30.0)
     counts = experiment.counts(sites(9, 2.0))
     blocked = experiment.blocked_views(sites(9, 2.0)).astype(int)
     assert counts == (9, blocked.size, blocked.sum(), (blocked**2).sum())
@@ -88,7 +88,7 @@ def simulated(make, altitude_m, positions, view, samples, size_m):
     for i in range(samples):
         volume = make(generator(11, i))
         window = middle(volume, size_m)
-        counts.append(Experiment(volume, altitude_m, view=view, window=window).counts(positions))
+        counts.append(VoxelViews(volume, altitude_m, view=view, window=window).counts(positions))
     return estimate(counts)
 
 

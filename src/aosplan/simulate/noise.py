@@ -84,6 +84,8 @@ def blocked_views(
     occluder_px: float,
     shifts_px: ArrayLike,
     shape: tuple[int, int],
+    *,
+    only: int | None = None,
 ) -> NDArray[np.int32]:
     """How many views of one random pattern are blocked at each pixel; over N, the integral image.
 
@@ -99,13 +101,15 @@ def blocked_views(
         Shape (N, 2), x and y: where each view has moved to, in any unit of pixels and parts.
     shape
         Rows and columns of the image.
+    only
+        The view that counts, where not all of them do; the pattern is the same.
     """
     shifts = np.asarray(shifts_px, dtype=np.float64)
     shifts = shifts - shifts.min(axis=0)
     reach_x, reach_y = shifts.max(axis=0).tolist()
     pattern = noise_pattern(rng, density, occluder_px, shape, (reach_x, reach_y))
     blocked = np.zeros(shape, dtype=np.int32)
-    for x, y in shifts.tolist():
+    for x, y in shifts.tolist() if only is None else [shifts[only].tolist()]:
         blocked += pattern.view(shape, (x, y))
     return blocked
 

@@ -30,8 +30,8 @@ BATCH_OCTETS = 1 << 26
 """Memory for the views of a tile that are made at a time."""
 
 
-class Experiment:
-    """Views of one altitude on the targets below one volume.
+class VoxelViews:
+    """Views from one altitude on the targets below one volume.
 
     Parameters
     ----------
@@ -67,6 +67,17 @@ class Experiment:
         self._view = view
         self._per_voxel = targets_per_voxel
         self._focal_height_m = focal_height_m
+
+    def within(self, window: Window) -> VoxelViews:
+        """The same views on a part of the targets."""
+        return VoxelViews(
+            self._volume,
+            self._altitude_m,
+            view=self._view,
+            targets_per_voxel=self._per_voxel,
+            focal_height_m=self._focal_height_m,
+            window=window,
+        )
 
     def counts(self, positions_m: ArrayLike) -> Counts:
         """How often the targets are hidden from cameras, shape (N, 2), east and north."""
