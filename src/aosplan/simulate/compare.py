@@ -96,7 +96,7 @@ class Settings(NamedTuple):
     """
 
     seed: int = 1
-    precision: float = 0.002
+    precision: float = 0.005
     forest: str | None = None
     view: ViewKind = "perspective"
     most_targets: int = MOST_TARGETS
@@ -249,6 +249,47 @@ def simulate(
     tolerance = _tolerance(plan, above, experiment, predicted)
     return Simulation(
         plan, settings, predicted, found, views, targets, len(samples), tolerance, experiment
+    )
+
+
+class Pictures(NamedTuple):
+    """PNG files of a simulation, and the similarity (SSIM) of images to that of endless views.
+
+    `picture` shows a resolution chart through the trees, in the middle view, in the integral
+    image of all, and in that of endless views; `occlusion_map` the share of views that see
+    each target, white for all.
+    """
+
+    picture: bytes
+    occlusion_map: bytes
+    single: float
+    integral: float
+
+
+def pictures(simulation: Simulation) -> Pictures:
+    """Draw the first volume, pattern or plot of a simulation, the far end of the area on top.
+
+    Raises
+    ------
+    RequestError
+        Where nothing stands in the way.
+    MissingExtraError
+        Where Pillow or scikit-image is not installed.
+    """
+    from aosplan.simulate import picture as p
+
+    if simulation.experiment is None:
+        raise RequestError("nothing stands above the focal plane: there is nothing to draw")
+    every, one = (blocked[::-1] for blocked in simulation.experiment.images())
+    share = every / simulation.views
+    chart = p.resolution_chart(*share.shape)
+    optimum = p.integral_image(chart, np.asarray(share.mean()))
+    single, integral = (p.integral_image(chart, veil) for veil in (one.astype(float), share))
+    return Pictures(
+        p.png(p.side_by_side([single, integral, optimum])),
+        p.png(1.0 - share),
+        p.similarity(single, optimum),
+        p.similarity(integral, optimum),
     )
 
 

@@ -140,6 +140,20 @@ def similarity(image: Image, reference: Image) -> float:
     return float(value)
 
 
+def check_extra() -> None:
+    """Refuse to begin what cannot be drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        Where Pillow or scikit-image is not installed.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("PIL") is None or find_spec("skimage") is None:
+        raise MissingExtraError("drawing pictures", EXTRA)
+
+
 def side_by_side(images: list[Image]) -> Image:
     """Images of one height, left to right, with a white gap between them."""
     gap = np.ones((images[0].shape[0], GAP_PX, *images[0].shape[2:]))
