@@ -160,8 +160,7 @@ COMMAND = command(
     summary="Fly a plan over a simulated forest, and compare what is seen with the prediction.",
     examples=(
         "aosplan simulate --altitude 40\n"
-        "aosplan simulate --altitude 40 --forest clumped --seed 7 --picture forest.png\n"
-        "aosplan simulate plan.json --view telecentric --precision 0.001 --json"
+        "aosplan simulate plan.json --forest clumped --seed 7 --picture forest.png"
     ),
     parameters=[
         file_argument(

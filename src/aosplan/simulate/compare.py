@@ -236,10 +236,14 @@ def simulate(
     for counts in experiment.samples():
         samples.append(counts)
         targets += counts.targets
-        if experiment.one_plot or len(samples) < check:
+        if experiment.one_plot or len(samples) < FEWEST_SAMPLES:
+            continue
+        if targets + counts.targets > settings.most_targets:
+            break
+        if len(samples) < check:
             continue
         worst = _worst(estimate(samples))
-        if worst <= settings.precision or targets + counts.targets > settings.most_targets:
+        if worst <= settings.precision:
             break
         # The standard error is itself a chance: to look at it often is to stop too early.
         check = math.ceil(1.25 * len(samples))

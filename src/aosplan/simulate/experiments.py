@@ -52,8 +52,8 @@ MOST_RAYS = 10_000_000_000
 FEWEST_SAMPLES = 16
 """Samples that every experiment takes: fewer do not tell their own standard error."""
 
-PICTURE_TARGETS = 3
-"""Targets along the edge of a voxel in pictures, which want more of them than counts do."""
+PICTURE_PX = 300
+"""Targets along the shorter side of a picture, which wants more of them than counts do."""
 
 PLOT_BLOCKS = 4
 """Blocks along either side of a real plot, whose scatter is its standard error."""
@@ -137,7 +137,7 @@ class ForestExperiment(NamedTuple):
 
     def images(self) -> tuple[Blocked, Blocked]:
         """Blocked views of the first patch: of all views, and of the middle one alone."""
-        views, positions = self._sample(0, PICTURE_TARGETS)
+        views, positions = self._sample(0, least_px=PICTURE_PX)
         middle = middle_of(self.positions_m)
         return views.blocked_views(positions), views.blocked_views(positions[[middle]])
 
@@ -165,8 +165,11 @@ class ForestExperiment(NamedTuple):
         x, y = (np.ptp(self.positions_m, axis=0) * (self.top_m / self.altitude_m)).tolist()
         return x, y
 
-    def _sample(self, index: int, per_voxel: int = 0) -> tuple[VoxelViews, Positions]:
-        """Views of a patch, and the cameras' positions from the patch's middle."""
+    def _sample(self, index: int, least_px: int = 0) -> tuple[VoxelViews, Positions]:
+        """Views of a patch, and the cameras' positions from the patch's middle.
+
+        The patch has at least so many targets along either side, within reason.
+        """
         rng = generator(self.seed, index)
         patch, number = self._patches()
         at = [
@@ -178,7 +181,8 @@ class ForestExperiment(NamedTuple):
         size = [self._plot_m(axis, patch[axis]) for axis in (0, 1)]
         volume = self.make(rng, (size[0], size[1]))
         share = volume.voxel_m / self.occluder_size_m
-        per_voxel = per_voxel or min(max(round(TARGETS_AN_OCCLUDER[self.view] * share), 1), 4)
+        per_voxel = min(max(round(TARGETS_AN_OCCLUDER[self.view] * share), 1), 4)
+        per_voxel = max(per_voxel, min(math.ceil(least_px * volume.voxel_m / min(patch)), 16))
         views = VoxelViews(
             volume,
             self.altitude_m,

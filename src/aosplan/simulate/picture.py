@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Image = NDArray[np.float64]
 
 EXTRA = "pictures"
+EXTRA_MODULES = ("PIL", "skimage")
 
 LEAVES = (0.16, 0.42, 0.14)
 """Colour of the occluders, red, green and blue."""
@@ -150,7 +151,7 @@ def check_extra() -> None:
     """
     from importlib.util import find_spec
 
-    if find_spec("PIL") is None or find_spec("skimage") is None:
+    if any(find_spec(name) is None for name in EXTRA_MODULES):
         raise MissingExtraError("drawing pictures", EXTRA)
 
 
