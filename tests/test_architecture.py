@@ -115,7 +115,9 @@ def test_plain_help_loads_no_command():
     }
 
 
-@pytest.mark.parametrize("name", ["plan", "visibility", "scene", "export", "cameras", "schema"])
+@pytest.mark.parametrize(
+    "name", ["plan", "simulate", "visibility", "scene", "export", "cameras", "schema"]
+)
 def test_help_of_a_command_loads_nothing_past_typer(name):
     assert not packages(command(name, "--help")) & (HEAVY | RICH)
 
@@ -261,6 +263,13 @@ def test_simulators_know_nothing_of_the_models_they_judge():
             continue
         banned = [n for n in imports_of(path) if n.startswith(("aosplan.models", "aosplan.solve"))]
         assert banned == [], path
+
+
+def test_simulators_load_no_model_by_way_of_another_module():
+    names = [module_name(path) for path in SIMULATORS if path.stem != "compare"]
+    assert len(names) >= 7
+    found = loaded("\n".join(f"import {name}" for name in names))
+    assert not {name for name in found if name.startswith(("aosplan.models", "aosplan.solve"))}
 
 
 LOW = ("errors", "quantities", "camera", "geometry", "roots", "pattern", "flight", "files")

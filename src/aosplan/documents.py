@@ -238,6 +238,56 @@ class PlanDocument(OpenDocument):
     waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]
 
 
+class PredictedDocument(OpenDocument):
+    """A model's answer to the question of an experiment."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+
+
+class SimulatedDocument(PredictedDocument):
+    """What an experiment found, with standard errors."""
+
+    density_standard_error: Finite
+    expected_standard_error: Finite
+    normalized_standard_error: Finite | None
+
+
+class ToleranceDocument(OpenDocument):
+    """Error of an experiment that is not chance."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite
+
+
+class SimilarityDocument(OpenDocument):
+    """SSIM of images of the ground to that of endless views."""
+
+    single: Finite
+    integral: Finite
+
+
+class SimulationDocument(PlanDocument):
+    """What `aosplan simulate --json` prints."""
+
+    predicted: PredictedDocument
+    simulated: SimulatedDocument
+    agree: bool
+    differences: list[str]
+    tolerance: ToleranceDocument
+    forest: Literal["noise", "uniform", "layered", "clumped", "cloud"]
+    view: Literal["telecentric", "perspective"] | None
+    seed: int
+    precision: Finite
+    precise: bool
+    views: int
+    targets: int
+    volumes: int
+    similarity: SimilarityDocument | None = None
+
+
 class CorrelogramDocument(OpenDocument):
     """Correlation of two views by direction and lag (camera offset over altitude)."""
 
@@ -275,6 +325,7 @@ class CalculatorDocument(OpenDocument):
 
 DOCUMENTS: dict[str, type[BaseModel]] = {
     "plan": PlanDocument,
+    "simulation": SimulationDocument,
     "request": RequestDocument,
     "scene": SceneDocument,
     "camera": CameraDocument,

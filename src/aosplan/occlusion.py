@@ -31,7 +31,7 @@ meet neighbours that it passes by.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -47,6 +47,16 @@ if TYPE_CHECKING:
     Words = NDArray[np.uint64]
 
 ViewKind = Literal["telecentric", "perspective"]
+
+
+class Window(NamedTuple):
+    """A rectangle of a plot's targets: its first row and column, and how many of each."""
+
+    row: int
+    column: int
+    rows: int
+    columns: int
+
 
 OCTETS_A_VIEW = 1 << 18
 """Memory for the targets of one view that are worked on at a time."""
@@ -79,6 +89,8 @@ class Occlusion:
     focal_height_m
         Height of the focal plane, and the targets, above the ground; what is below it hides
         nothing.
+    window
+        The targets that count, where not all of the plot's do.
 
     Raises
     ------
@@ -94,6 +106,7 @@ class Occlusion:
         view: ViewKind = "telecentric",
         targets_per_voxel: int = 4,
         focal_height_m: float = 0.0,
+        window: Window | None = None,
     ) -> None:
         if view not in ("telecentric", "perspective"):
             raise RequestError(f"view '{view}' is unknown", "use telecentric or perspective")
@@ -120,8 +133,9 @@ class Occlusion:
         self._per_voxel = int(targets_per_voxel)
         self._pitch_m = volume.voxel_m / self._per_voxel
         _, rows, columns = volume.occupied.shape
-        self.rows = int(rows * self._per_voxel)
-        self.columns = int(columns * self._per_voxel)
+        self._plot = int(rows * self._per_voxel), int(columns * self._per_voxel)
+        self._window = window or Window(0, 0, *self._plot)
+        self.rows, self.columns = self._window.rows, self._window.columns
         # Octets, but whole words of them.
         self._width = 8 * -(-self.columns // 64)
 
@@ -157,7 +171,7 @@ class Occlusion:
         if self._view == "perspective":
             self._perspective(masks, offsets)
         elif len(offsets):
-            self._telecentric(masks, offsets, 0)
+            self._telecentric(masks, offsets, self._window.row)
         ends = np.arange(8 * self._width).reshape(self._width, 8) < self.columns
         masks &= np.packbits(ends, axis=1, bitorder="little")
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
@@ -195,7 +209,7 @@ class Occlusion:
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
         for level in self._filled:
             low_x, low_y = lows[level].tolist()
-            x = (low_x + np.arange(8 * octets)) // self._per_voxel
+            x = (low_x + self._window.column + np.arange(8 * octets)) // self._per_voxel
             y = (low_y + row + np.arange(stride)) // self._per_voxel
             near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
             packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
@@ -223,13 +237,15 @@ class Occlusion:
         x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
         y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
+        along, across = self._plot
+        first_y, first_x = self._window[:2]
         hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
         for face in np.union1d(self._filled, self._filled + 1):
             above = np.asarray(self._occupied[face : face + 1].any(axis=0))
             around = np.asarray(self._occupied[max(face - 1, 0) : face + 1].any(axis=0))
-            x = self._voxels(face, x_m, self.columns, 8 * self._width)
-            x_beside = self._voxels(face + 1, x_m, self.columns, 8 * self._width)
-            y = self._voxels(face, y_m, self.rows, self.rows)
+            x = self._voxels(face, x_m, across, first_x, 8 * self._width)
+            x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
+            y = self._voxels(face, y_m, along, first_y, self.rows)
             above_bits, around_bits = _column_bits(above), _column_bits(around)
             for views, met, beside in zip(abreast, x, x_beside, strict=True):
                 octets = _picked(around_bits, met) | _picked(above_bits, beside)
@@ -239,14 +255,16 @@ class Occlusion:
         masks[...] = hidden.transpose(0, 2, 1)
 
     def _voxels(
-        self, face: int, camera_m: NDArray[np.float64], across: int, count: int
+        self, face: int, camera_m: NDArray[np.float64], across: int, first: int, count: int
     ) -> NDArray[np.int32]:
         """Voxels met at a face along an axis `across` targets long, shape (cameras, count).
+
+        Of the targets, `count` from the `first` on.
 
         Where there is no such face, nothing is met, wherever that is.
         """
         height = self._faces[min(face, len(self._faces) - 1)]
-        target = (np.arange(count) + (0.5 - 0.5 * across)) * (1.0 - height)
+        target = (np.arange(first, first + count) + (0.5 - 0.5 * across)) * (1.0 - height)
         camera = camera_m * (height / self._pitch_m) + 0.5 * across
         place = (target + camera[:, np.newaxis]) / self._per_voxel
         voxels: NDArray[np.int32] = np.floor(place).astype(np.int32)

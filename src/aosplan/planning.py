@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
@@ -52,6 +52,8 @@ class Plan:
         In flight order.
     notices
         What the reading of the scene had to say.
+    volume
+        The voxels of a scene that is a point cloud, heights above ground.
     """
 
     request: PlanRequest
@@ -63,6 +65,7 @@ class Plan:
     coverage: CoverageBaseline | None
     waypoints: Waypoints
     notices: tuple[Message, ...]
+    volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
 
     @property
     def warnings(self) -> tuple[Message, ...]:
@@ -204,6 +207,7 @@ def plan(
             origin=request.origin,
         ),
         notices=notices,
+        volume=volume,
     )
 
 

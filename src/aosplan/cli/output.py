@@ -76,12 +76,20 @@ def write_outputs(
 @contextlib.contextmanager
 def progress_bar(scene: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """A bar on a terminal's stderr, or None where there is none, or nothing to wait for."""
-    if quiet or not scene.lower().endswith(CLOUD_SUFFIXES) or not sys.stderr.isatty():
+    nothing = quiet or not scene.lower().endswith(CLOUD_SUFFIXES)
+    with waiting_bar("reading points", quiet=nothing) as progress:
+        yield progress
+
+
+@contextlib.contextmanager
+def waiting_bar(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar on a terminal's stderr while something takes long, or None where there is none."""
+    if quiet or not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("reading points", total=None)
+        task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aosplan.pattern import Pattern
     from aosplan.planning import Plan
     from aosplan.scene import Scene
+    from aosplan.simulate.compare import Simulation
 
 WIDTH = 80
 
@@ -188,6 +189,46 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     for row in rows:
         table.add_row(*(one_line(cell) for cell in row))
     show(table)
+
+
+def print_simulation(
+    simulation: Simulation, similar: dict[str, Any], written: Sequence[str]
+) -> None:
+    """A prediction beside its simulation, and whether they agree."""
+    plan, found, settings = simulation.plan, simulation.simulated, simulation.settings
+    pattern = plan.solution.pattern
+    view = "" if settings.forest == "noise" else f", {settings.view} view"
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("", "planned", "predicted", "simulated", "standard error"):
+        table.add_column(name, justify="left" if not name else "right")
+    for symbol, name in (("p", "density"), ("V", "expected"), ("V̂", "normalized")):
+        value, error = getattr(found, name), getattr(found, f"{name}_standard_error")
+        if math.isnan(value):
+            continue
+        models = (plan.solution.prediction, simulation.predicted)
+        shown = [_percent(getattr(model, name)) for model in models]
+        table.add_row(symbol, *shown, _percent(value), f"{100 * error:.2f} %")
+    verdict = ["They agree."] if simulation.agree else ["They disagree:"]
+    verdict += [f"  {difference}" for difference in simulation.differences]
+    if similar:
+        single, integral = similar["similarity"].values()
+        verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
+    if written:
+        verdict.append(f"Wrote {', '.join(written)}")
+    kind = "blocks of the plot" if settings.forest == "cloud" else "volumes"
+    show(
+        one_line(
+            f"{plan.model} model against a {settings.forest} forest{view}: N = "
+            f"{pattern.samples}, b = {plan.solution.baseline_m:.2f} m"
+        ),
+        one_line(
+            f"{simulation.samples} {kind}, {simulation.targets} targets, seed {settings.seed}"
+        ),
+        Text(""),
+        table,
+        Text(""),
+        *map(one_line, verdict),
+    )
 
 
 def print_scene(document: dict[str, Any]) -> None:

@@ -1,0 +1,208 @@
+"""``aosplan simulate``."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from aosplan import quantities as q
+from aosplan.cli.options import (
+    command,
+    file_argument,
+    flag_option,
+    json_option,
+    request_options,
+    text_option,
+)
+from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
+from aosplan.errors import RequestError
+from aosplan.planning import plan
+from aosplan.request import request_from
+from aosplan.resolve import CLOUD_SUFFIXES, VOXEL_SUFFIX
+
+if TYPE_CHECKING:
+    from aosplan.request import PlanRequest
+    from aosplan.simulate.compare import Settings, Simulation
+
+LARGEST_SEED = 2**63 - 1
+
+
+def run(
+    *,
+    request: str | None,
+    seed: str | None,
+    precision: str | None,
+    forest: str | None,
+    max_targets: str | None,
+    picture: str | None,
+    occlusion_map: str | None,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    **flags: Any,
+) -> None:
+    """Fly a plan over a forest in the computer, and hold its prediction against what is seen."""
+    values: dict[str, Any] = {}
+    if request is not None:
+        from aosplan.documents import read_request
+
+        values = read_request(request)
+    wanted = request_from(values, overrides=flags, where=request or "")
+    chosen = _settings(wanted, seed, precision, forest, max_targets)
+    outputs = _outputs(picture, occlusion_map, force=force)
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+        result = plan(_plannable(wanted), folder=os.path.dirname(request or ""), progress=progress)
+    print_warnings(result.warnings, quiet=quiet)
+    from aosplan.simulate.compare import simulate
+
+    with waiting_bar("simulating", quiet=quiet) as progress:
+        simulation = simulate(result, chosen, progress=progress)
+    similar = _draw(simulation, outputs, force=force) if outputs else {}
+    if not (simulation.precise or simulation.settings.forest == "cloud" or quiet):
+        _say_imprecise(simulation)
+    if as_json:
+        print_json(simulation.document() | similar)
+    elif not quiet:
+        from aosplan.cli.tables import print_simulation
+
+        print_simulation(simulation, similar, [path for _, path in outputs])
+
+
+def _settings(
+    wanted: PlanRequest,
+    seed: str | None,
+    precision: str | None,
+    forest: str | None,
+    max_targets: str | None,
+) -> Settings:
+    from aosplan.simulate.compare import FORESTS, Settings
+
+    given: dict[str, Any] = {"view": wanted.view or "perspective"}
+    if seed is not None:
+        given["seed"] = _seed(seed)
+    if precision is not None:
+        given["precision"] = q.positive(precision, "--precision")
+        if given["precision"] > 1.0:
+            raise RequestError(f"--precision {precision} is not a standard error of at most 1")
+    if forest is not None:
+        given["forest"] = q.one_of(FORESTS)(forest, "--forest")
+    if max_targets is not None:
+        given["most_targets"] = q.whole(max_targets, "--max-targets")
+    return Settings(**given)
+
+
+def _seed(value: str) -> int:
+    if not value.isascii() or not value.isdigit() or int(value) > LARGEST_SEED:
+        raise RequestError(f"--seed {value} is not a whole number from 0 to {LARGEST_SEED}")
+    return int(value)
+
+
+def _plannable(wanted: PlanRequest) -> PlanRequest:
+    """The request that is planned: a view is the measured model's, or only the simulation's."""
+    cloud = (wanted.scene or "").lower().endswith((*CLOUD_SUFFIXES, VOXEL_SUFFIX))
+    measured = wanted.model == "measured" or (wanted.model is None and cloud)
+    return wanted if measured else replace(wanted, view=None)
+
+
+def _outputs(
+    picture: str | None, occlusion_map: str | None, *, force: bool
+) -> list[tuple[str, str]]:
+    """What is drawn where, checked before any work is done for it."""
+    outputs = [
+        (name, path)
+        for name, path in (("picture", picture), ("occlusion_map", occlusion_map))
+        if path is not None
+    ]
+    if outputs:
+        from aosplan.files import check_output
+        from aosplan.simulate.picture import check_extra
+
+        for _, path in outputs:
+            if not path.lower().endswith(".png"):
+                raise RequestError(f"picture '{path}' does not end in .png")
+            check_output(path, force=force)
+        if len({os.path.realpath(path) for _, path in outputs}) < len(outputs):
+            raise RequestError(f"output '{outputs[0][1]}' is given twice")
+        check_extra()
+    return outputs
+
+
+def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
+    """Write the pictures; how similar the images are to the optimum, for the document."""
+    from aosplan.files import write_all
+    from aosplan.simulate.compare import pictures
+
+    drawn = pictures(simulation)
+    contents = {path: getattr(drawn, name) for name, path in outputs}
+    write_all(contents, force=force)
+    return {"similarity": {"single": drawn.single, "integral": drawn.integral}}
+
+
+def _say_imprecise(simulation: Simulation) -> None:
+    from aosplan.resolve import Message
+
+    print_warnings(
+        [
+            Message(
+                "imprecise",
+                f"the standard errors are above {simulation.settings.precision:g} after "
+                f"{simulation.targets} targets, the most of this simulation; --max-targets allows "
+                "more",
+            )
+        ]
+    )
+
+
+COMMAND = command(
+    "simulate",
+    run,
+    summary="Fly a plan over a simulated forest, and compare what is seen with the prediction.",
+    examples=(
+        "aosplan simulate --altitude 40\n"
+        "aosplan simulate plan.json --forest clumped --seed 7 --picture forest.png"
+    ),
+    parameters=[
+        file_argument(
+            "request",
+            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            required=False,
+        ),
+        *request_options(),
+        text_option("--seed", "N", "Of everything random.  [1]", "Simulation"),
+        text_option(
+            "--precision",
+            "X",
+            "Standard error of V and V̂ at which the simulation is done.  [0.005]",
+            "Simulation",
+        ),
+        text_option(
+            "--forest",
+            "NAME",
+            "noise, uniform, layered, clumped (trees) or cloud (the scene's own voxels).  [as the "
+            "scene is]",
+            "Simulation",
+        ),
+        text_option(
+            "--max-targets",
+            "N",
+            "Most targets, whatever the precision.  [100000000]",
+            "Simulation",
+        ),
+        text_option(
+            "--picture",
+            "PATH.png",
+            "Draw a resolution chart through the forest: one photo, the integral, endless photos.",
+            "Output",
+        ),
+        text_option(
+            "--occlusion-map",
+            "PATH.png",
+            "Draw the share of photos that see each target.",
+            "Output",
+        ),
+        flag_option("--force", "Overwrite existing files."),
+        flag_option("--quiet", "No table, no hints."),
+        json_option(),
+    ],
+)

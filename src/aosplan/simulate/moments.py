@@ -1,0 +1,109 @@
+"""From counts of hidden targets to visibility, with standard errors.
+
+A simulation counts, for each target, the number c of its N views that are blocked.  With
+X = c/N, the integral image of a black target below white occluders, and R samples of the
+forest (independent volumes, patterns, or blocks of one plot), each with its mean x_r of X and
+mean m_r of X²,
+
+    p = mean x,   V = 1 - mean m,   V̂ = 1 - K,   K = (m - p²)/(p - p²).
+
+Targets of one volume see the same trees, so only whole samples count as independent: standard
+errors come from their scatter (for K by its derivatives in p and m).  p² is estimated from pairs
+of different samples, p² = (R p̄² - mean x²)/(R - 1), as p̄² is too large by the variance of p̄,
+which would pass for a better V̂.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+class Counts(NamedTuple):
+    """Counts over the targets of one sample: Σ c and Σ c², exact, c of `views` being blocked."""
+
+    views: int
+    targets: int
+    hidden: int
+    squares: int
+
+    @property
+    def density(self) -> float:
+        """Mean of X."""
+        return self.hidden / (self.views * self.targets)
+
+    @property
+    def mean_square(self) -> float:
+        """Mean of X², which is 1 - V."""
+        return self.squares / (self.views**2 * self.targets)
+
+    def __add__(self, other: object) -> Counts:
+        """Counts over the targets of both."""
+        assert isinstance(other, Counts)
+        assert other.views == self.views
+        return Counts(
+            self.views,
+            self.targets + other.targets,
+            self.hidden + other.hidden,
+            self.squares + other.squares,
+        )
+
+
+class Estimate(NamedTuple):
+    """Density p, visibility V and normalised visibility V̂, each with its standard error.
+
+    V̂ is nan where nothing or everything is hidden; a standard error is infinite where there
+    are too few samples to tell.
+    """
+
+    density: float
+    expected: float
+    normalized: float
+    density_standard_error: float
+    expected_standard_error: float
+    normalized_standard_error: float
+
+
+def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
+    """Visibility from counts of several samples of a forest.
+
+    Parameters
+    ----------
+    samples
+        At least one; independent of each other.
+    one_plot
+        Whether the samples are the blocks of one plot, of which the estimate is to be exactly
+        what all its targets show: p² is then the square of their mean.  Blocks of one plot are not
+        quite independent, nor are they alike below one aperture, so their standard error is
+        a guide, not a measurement.
+    """
+    weights = np.array([sample.targets for sample in samples], dtype=np.float64)
+    weights /= weights.mean()
+    x = np.array([sample.density for sample in samples])
+    m = np.array([sample.mean_square for sample in samples])
+    count = len(samples)
+    p, square = float((weights * x).mean()), float((weights * m).mean())
+    p_squared = p * p
+    if not one_plot and count > 1:
+        p_squared = (count * p * p - float((weights * x * x).mean())) / (count - 1)
+    spread = p - p_squared
+    x_error, m_error = (_standard_error(weights * (v - mean)) for v, mean in ((x, p), (m, square)))
+    if not spread > 0.0:
+        return Estimate(p, 1.0 - square, math.nan, x_error, m_error, math.nan)
+    shortfall = (square - p_squared) / spread
+    slope = -(2.0 * p + shortfall * (1.0 - 2.0 * p)) / spread
+    changes = weights * ((m - square) / spread + slope * (x - p))
+    return Estimate(p, 1.0 - square, 1.0 - shortfall, x_error, m_error, _standard_error(changes))
+
+
+def _standard_error(changes: np.ndarray) -> float:
+    """Standard error of a mean, from what each sample adds to it."""
+    count = len(changes)
+    if count < 2:
+        return math.inf
+    return math.sqrt(float((changes * changes).sum()) / (count - 1) / count)

@@ -1,0 +1,184 @@
+"""Pictures: a resolution chart seen through the trees, how similar two images are, PNG files.
+
+Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3), the
+top row first.  The optimum of an integral image, that of endless views, is the target below
+a constant veil of p of the occluders' colour: what a finite number of views leaves of their
+structure is what makes it less similar to that.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import MissingExtraError, RequestError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Image = NDArray[np.float64]
+
+EXTRA = "pictures"
+EXTRA_MODULES = ("PIL", "skimage")
+
+LEAVES = (0.16, 0.42, 0.14)
+"""Colour of the occluders, red, green and blue."""
+
+SPOKES = 24
+BARS = (2, 4, 6, 9, 13)
+"""Pairs of bars in each group of the chart, over the group's width."""
+
+SSIM_WINDOW = 11
+"""Pixels across the Gaussian window of the similarity, as Wang et al. (2004) have it."""
+
+GAP_PX = 4
+"""White pixels between the panels of a picture."""
+
+
+def resolution_chart(rows: int, columns: int) -> Image:
+    """A grey chart of bars, a Siemens star and a wedge of greys, without a letter.
+
+    Parameters
+    ----------
+    rows, columns
+        Size of the image, from 1; the chart fills it, whatever its shape.
+
+    Returns
+    -------
+    ndarray
+        Shape (rows, columns), 0 black to 1 white.
+    """
+    y = (np.arange(rows) + 0.5) / rows
+    x = (np.arange(columns) + 0.5) / columns
+    chart = np.full((rows, columns), 0.92)
+    for k, pairs in enumerate(BARS):
+        low, high = 0.05 + 0.18 * k, 0.05 + 0.18 * k + 0.15
+        along = (x - low) / (high - low)
+        bars = (along * pairs) % 1.0 < 0.5
+        _fill(chart, (y > 0.05) & (y < 0.2), (along >= 0.0) & (along < 1.0), bars[np.newaxis])
+        # The same group, lying, down the left and the right side.
+        down = (y - low * 0.62 - 0.22) / ((high - low) * 0.62)
+        lines = ((down * pairs) % 1.0 < 0.5)[:, np.newaxis]
+        for side in (0.05, 0.83):
+            _fill(chart, (down >= 0.0) & (down < 1.0), (x > side) & (x < side + 0.12), lines)
+    # The star is round where the image is not square.
+    unit = min(rows, columns)
+    dy = (np.arange(rows) + 0.5 - 0.53 * rows) / unit
+    dx = (np.arange(columns) + 0.5 - 0.5 * columns) / unit
+    angle = np.arctan2(dy[:, np.newaxis], dx) / (2.0 * np.pi)
+    inside = dy[:, np.newaxis] ** 2 + dx**2 < 0.28**2
+    chart[inside & ((angle * SPOKES) % 1.0 < 0.5)] = 0.05
+    wedge = np.floor(np.clip((x - 0.05) / 0.9, 0.0, 0.999) * 10.0) / 9.0
+    band = (y > 0.87) & (y < 0.95)
+    across = (x > 0.05) & (x < 0.95)
+    chart[np.ix_(band, across)] = wedge[across]
+    return chart
+
+
+def _fill(
+    chart: Image, rows: NDArray[np.bool_], columns: NDArray[np.bool_], dark: NDArray[np.bool_]
+) -> None:
+    chart[rows[:, np.newaxis] & columns & dark] = 0.05
+
+
+def integral_image(target: Image, blocked_share: Image) -> Image:
+    """A grey target below trees: what a share X of the views does not see has their colour.
+
+    Parameters
+    ----------
+    target
+        Shape (rows, columns).
+    blocked_share
+        X, the same shape, or a single number: p, for endless views.
+
+    Returns
+    -------
+    ndarray
+        Shape (rows, columns, 3).
+    """
+    veil = np.broadcast_to(np.asarray(blocked_share, dtype=np.float64), target.shape)
+    image: Image = (target * (1.0 - veil))[..., np.newaxis] + np.multiply.outer(veil, LEAVES)
+    return image
+
+
+def similarity(image: Image, reference: Image) -> float:
+    """SSIM of two images of values from 0 to 1: 1 where they are the same.
+
+    Structural similarity of Wang et al. (2004), with their Gaussian window, over all colours.
+
+    Raises
+    ------
+    MissingExtraError
+        Where scikit-image is not installed.
+    RequestError
+        Where the shapes differ, or are smaller than the window.
+    """
+    try:
+        from skimage.metrics import structural_similarity
+    except ImportError as error:
+        raise MissingExtraError("the similarity of images", EXTRA) from error
+    if image.shape != reference.shape:
+        raise RequestError(
+            f"images of {_shape(image)} and {_shape(reference)} pixels cannot be compared"
+        )
+    if min(image.shape[:2]) < SSIM_WINDOW:
+        raise RequestError(
+            f"images of {_shape(image)} pixels are too small to compare",
+            f"the similarity looks at windows of {SSIM_WINDOW} x {SSIM_WINDOW}",
+        )
+    untyped: Any = structural_similarity
+    value = untyped(
+        image,
+        reference,
+        data_range=1.0,
+        channel_axis=2 if image.ndim == 3 else None,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+    )
+    return float(value)
+
+
+def check_extra() -> None:
+    """Refuse to begin what cannot be drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        Where Pillow or scikit-image is not installed.
+    """
+    from importlib.util import find_spec
+
+    if any(find_spec(name) is None for name in EXTRA_MODULES):
+        raise MissingExtraError("drawing pictures", EXTRA)
+
+
+def side_by_side(images: list[Image]) -> Image:
+    """Images of one height, left to right, with a white gap between them."""
+    gap = np.ones((images[0].shape[0], GAP_PX, *images[0].shape[2:]))
+    parts = [part for image in images for part in (image, gap)]
+    return np.concatenate(parts[:-1], axis=1)
+
+
+def png(image: Image) -> bytes:
+    """An image as a PNG file, the same bytes for the same image and Pillow.
+
+    Raises
+    ------
+    MissingExtraError
+        Where Pillow is not installed.
+    """
+    try:
+        from PIL import Image as Pillow
+    except ImportError as error:
+        raise MissingExtraError("writing pictures", EXTRA) from error
+    levels = np.clip(np.rint(image * 255.0), 0, 255).astype(np.uint8)
+    file = io.BytesIO()
+    Pillow.fromarray(levels).save(file, format="PNG", optimize=True)
+    return file.getvalue()
+
+
+def _shape(image: Image) -> str:
+    return " x ".join(str(size) for size in image.shape[:2])
