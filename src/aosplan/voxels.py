@@ -47,11 +47,13 @@ class VoxelVolume:
     points
         Points of the cloud that were used; 0 where the volume does not come from one.
     ground
-        How the ground was found: ``class``, ``filter`` or ``normalized``.
+        How the ground was found: ``class``, ``filter``, ``normalized`` or ``raster``.
     warnings
         Pairs of a code and a sentence: what a reader of the results should know.
     source
         Where the volume comes from, for messages.
+    assumed
+        What was assumed to get it, where it was not measured.
 
     Raises
     ------
@@ -69,6 +71,7 @@ class VoxelVolume:
     ground: str = "normalized"
     warnings: tuple[tuple[str, str], ...] = ()
     source: str = ""
+    assumed: str = ""
 
     def __post_init__(self) -> None:
         where = f"voxel volume '{self.source}'" if self.source else "voxel volume"

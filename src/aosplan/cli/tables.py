@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -201,7 +202,9 @@ def print_scene(document: dict[str, Any]) -> None:
         ("", f"mean {_percent(document['mean_density'])} a slice"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
-    if "points" in document:
+    if document["assumed"]:
+        rows.append(("Assumed", document["assumed"]))
+    if document.get("points"):
         rows.append(
             (
                 "Points",
@@ -209,6 +212,11 @@ def print_scene(document: dict[str, Any]) -> None:
                 f"{document['voxel_m']:g} m, ground by {document['ground']}",
             )
         )
+    if "edges" in document:
+        width, depth = document["plot_m"]
+        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; it wraps around at its edges"))
+    if "density_by_angle" in document:
+        rows.append(("p off nadir", _by_angle(document["density_by_angle"])))
     for share in (0.5, 0.9, 0.98):
         over_altitude = next(
             (b for b, covered in document["baseline_curve"] if covered >= share), None
@@ -221,6 +229,18 @@ def print_scene(document: dict[str, Any]) -> None:
         table.add_row(name, one_line(text))
     profile = _profile(document["layers"])
     show(table, *([Text(""), *profile] if profile else []))
+
+
+def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
+    """The density at a few angles, between those that were measured."""
+    shown = []
+    for wanted in (0.0, 10.0, 20.0, 30.0, 40.0):
+        for (low, before), (high, after) in pairwise(pairs):
+            if low <= wanted <= high:
+                between = before + (after - before) * (wanted - low) / (high - low)
+                shown.append(f"{wanted:.0f}° {_percent(between)}")
+                break
+    return ", ".join(shown)
 
 
 def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
