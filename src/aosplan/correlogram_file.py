@@ -35,7 +35,8 @@ def correlogram_table(table: Correlogram) -> dict[str, Any]:
 def density_by_angle(table: Correlogram) -> list[list[float]]:
     """Pairs of an angle off nadir [deg] and p of views at it, the mean over directions."""
     angles = np.degrees(np.arctan(table.lags)).tolist()
-    densities = np.round(table.density_by_offset.mean(axis=0), DIGITS).tolist()
+    kept = np.round(table.density_by_offset, DIGITS)  # as in files, so that they say the same
+    densities = np.round(kept.mean(axis=0), DIGITS).tolist()
     return [[0.0, table.density], *map(list, zip(angles, densities, strict=True))]
 
 

@@ -60,7 +60,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
     rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
-    yield "Model", plan.model + (rule if plan.model == "uniform" else "")
+    near = f", approximated by its {plan.approximation}" if plan.approximation else ""
+    yield "Model", plan.model + (rule if plan.model == "uniform" else near)
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:.2f} m"
     yield "Samples", f"N = {pattern.samples}, {request.grid} grid of {_shape_text(pattern)}"
