@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
 """The smallest model that fits a kind of scene."""
 
+SATURATED = 0.98
+"""Mean share of the ground that views hide, from which on a prediction hangs on few gaps."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -306,6 +309,13 @@ def _doubts(
             "correlogram_approximation",
             "predicted from the scene's correlogram, an approximation (of V̂, mostly within 0.02); "
             "the voxels in a .npz give the exact prediction",
+        )
+    density = solution.prediction.density
+    if density > SATURATED and "saturated" not in {code for code, _ in found.warnings}:
+        yield Message(
+            "saturated",
+            f"the views hide {density:.1%} of the ground on average: what they show hangs on a few "
+            "gaps; read the cloud with smaller voxels, or keep the aperture smaller",
         )
     extent_m = max(solution.pattern.extent) * solution.baseline_m
     if extent_m > problem.model.widest_aperture_m * (1.0 + 1e-9):
