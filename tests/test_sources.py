@@ -307,10 +307,10 @@ SCENE = {
 def test_a_correlogram_that_is_none_is_named(tmp_path, change, said):
     path = tmp_path / "stand.toml"
     path.write_text(tomli_w.dumps(SCENE))
-    assert read_scene_file(str(path)).correlogram is not None
+    assert read_scene_file(str(path)).correlogram() is not None
     path.write_text(tomli_w.dumps(SCENE | {"correlogram": TABLE | change}))
     with pytest.raises(RequestError) as caught:
-        read_scene_file(str(path))
+        read_scene_file(str(path)).correlogram()
     assert said in caught.value.message
     assert str(path) in caught.value.message
 
@@ -329,5 +329,5 @@ def test_a_correlogram_without_its_densities_is_named(tmp_path, change, said):
     table = {name: value for name, value in (SCENE | change).items() if value is not None}
     path.write_text(tomli_w.dumps(table))
     with pytest.raises(RequestError) as caught:
-        read_scene_file(str(path))
+        read_scene_file(str(path)).correlogram()
     assert said in caught.value.message

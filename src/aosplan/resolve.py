@@ -202,9 +202,10 @@ def scene_of(
     if _is_file_name(name):
         from aosplan.scene_document import read_scene_file
 
-        scene, correlogram = read_scene_file(name)
-        kind = scene.kind if correlogram is None else "cloud"
-        return ResolvedScene(scene, kind, correlogram=correlogram)
+        file = read_scene_file(name)
+        if file.table is None or request.model not in (None, "measured"):
+            return ResolvedScene(file.scene, file.scene.kind)
+        return ResolvedScene(file.scene, "cloud", correlogram=file.correlogram())
     from aosplan.presets.scenes import SCENES
 
     raise RequestError(

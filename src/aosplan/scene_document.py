@@ -83,10 +83,19 @@ class SceneDocument(Document):
 
 
 class SceneFile(NamedTuple):
-    """What a scene file holds: a scene, and a correlogram where one was measured."""
+    """What a scene file holds: a scene, and a correlogram's table where one was measured."""
 
     scene: Scene
-    correlogram: Correlogram | None = None
+    table: dict[str, Any] | None
+    path: str
+
+    def correlogram(self) -> Correlogram | None:
+        """The correlogram, which is checked now: a plan by another model does not pay for it."""
+        if self.table is None:
+            return None
+        from aosplan.correlogram_file import correlogram_from
+
+        return correlogram_from(self.table, self.path)
 
 
 def read_scene_file(path: str) -> SceneFile:
@@ -98,7 +107,7 @@ def read_scene_file(path: str) -> SceneFile:
         Where the file is not a scene.
     """
     document = checked(SceneDocument, read_table(path), path)
-    return SceneFile(_scene(document, path), _correlogram(document, path))
+    return SceneFile(_scene(document, path), _table(document), path)
 
 
 def _scene(document: SceneDocument, path: str) -> Scene:
@@ -129,17 +138,15 @@ def _scene(document: SceneDocument, path: str) -> Scene:
     )
 
 
-def _correlogram(document: SceneDocument, path: str) -> Correlogram | None:
+def _table(document: SceneDocument) -> dict[str, Any] | None:
+    """A correlogram with the densities that stand beside it."""
     if document.correlogram is None:
         return None
-    from aosplan.correlogram_file import correlogram_from
-
     table = document.correlogram.model_dump() | {
         "density": document.integrated_density,
         "density_by_offset": document.density_by_offset,
     }
-    given = {name: value for name, value in table.items() if value is not None}
-    return correlogram_from(given, path)
+    return {name: value for name, value in table.items() if value is not None}
 
 
 def _check_alone(document: SceneDocument, path: str, kind: str, others: Iterable[str]) -> None:
