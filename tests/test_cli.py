@@ -32,6 +32,10 @@ LENS = ["--focal-length", "9.1", "--sensor-width", "7.68", "--image-width", "640
 LENS = [*LENS, "--image-height", "512"]
 
 
+STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
+STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]
+
+
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     """An empty folder that is the current one: no test leaves anything elsewhere."""
@@ -189,6 +193,10 @@ def test_a_camera_that_a_request_names_is_looked_for_beside_it(folder, document)
 # Every option of plan, and what it does
 
 
+def hidden(result):
+    return result["scene"]["integrated_density"]
+
+
 def extent(result):
     return max(result["grid"]["extent_m"])
 
@@ -240,6 +248,20 @@ EFFECTS = {
     "volume_base": (
         ["--density", "0.01", *UNIFORM, "--volume-base", "5"],
         lambda r, d: math.isclose(r["baseline_m"], 0.2 * 40 / 5.36),
+    ),
+    "stems_per_hectare": (
+        [*STEMS, "--stems-per-hectare", "600"],
+        # Dense leaves: what is seen lies between the crowns.
+        lambda r, d: math.isclose(hidden(r), 1 - math.exp(-0.06 * math.pi * 6.25), rel_tol=1e-6),
+    ),
+    "crown_diameter": (
+        [*STEMS, "--crown-diameter", "8"],
+        lambda r, d: math.isclose(hidden(r), 1 - math.exp(-0.04 * math.pi * 16), rel_tol=1e-6),
+    ),
+    "leaf_area_index": (
+        [*STEMS, "--leaf-area-index", "1e-6"],
+        # Thin leaves: Beer-Lambert with G = 1/2, whatever the crowns.
+        lambda r, d: math.isclose(hidden(r), 0.5e-6, rel_tol=1e-5),
     ),
     "camera": (
         ["--camera", "dji-m3t-wide"],
@@ -337,7 +359,7 @@ EFFECTS = {
     ),
 }
 
-CLOUD_ONLY = ("voxel", "ground", "min_height", "view")
+CLOUD_ONLY = ("voxel", "ground", "min_height", "crown_base", "view")
 
 
 def legs_of(waypoints):

@@ -17,7 +17,6 @@ from aosplan.documents import (
     read_camera,
     read_mission,
     read_request,
-    read_scene,
 )
 from aosplan.errors import AosplanError, RequestError
 from aosplan.options import OPTIONS
@@ -27,6 +26,7 @@ from aosplan.presets.scenes import SCENES
 from aosplan.request import PlanRequest, request_from
 from aosplan.resolve import find_camera, find_preset_scene
 from aosplan.scene import LayeredScene, UniformScene
+from aosplan.scene_document import read_scene_file
 
 CAMERA = {
     "name": "own",
@@ -58,6 +58,10 @@ def written(request, tmp_path):
         return str(path)
 
     return write
+
+
+def read_scene(path):
+    return read_scene_file(path).scene
 
 
 def refusal(read, path):
@@ -466,9 +470,22 @@ def test_scene_statistics_match_their_schema(capsys, name):
     check("statistics", printed(capsys, "scene", name))
 
 
-@pytest.mark.parametrize("table", [UNIFORM, LAYERED, UNIFORM | {"title": "x", "added": 1}])
+@pytest.mark.parametrize("table", [UNIFORM, LAYERED, UNIFORM | {"title": "x"}])
 def test_scene_files_match_their_schema(table):
     check("scene", table)
+    with pytest.raises(ValidationError):
+        check("scene", table | {"added": 1})
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "nearest"),
+    [(UNIFORM, "titel", "title"), (LAYERED, "intergated_density", "integrated_density")],
+)
+def test_a_misspelt_name_of_a_scene_gets_the_nearest(written, table, name, nearest):
+    path = written(table | {name: 0.5})
+    error = refusal(read_scene, path)
+    assert error.message == f"'{path}': unknown name '{name}'"
+    assert error.hint == f"did you mean {nearest}?"
 
 
 def test_camera_files_match_their_schema():

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 import struct
 import sys
 from importlib.util import find_spec
@@ -307,7 +308,52 @@ def test_saturation_is_said(tmp_path):
     path = write_cloud(tmp_path / "a.laz", *stand(width=19.9, depth=11.9))
     volume = read_voxels(path, voxel_m=4.0)
     assert codes(volume) == ["saturated"]
-    assert "smaller than 4 m" in volume.warnings[0][1]
+    assert "smaller than 4 m, of 0.2 m or more" in volume.warnings[0][1]
+
+
+def test_a_round_plot_is_said_with_the_density_within(tmp_path):
+    xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
+    inside = np.hypot(xyz[0] - 10.0, xyz[1] - 10.0) < 10.0
+    square = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
+    disc = read_voxels(write_cloud(tmp_path / "b.laz", xyz[:, inside], kind[inside]))
+    assert codes(square) == []
+    assert codes(disc) == ["partial_plot"]
+    message = disc.warnings[0][1]
+    covered = float(re.search(r"cover (\d+)%", message)[1]) / 100
+    within = float(re.search(r"is ([\d.]+) where", message)[1])
+    assert covered == pytest.approx(np.pi / 4, abs=0.04)
+    assert within == pytest.approx(square.column_occupancy, rel=0.05)
+    assert disc.column_occupancy == pytest.approx(np.pi / 4 * square.column_occupancy, rel=0.05)
+
+
+@pytest.mark.parametrize("shape", ["rotated", "corner"])
+def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
+    xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
+    x, y = xyz[:2]
+    inside = {
+        "rotated": np.abs(x - 10.0) + np.abs(y - 10.0) < 10.0,
+        "corner": (x < 14.0) | (y < 10.0),
+    }[shape]
+    volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, inside], kind[inside]))
+    assert codes(volume) == ["partial_plot"]
+    # The share that is left, and half a square of 0.6 m along its rim.
+    said = float(re.search(r"cover (\d+)%", volume.warnings[0][1])[1]) / 100
+    assert said == pytest.approx({"rotated": 0.5, "corner": 0.85}[shape], abs=0.05)
+
+
+def test_a_pond_is_no_hole_in_the_plot(tmp_path):
+    xyz, kind = stand(width=20.0, depth=20.0, count=40_000)
+    dry = np.hypot(xyz[0] - 9.0, xyz[1] - 9.0) > 5.0
+    assert codes(read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, dry], kind[dry]))) == []
+
+
+def test_voxels_finer_than_the_points_are_said_with_a_size_that_does(tmp_path):
+    path = write_cloud(tmp_path / "a.laz", *stand(count=10_000))
+    volume = read_voxels(path, voxel_m=0.1)
+    assert codes(volume) == ["voxel_below_spacing"]
+    size = float(re.search(r"use ([\d.]+) m or more", volume.warnings[0][1])[1])
+    assert 0.1 < size < 0.2
+    assert "voxel_below_spacing" not in codes(read_voxels(path, voxel_m=size))
 
 
 # --- Coordinate systems ---

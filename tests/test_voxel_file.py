@@ -1,6 +1,7 @@
 """Voxels saved in one file: what was written is read, and nothing else is."""
 
 import io
+import json
 import zipfile
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.errors import AosplanError, RequestError
-from aosplan.voxel_file import read_volume, volume_npz
+from aosplan.models.correlogram import correlogram
+from aosplan.voxel_file import Stand, read_stand, stand_npz
 from aosplan.voxels import VoxelVolume
 
 FOREST = VoxelVolume(
@@ -23,7 +25,17 @@ FOREST = VoxelVolume(
     ground="filter",
     warnings=(("sparse_cloud", "„few“ points"),),
     source="stand.laz",
+    assumed="nothing",
 )
+WHOLE = Stand.of(FOREST)._replace(correlogram=correlogram(FOREST))
+
+
+def volume_npz(volume):
+    return stand_npz(Stand.of(volume))
+
+
+def read_volume(path):
+    return read_stand(path).volume
 
 
 def test_a_volume_is_read_as_it_was_written(tmp_path):
@@ -33,6 +45,43 @@ def test_a_volume_is_read_as_it_was_written(tmp_path):
     assert np.array_equal(again.occupied, FOREST.occupied)
     names = set(FOREST.__dataclass_fields__) - {"occupied"}
     assert {n: getattr(again, n) for n in names} == {n: getattr(FOREST, n) for n in names}
+
+
+def test_layers_and_correlogram_are_kept_with_it(tmp_path):
+    path = tmp_path / "stand.npz"
+    path.write_bytes(stand_npz(WHOLE))
+    again = read_stand(str(path))
+    assert again.layers == WHOLE.layers
+    assert again.scene("x") == WHOLE.scene("x")
+    for name in ("lags", "directions_deg"):
+        assert np.array_equal(getattr(again.correlogram, name), getattr(WHOLE.correlogram, name))
+    for name in ("rho", "density_by_offset"):
+        kept, exact = getattr(again.correlogram, name), getattr(WHOLE.correlogram, name)
+        assert np.abs(kept - exact).max() <= 0.5e-6
+    assert again.correlogram.density == WHOLE.correlogram.density
+    assert stand_npz(again) == stand_npz(WHOLE)
+
+
+def test_a_file_of_voxels_alone_is_a_stand_too(tmp_path):
+    path = tmp_path / "early.npz"
+    path.write_bytes(volume_npz(FOREST))
+    with np.load(path) as arrays:
+        kept, about = arrays["occupied"], json.loads(arrays["about"].tobytes())
+    del about["layers"], about["assumed"]
+    np.savez(path, occupied=kept, about=np.frombuffer(json.dumps(about).encode(), np.uint8))
+    assert read_stand(str(path)).layers == WHOLE.layers
+
+
+@pytest.mark.parametrize("layers", [[[1]], [["a", 2, 0.5, 1]], 7, [[3, 2, 0.5, 1]], [], None])
+def test_layers_that_are_none_are_refused(tmp_path, layers):
+    path = tmp_path / "odd.npz"
+    path.write_bytes(volume_npz(FOREST))
+    with np.load(path) as arrays:
+        kept, about = arrays["occupied"], json.loads(arrays["about"].tobytes())
+    about["layers"] = layers
+    np.savez(path, occupied=kept, about=np.frombuffer(json.dumps(about).encode(), np.uint8))
+    with pytest.raises(RequestError):
+        read_stand(str(path)).scene("x")
 
 
 def test_the_same_volume_gives_the_same_bytes():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from aosplan import voxels
 from aosplan.errors import RequestError
-from aosplan.voxels import VoxelVolume, cells_along, fill, fits, too_many_voxels
+from aosplan.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 
 def volume(occupied, **given):
@@ -148,3 +148,33 @@ def test_a_line_of_points_takes_a_cell_for_each_end():
 def test_the_size_that_is_hinted_at_always_fits(size, voxel_m):
     error = too_many_voxels(size, voxel_m, "cloud")
     assert fits(size, float(error.hint.split()[2]))
+
+
+# --- Footprint ---
+
+
+@pytest.mark.parametrize("reach", [1, 2, 5, 7])
+def test_a_full_plot_is_covered_whatever_the_squares(reach):
+    assert footprint(np.ones((31, 44), dtype=bool), reach) == 1.0
+
+
+def test_a_disc_covers_what_it_covers_but_for_its_rim():
+    y, x = np.mgrid[:400, :400] - 199.5
+    disc = np.hypot(x, y) < 200.0
+    assert footprint(disc, 1) == pytest.approx(np.pi / 4, abs=0.001)
+    sparse = disc & (np.random.default_rng(0).random(disc.shape) < 0.05)
+    assert footprint(sparse, 18) == pytest.approx(np.pi / 4, abs=0.06)
+
+
+def test_what_points_enclose_is_covered_and_a_bay_is_not():
+    ring = np.ones((20, 20), dtype=bool)
+    ring[5:15, 5:15] = False
+    assert footprint(ring, 1) == 1.0
+    ring[:5, 5:15] = False
+    assert footprint(ring, 1) == pytest.approx(1.0 - 150 / 400)
+
+
+def test_a_cut_square_counts_for_what_is_left_of_it():
+    touched = np.zeros((4, 10), dtype=bool)
+    touched[:, 8:] = True
+    assert footprint(touched, 4) == pytest.approx(0.2)

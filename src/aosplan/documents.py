@@ -6,45 +6,19 @@ the documents are turned into.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, Field, create_model
 
 from aosplan.camera import Camera
+from aosplan.checked import Document, Finite, OpenDocument, Pair, Pixels, checked
 from aosplan.errors import RequestError
 from aosplan.files import read_table
 from aosplan.mission import Conduct, Mission, Waypoint, Waypoints
 from aosplan.options import OPTIONS
 from aosplan.quantities import nearest_hint
-from aosplan.scene import Layer, LayeredScene, Scene, UniformScene
+from aosplan.scene_document import CorrelogramDocument, LayerDocument, SceneDocument
 from aosplan.summary import SCHEMA
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-def _as_tuple(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
-"""Two numbers; a file has them as a list."""
-
-Pixels = Annotated[int, Field(gt=0, le=10**9)]
-
-
-class Document(BaseModel):
-    """A table of a file: unknown names are errors."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class OpenDocument(BaseModel):
-    """A table that later versions may add names to."""
-
-    model_config = ConfigDict(extra="allow", strict=True)
 
 
 class CameraDocument(Document):
@@ -59,31 +33,6 @@ class CameraDocument(Document):
     title: str = ""
     source: str = ""
     assumed: str = ""
-
-
-class LayerDocument(Document):
-    """One slice of a scene."""
-
-    bottom_m: Finite
-    top_m: Finite
-    density: Finite
-    occluder_size_m: Finite
-
-
-class SceneDocument(OpenDocument):
-    """A scene file: one uniform volume, or layers."""
-
-    name: str
-    title: str = ""
-    source: str = ""
-    assumed: str = ""
-    density: Finite | None = None
-    integrated_density: Finite | None = None
-    occluder_size_m: Finite | None = None
-    volume_base_m: Finite | None = None
-    volume_height_m: Finite | None = None
-    voxel_m: Finite | None = None
-    layers: list[LayerDocument] | None = None
 
 
 _KINDS: dict[str, Any] = {
@@ -150,6 +99,7 @@ class TargetVisibilityDocument(VisibilityDocument):
     target_quantity: Literal["normalized", "visibility"]
     model: str
     view: Literal["telecentric", "perspective"] | None
+    approximation: Literal["correlogram"] | None = None
 
 
 class DisparityDocument(OpenDocument):
@@ -288,14 +238,6 @@ class SimulationDocument(PlanDocument):
     similarity: SimilarityDocument | None = None
 
 
-class CorrelogramDocument(OpenDocument):
-    """Correlation of two views by direction and lag (camera offset over altitude)."""
-
-    lags: list[Finite]
-    directions_deg: list[Finite]
-    rho: list[list[Finite]]
-
-
 class StatisticsDocument(OpenDocument):
     """What `aosplan scene --json` prints."""
 
@@ -310,6 +252,7 @@ class StatisticsDocument(OpenDocument):
     baseline_curve: list[Pair]
     correlogram: CorrelogramDocument | None = None
     density_by_offset: list[list[Finite]] | None = None
+    density_by_angle: list[Pair] | None = None
     warnings: list[MessageDocument]
 
 
@@ -353,62 +296,7 @@ def json_schema(name: str) -> dict[str, Any]:
 
 def read_camera(path: str) -> Camera:
     """A camera from a TOML or JSON file."""
-    return Camera(**_checked(CameraDocument, read_table(path), path).model_dump())
-
-
-def read_scene(path: str) -> Scene:
-    """A scene from a TOML or JSON file: uniform, or layered.
-
-    Raises
-    ------
-    RequestError
-        Where the file is not a scene.
-    """
-    document = _checked(SceneDocument, read_table(path), path)
-    assert isinstance(document, SceneDocument)
-    words = {
-        "name": document.name,
-        "title": document.title,
-        "source": document.source,
-        "assumed": document.assumed,
-    }
-    if document.layers is not None:
-        uniform = ("density", "occluder_size_m", "volume_base_m", "volume_height_m")
-        both = [name for name in uniform if getattr(document, name) is not None]
-        if both:
-            raise RequestError(
-                f"scene file '{path}' has layers and {' and '.join(both)}",
-                "a scene is uniform or layered: keep one of them",
-            )
-        return LayeredScene(
-            layers=tuple(Layer(**layer.model_dump()) for layer in document.layers),
-            measured_density=document.integrated_density,
-            voxel_m=document.voxel_m,
-            **words,
-        )
-    missing = [
-        name
-        for name in ("occluder_size_m", "volume_base_m", "volume_height_m")
-        if getattr(document, name) is None
-    ]
-    if missing or (document.density is None and document.integrated_density is None):
-        lacking = ", ".join(missing) or "density"
-        raise RequestError(
-            f"scene file '{path}' lacks {lacking}",
-            "a uniform scene has density, occluder_size_m, volume_base_m and volume_height_m; "
-            "a layered one [[layers]]",
-        )
-    assert document.occluder_size_m is not None
-    assert document.volume_base_m is not None
-    assert document.volume_height_m is not None
-    return UniformScene(
-        density=document.density,
-        occluder_size_m=document.occluder_size_m,
-        volume_base_m=document.volume_base_m,
-        volume_height_m=document.volume_height_m,
-        given_integrated_density=document.integrated_density,
-        **words,
-    )
+    return Camera(**checked(CameraDocument, read_table(path), path).model_dump())
 
 
 def read_request(path: str) -> dict[str, Any]:
@@ -422,13 +310,13 @@ def read_request(path: str) -> dict[str, Any]:
                 "it was written by another version of aosplan",
             )
         table = inner
-    return _checked(RequestDocument, table, path).model_dump(exclude_none=True)
+    return checked(RequestDocument, table, path).model_dump(exclude_none=True)
 
 
 def read_mission(path: str) -> Mission:
     """The mission of a saved plan."""
     table = read_table(path)
-    document = _checked(PlanDocument, table, path)
+    document = checked(PlanDocument, table, path)
     assert isinstance(document, PlanDocument)
     waypoints = [Waypoint(**waypoint.model_dump()) for waypoint in document.waypoints]
     given = {tuple(value is None for value in waypoint) for waypoint in waypoints}
@@ -439,33 +327,4 @@ def read_mission(path: str) -> Mission:
         Waypoints.of(waypoints),
         {name: value for name, value in table.items() if name != "waypoints"},
         Conduct(**document.flight.model_dump(include=set(Conduct._fields))),
-    )
-
-
-def _checked(model: type[BaseModel], table: Mapping[str, Any], path: str) -> BaseModel:
-    try:
-        return model.model_validate(table)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"] if not _is_branch(part)) or "the file"
-        hint = ""
-        if first["type"] == "extra_forbidden":
-            hint = nearest_hint(str(first["loc"][-1]), _names_at(model, first["loc"]))
-            raise RequestError(f"'{path}': unknown name '{place}'", hint) from None
-        message = first["msg"][:1].lower() + first["msg"][1:]
-        raise RequestError(f"'{path}': {place}: {message}", hint) from None
-    except RecursionError:
-        raise RequestError(f"'{path}' is nested too deeply") from None
-
-
-def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Names that a document knows where an unknown one was found: its own, or its layers'."""
-    inside_layers = model is SceneDocument and place[0] == "layers"
-    return list((LayerDocument if inside_layers else model).model_fields)
-
-
-def _is_branch(part: Any) -> bool:
-    """Whether a part of an error's place names a type of a union, not a name of the file."""
-    return isinstance(part, str) and (
-        part in {"str", "float", "int"} or part.startswith(("constrained", "tuple", "function"))
     )

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 EXTRA = "lidar"
 CHUNK_POINTS = 1_000_000
+"""Points that are decompressed at once; its decoder works on several parts of them in parallel."""
+
+PLAIN_CHUNK_POINTS = 200_000
+"""The same where nothing is to decode: few enough to stay in a processor's cache."""
+
 LAST_POINT_FORMAT = 10
 
 # GeoTIFF keys for the model (2 geographic, 3 geocentric), the unit of x and y, the unit of z;
@@ -82,7 +87,10 @@ class PointFile:
             reader = _reader(stream)
             if reader.header.are_points_compressed:
                 _check_compression(reader.header, stream)
-            for chunk in reader.chunk_iterator(CHUNK_POINTS):
+                points = CHUNK_POINTS
+            else:
+                points = min(CHUNK_POINTS, PLAIN_CHUNK_POINTS)
+            for chunk in reader.chunk_iterator(points):
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
                 withheld = np.asarray(chunk.withheld, dtype=np.bool_)
                 yield raw, np.asarray(chunk.classification), withheld

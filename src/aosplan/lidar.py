@@ -24,7 +24,7 @@ import numpy as np
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.ground import filtered, is_level_zero, lowest, surface, vertices
 from aosplan.las import PointFile, not_metric
-from aosplan.voxels import VoxelVolume, cells_along, fill, fits, too_many_voxels
+from aosplan.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -47,6 +47,9 @@ MAX_EXTENT_M = 100_000.0
 FEWEST_GROUND_POINTS_PER_M2 = 0.04
 SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
+FULL_FOOTPRINT = 0.95
+SPACINGS_ACROSS = 4.0
+"""Mean spacings of points across a square that is to hold one: it has 16 on average."""
 
 
 def read_voxels(
@@ -101,12 +104,14 @@ def read_voxels(
             plot = _Plot.around(cloud, voxel_m, source)
             method, ground_m = _find_ground(cloud, plot, ground)
             blocks = cloud.blocks(plot.origin_m, voxel_m)
+            touched = np.zeros(plot.rows * plot.columns, dtype=np.bool_)
             occupied = fill(
                 _followed(blocks, 2 * read - cloud.count, 2 * read, progress),
                 ground_m / np.float32(voxel_m),
                 min_height_m / voxel_m,
                 voxel_m,
                 f"point cloud {source}",
+                touched,
             )
     except MemoryError as error:
         raise SurroundingsError(
@@ -123,7 +128,10 @@ def read_voxels(
         ground=method,
         source=source,
     )
-    doubts = _doubts(volume, assumed=ground == "auto")
+    spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
+    squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
+    covered = footprint(touched.reshape(plot.rows, plot.columns), squares)
+    doubts = _doubts(volume, spacing_m, covered, assumed=ground == "auto")
     return replace(volume, warnings=(*warnings, *doubts))
 
 
@@ -194,7 +202,9 @@ class _Spool:
             scale = (piece.file.scales_m / unit_m)[:, np.newaxis]
             shift = ((piece.file.offsets_m - origin_m) / unit_m)[:, np.newaxis]
             for start in range(0, raw.shape[1], BLOCK_POINTS):
-                yield raw[:, start : start + BLOCK_POINTS] * scale + shift
+                block = raw[:, start : start + BLOCK_POINTS] * scale
+                block += shift
+                yield block
 
 
 class _Piece(NamedTuple):
@@ -327,8 +337,11 @@ def _followed(
             progress(done, total)
 
 
-def _doubts(volume: VoxelVolume, *, assumed: bool) -> Iterator[Warned]:
+def _doubts(
+    volume: VoxelVolume, spacing_m: float, covered: float, *, assumed: bool
+) -> Iterator[Warned]:
     """Yield what a reader of the results should know about the cloud."""
+    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.ground == "filter":
         message = "the ground is what a cloth simulation filter found, not a classification"
         yield "ground_filtered", message
@@ -342,13 +355,34 @@ def _doubts(volume: VoxelVolume, *, assumed: bool) -> Iterator[Warned]:
             "the canopy is denser than it looks"
         )
         yield "sparse_cloud", message
-    occupancy = volume.column_occupancy
+    if voxel_m < spacing_m and density >= SPARSE_POINTS_PER_M2:
+        message = (
+            f"voxels of {voxel_m:g} m are smaller than the mean spacing of the points, "
+            f"{spacing_m:.2g} m, so the canopy looks more transparent than it is: use "
+            f"{_rounded_up(spacing_m):g} m or more"
+        )
+        yield "voxel_below_spacing", message
+    if covered < FULL_FOOTPRINT:
+        message = (
+            f"the points cover {covered:.0%} of their bounding rectangle, and the rest counts as "
+            f"open ground: p = {occupancy:.3g} is {min(occupancy / covered, 1.0):.3g} where there "
+            "are points; cut a rectangle out of the cloud"
+        )
+        yield "partial_plot", message
     if occupancy == 0.0:
         message = f"no point is {volume.min_height_m:g} m or more above the ground"
         yield "no_vegetation", message
     if occupancy > SATURATED_OCCUPANCY:
         message = (
             f"{occupancy:.1%} of the voxel columns hold something, which hides how dense the "
-            f"canopy is: use voxels smaller than {volume.voxel_m:g} m"
+            f"canopy is: use voxels smaller than {voxel_m:g} m"
         )
+        if spacing_m < voxel_m:
+            message += f", of {_rounded_up(spacing_m):g} m or more for points this dense"
         yield "saturated", message
+
+
+def _rounded_up(length_m: float) -> float:
+    """A length with two digits, not smaller."""
+    digit_m = 10.0 ** (math.floor(math.log10(length_m)) - 1)
+    return float(f"{math.ceil(length_m / digit_m - 1e-9) * digit_m:.2g}")

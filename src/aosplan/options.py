@@ -77,6 +77,7 @@ _positive = partial(bounded, q.positive)
 _length = partial(bounded, q.positive, unit="m")
 _heading = partial(q.number, unit="deg")
 _height = partial(bounded, q.at_least_zero, unit="m")
+_index = partial(bounded, q.at_least_zero)
 
 _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
 
@@ -134,7 +135,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.word,
             "text",
             "NAME|FILE",
-            "Preset, scene file, or point cloud.  [paper-forest]",
+            "Preset, scene file, point cloud (also a folder, or '*.laz'), or height raster.  [paper-forest]",
         ),
         (
             "density",
@@ -153,6 +154,9 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("occluder_size", _length, "number", "M", "Edge length of an occluder."),
         ("volume_height", _length, "number", "M", "Thickness of the volume of occluders."),
         ("volume_base", _height, "number", "M", "Its lower end above ground.  [2]"),
+        ("stems_per_hectare", _positive, "number", "N", "Trees of an inventory, instead."),
+        ("crown_diameter", _length, "number", "M", "Width of their crowns."),
+        ("leaf_area_index", _index, "number", "L", "Leaf area over ground area."),
         ("voxel", _length, "number", "M", "Voxel size of a point cloud.  [0.25]"),
         (
             "ground",
@@ -167,6 +171,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "M",
             "Lower vegetation of a point cloud is left out.  [2]",
+        ),
+        (
+            "crown_base",
+            q.share,
+            "share",
+            "X",
+            "Crowns of a height raster begin at this share of its height.  [0.5]",
         ),
     ),
     "Camera": (

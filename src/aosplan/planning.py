@@ -14,20 +14,24 @@ from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
 from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
 from aosplan.quantities import exact_share
-from aosplan.resolve import VOXEL_SUFFIX, Message, altitude_of, camera_of, scene_of
+from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.solve import solve
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from aosplan.camera import Camera
     from aosplan.models import VisibilityModel
     from aosplan.request import PlanRequest
+    from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
     from aosplan.voxels import VoxelVolume
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
 """The smallest model that fits a kind of scene."""
+
+SATURATED = 0.98
+"""Mean share of the ground that views hide, from which on a prediction hangs on few gaps."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,11 @@ class Plan:
     waypoints
         In flight order.
     notices
-        What the reading of the scene had to say.
+        What the reading of the scene, and its model, had to say.
     volume
         The voxels of a scene that is a point cloud, heights above ground.
+    approximation
+        What stands in for the model's exact prediction (``correlogram``), or None.
     """
 
     request: PlanRequest
@@ -66,6 +72,7 @@ class Plan:
     waypoints: Waypoints
     notices: tuple[Message, ...]
     volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
+    approximation: str | None = None
 
     @property
     def warnings(self) -> tuple[Message, ...]:
@@ -172,7 +179,8 @@ def plan(
     """
     camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
-    scene, kind, notices, volume = scene_of(request, folder=folder, progress=progress)
+    found = scene_of(request, folder=folder, progress=progress)
+    scene, kind, notices = found.scene, found.kind, found.warnings
     above = scene.above(request.focal_height)
     density = above.integrated_density if above is not None else 0.0
     model_name = request.model or MODEL_OF[kind]
@@ -186,13 +194,14 @@ def plan(
             above.slabs(), altitude, camera.focal_length_px, request.coverage
         )
         if model_name == "measured":
-            assert volume is not None  # the model was checked against the kind of scene
-            solution = solve(_measured_problem(request, volume, altitude))
+            problem = _measured_problem(request, found, altitude)
+            solution = solve(problem)
+            notices += tuple(_doubts(found, problem, solution, altitude))
         else:
             model = _model(model_name, above, altitude, camera, coverage)
             solution = solve(_problem(request, model))
     return Plan(
-        request=_completed(request, model_name, kind),
+        request=_completed(request, model_name, found),
         scene=scene,
         camera=camera,
         altitude_m=altitude,
@@ -207,7 +216,8 @@ def plan(
             origin=request.origin,
         ),
         notices=notices,
-        volume=volume,
+        volume=found.volume,
+        approximation="correlogram" if model_name == "measured" and found.volume is None else None,
     )
 
 
@@ -260,28 +270,68 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
             "--model measured needs the voxels of a point cloud",
-            "give --scene FILE.laz or FILE.npz, or another --model",
+            "give --scene FILE.laz, FILE.npz or what scene --save wrote, or another --model",
         )
     if request.view is not None and name != "measured":
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
 
 
-def _measured_problem(request: PlanRequest, volume: VoxelVolume, altitude_m: float) -> Problem:
+def _measured_problem(request: PlanRequest, found: ResolvedScene, altitude_m: float) -> Problem:
     from aosplan.models.correlogram import CorrelogramModel, correlogram
     from aosplan.models.measured import MeasuredModel
 
+    table, focal_height = found.correlogram, request.focal_height
+    if found.volume is None:
+        assert table is not None  # the model was checked against the kind of scene
+        if focal_height > 0.0 or request.view == "perspective":
+            raise RequestError(
+                f"scene '{request.scene}' holds a correlogram, which knows neither a raised focal "
+                "plane nor the view perspective",
+                "save the scene as .npz, with its voxels, or use --model layered",
+            )
+        return _problem(request, CorrelogramModel(table, altitude_m, heading_deg=request.heading))
     model = MeasuredModel(
-        volume,
+        found.volume,
         altitude_m,
         heading_deg=request.heading,
         view="perspective" if request.view == "perspective" else "telecentric",
-        focal_height_m=request.focal_height,
+        focal_height_m=focal_height,
     )
     problem = _problem(request, model)
     if model.view == "perspective" or None not in (request.baseline, request.samples):
         return problem  # the correlogram is telecentric; and with both fixed nothing is searched
-    table = correlogram(volume, focal_height_m=request.focal_height)
+    if table is None or focal_height > 0.0:
+        table = correlogram(found.volume, focal_height_m=focal_height)
     return problem._replace(sketch=CorrelogramModel(table, altitude_m, heading_deg=request.heading))
+
+
+def _doubts(
+    found: ResolvedScene, problem: Problem, solution: Solution, altitude_m: float
+) -> Iterator[Message]:
+    """Yield what a reader of a measured prediction should know."""
+    if found.volume is None:
+        yield Message(
+            "correlogram_approximation",
+            "predicted from the scene's correlogram, an approximation (of V̂, mostly within 0.02); "
+            "the voxels in a .npz give the exact prediction",
+        )
+    density = solution.prediction.density
+    if density > SATURATED and "saturated" not in {code for code, _ in found.warnings}:
+        yield Message(
+            "saturated",
+            f"the views hide {density:.1%} of the ground on average: what they show hangs on a few "
+            "gaps; read the cloud with smaller voxels, or keep the aperture smaller",
+        )
+    extent_m = max(solution.pattern.extent) * solution.baseline_m
+    if extent_m > problem.model.widest_aperture_m * (1.0 + 1e-9):
+        shear_m = 0.5 * extent_m / problem.model.widest_aperture_m
+        yield Message(
+            "small_plot",
+            f"the plot is smaller than twice the shear of this aperture: {extent_m:.4g} m at "
+            f"{altitude_m:.4g} m move the canopy's top by {shear_m:.2g} of the plot, and beyond a "
+            "half its wrapped copies count twice; keep the aperture within "
+            f"{problem.model.widest_aperture_m:.4g} m, or measure a larger plot",
+        )
 
 
 def _problem(request: PlanRequest, model: VisibilityModel) -> Problem:
@@ -317,13 +367,9 @@ def _clear_view(request: PlanRequest) -> Solution:
     )
 
 
-def _completed(request: PlanRequest, model: str, kind: str) -> PlanRequest:
+def _completed(request: PlanRequest, model: str, found: ResolvedScene) -> PlanRequest:
     """The request with the defaults that depend on its scene."""
-    filled: dict[str, Any] = {"model": model}
+    filled: dict[str, Any] = {"model": model, **found.reading}
     if model == "measured":
         filled["view"] = request.view or "telecentric"
-    if kind == "cloud" and not (request.scene or "").lower().endswith(VOXEL_SUFFIX):
-        filled["voxel"] = request.voxel or 0.25
-        filled["ground"] = request.ground or "auto"
-        filled["min_height"] = 2.0 if request.min_height is None else request.min_height
     return replace(request, **filled)

@@ -20,9 +20,16 @@ ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
     (("vhat",), ("visibility",)),
     (
-        ("scene", "voxel", "ground", "min_height"),
+        ("scene", "voxel", "ground", "min_height", "crown_base"),
         ("density", "volume_height", "volume_base"),
         ("integrated_density", "volume_height", "volume_base"),
+        (
+            "stems_per_hectare",
+            "crown_diameter",
+            "leaf_area_index",
+            "volume_height",
+            "volume_base",
+        ),
     ),
     (
         ("camera",),
@@ -64,9 +71,13 @@ class PlanRequest:
     occluder_size: float | None = None
     volume_height: float | None = None
     volume_base: float | None = None
+    stems_per_hectare: float | None = None
+    crown_diameter: float | None = None
+    leaf_area_index: float | None = None
     voxel: float | None = None
     ground: str | None = None
     min_height: float | None = None
+    crown_base: float | None = None
     camera: str | None = None
     focal_length: float | None = None
     sensor_width: float | None = None
@@ -144,25 +155,33 @@ class PlanRequest:
             )
 
     def _check_scene(self) -> None:
-        uniform = self.density is not None or self.integrated_density is not None
-        if uniform:
-            for name in ("occluder_size", "volume_height"):
-                if getattr(self, name) is None:
-                    raise RequestError(
-                        f"a uniform scene needs {BY_NAME[name].flag}",
-                        "give --density D --occluder-size M --volume-height M, or --scene NAME",
-                    )
+        needed: tuple[str, ...] = ()
+        if self.density is not None or self.integrated_density is not None:
+            kind, needed = "a uniform scene", ("occluder_size", "volume_height")
+            example = "--density D --occluder-size M --volume-height M"
+        elif self.stems_per_hectare is not None:
+            kind, needed = "an inventory", ("crown_diameter", "leaf_area_index", "volume_height")
+            example = (
+                "--stems-per-hectare N --crown-diameter M --leaf-area-index L --volume-height M"
+            )
+        for name in needed:
+            if getattr(self, name) is None:
+                raise RequestError(
+                    f"{kind} needs {BY_NAME[name].flag}", f"give {example}, or --scene NAME"
+                )
+        if needed:
             if self.volume_base is None:
                 object.__setattr__(self, "volume_base", 2.0)
-        else:
-            lonely = self._given(("volume_height", "volume_base"))
-            if lonely:
-                raise RequestError(
-                    f"{' and '.join(lonely)} without a density",
-                    "give --density D or --integrated-density P as well, or a --scene alone",
-                )
-            if self.scene is None:
-                object.__setattr__(self, "scene", "paper-forest")
+            return
+        lonely = self._given(("crown_diameter", "leaf_area_index", "volume_height", "volume_base"))
+        if lonely:
+            raise RequestError(
+                f"{' and '.join(lonely)} without a density or --stems-per-hectare",
+                "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
+                "--scene alone",
+            )
+        if self.scene is None:
+            object.__setattr__(self, "scene", "paper-forest")
 
     def _check_camera(self) -> None:
         needed: tuple[str, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.camera import Camera
 from aosplan.errors import RequestError
@@ -12,14 +12,21 @@ from aosplan.quantities import nearest_hint
 from aosplan.scene import Scene, UniformScene
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Mapping
 
-    from aosplan.lidar import GroundMethod
+    from aosplan.models.correlogram import Correlogram
     from aosplan.request import PlanRequest
+    from aosplan.voxel_file import Stand
     from aosplan.voxels import VoxelVolume
+
+    Progress = Callable[[int, int], None]
 
 CLOUD_SUFFIXES = (".las", ".laz")
 VOXEL_SUFFIX = ".npz"
+RASTER_SUFFIXES = (".tif", ".tiff")
+TABLE_SUFFIX = ".csv"
+READING = ("voxel", "ground", "min_height", "crown_base")
+"""Options that say how a point cloud or a canopy height raster is read."""
 
 
 class Message(NamedTuple):
@@ -30,12 +37,33 @@ class Message(NamedTuple):
 
 
 class ResolvedScene(NamedTuple):
-    """A scene, what kind of source it came from, its warnings, and its voxels if it has any."""
+    """A scene, what kind of source it came from, and what else that source holds.
+
+    Attributes
+    ----------
+    scene
+        Uniform or layered.
+    kind
+        ``uniform``, ``layered`` or ``cloud``; it decides the default model.
+    warnings
+        What its reading had to say.
+    volume
+        Its voxels, if it has any.
+    correlogram
+        Its correlogram, where the source holds one.
+    reading
+        The options by which it was read, with their defaults.
+    kept
+        Whether its voxels come from an earlier reading of the same files.
+    """
 
     scene: Scene
     kind: str
     warnings: tuple[Message, ...] = ()
     volume: VoxelVolume | None = None
+    correlogram: Correlogram | None = None
+    reading: Mapping[str, Any] = {}
+    kept: bool = False
 
 
 def find_camera(name: str) -> Camera:
@@ -120,7 +148,11 @@ def find_preset_scene(name: str) -> UniformScene | None:
 
 
 def scene_of(
-    request: PlanRequest, *, folder: str = "", progress: Callable[[int, int], None] | None = None
+    request: PlanRequest,
+    *,
+    folder: str = "",
+    progress: Progress | None = None,
+    also: Iterable[str] = (),
 ) -> ResolvedScene:
     """The scene of a request: numbers, a preset, a scene file or a point cloud.
 
@@ -132,82 +164,200 @@ def scene_of(
         Folder of the request file, where its file names are looked for first.
     progress
         Called with points read and points in all, for point clouds.
+    also
+        More point clouds of the same stand.
     """
     if request.scene is None:
-        assert request.occluder_size is not None  # the request has checked a uniform scene
-        assert request.volume_height is not None
-        assert request.volume_base is not None
-        scene = UniformScene(
-            name="custom",
-            density=request.density,
-            occluder_size_m=request.occluder_size,
-            volume_base_m=request.volume_base,
-            volume_height_m=request.volume_height,
-            given_integrated_density=request.integrated_density,
+        return _of_numbers(request)
+    preset = find_preset_scene(request.scene)
+    name = request.scene if preset is not None else _located(request.scene, folder)
+    suffix = os.path.splitext(name)[1].lower()
+    clouds = () if preset is not None else cloud_files(name)
+    more = [file for other in also for file in cloud_files(other) or (other,)]
+    strange = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
+    if more and strange:
+        raise RequestError(
+            f"'{strange[0]}' is no point cloud, and only the files of a point cloud go together",
+            "name one scene, or .las and .laz files",
         )
-        return ResolvedScene(scene, "uniform")
-    name = _located(request.scene, folder)
-    if name.lower().endswith(CLOUD_SUFFIXES):
-        return _cloud(request, name, progress)
-    voxels = name.lower().endswith(VOXEL_SUFFIX)
-    own = () if voxels else ("occluder_size",)
-    for option in ("voxel", "ground", "min_height", *own):
-        if getattr(request, option) is not None:
-            raise RequestError(
-                f"--{option.replace('_', '-')} goes with a point cloud, and scene '{request.scene}' "
-                "is none"
-            )
-    preset = find_preset_scene(name)
+    if clouds:
+        files = (*clouds, *more)
+        twice = {file for file in files if files.count(file) > 1}
+        if twice:
+            raise RequestError(f"point cloud '{min(twice)}' is given twice")
+        return _cloud(request, name, files, progress)
+    if preset is None and suffix in RASTER_SUFFIXES:
+        return _raster(request, name)
+    _check_unread(request, READING if suffix == VOXEL_SUFFIX else (*READING, "occluder_size"))
     if preset is not None:
         return ResolvedScene(preset, "uniform")
-    if name.lower().endswith(VOXEL_SUFFIX):
-        from aosplan.voxel_file import read_volume
+    if suffix == VOXEL_SUFFIX:
+        from aosplan.voxel_file import read_stand
 
-        return _of_volume(read_volume(name), os.path.basename(name), request)
+        return _of_stand(read_stand(name), os.path.basename(name), request)
+    if suffix == TABLE_SUFFIX:
+        from aosplan.slice_table import read_slices
+
+        return ResolvedScene(read_slices(name), "layered")
     if _is_file_name(name):
-        from aosplan.documents import read_scene
+        from aosplan.scene_document import read_scene_file
 
-        scene_file = read_scene(name)
-        return ResolvedScene(scene_file, scene_file.kind)
+        file = read_scene_file(name)
+        if file.table is None or request.model not in (None, "measured"):
+            return ResolvedScene(file.scene, file.scene.kind)
+        return ResolvedScene(file.scene, "cloud", correlogram=file.correlogram())
     from aosplan.presets.scenes import SCENES
 
     raise RequestError(
         f"unknown scene '{request.scene}'",
         nearest_hint(request.scene, SCENES)
-        or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .las or .laz",
+        or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .csv, .las, .laz or .tif",
     )
+
+
+def _of_numbers(request: PlanRequest) -> ResolvedScene:
+    """The scene that a request describes itself."""
+    height, base = request.volume_height, request.volume_base
+    assert height is not None  # the request has checked that its scene is complete
+    assert base is not None
+    if request.stems_per_hectare is not None:
+        from aosplan.inventory import inventory_scene
+
+        assert request.crown_diameter is not None
+        assert request.leaf_area_index is not None
+        stand = inventory_scene(
+            "custom",
+            stems_per_hectare=request.stems_per_hectare,
+            crown_diameter_m=request.crown_diameter,
+            leaf_area_index=request.leaf_area_index,
+            volume_base_m=base,
+            volume_height_m=height,
+            occluder_size_m=request.occluder_size,
+        )
+        return ResolvedScene(stand, "layered")
+    assert request.occluder_size is not None
+    scene = UniformScene(
+        name="custom",
+        density=request.density,
+        occluder_size_m=request.occluder_size,
+        volume_base_m=base,
+        volume_height_m=height,
+        given_integrated_density=request.integrated_density,
+    )
+    return ResolvedScene(scene, "uniform")
+
+
+def cloud_files(name: str) -> tuple[str, ...]:
+    """Files of the point cloud that a name stands for, sorted; none where it stands for none.
+
+    A name is a file, a folder of tiles, or a pattern such as ``tiles/*.laz``.
+
+    Raises
+    ------
+    RequestError
+        Where a folder or a pattern holds no point cloud.
+    """
+    if os.path.isdir(name):
+        found = [os.path.join(name, file) for file in os.listdir(name)]
+    elif _is_pattern(name):
+        import glob
+
+        found = glob.glob(name)
+    else:
+        return (name,) if _is_cloud(name) else ()
+    files = tuple(sorted(file for file in found if _is_cloud(file)))
+    if not files:
+        raise RequestError(f"'{name}' holds no .las or .laz file", "name the files of one stand")
+    return files
+
+
+def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
+    """Refuse options about the reading of what is not read that way."""
+    for option in options:
+        if getattr(request, option) is not None:
+            kind = "canopy height raster" if option == "crown_base" else "point cloud"
+            raise RequestError(
+                f"--{option.replace('_', '-')} goes with a {kind}, and scene '{request.scene}' "
+                "is none"
+            )
 
 
 def _cloud(
-    request: PlanRequest, path: str, progress: Callable[[int, int], None] | None
+    request: PlanRequest, name: str, files: tuple[str, ...], progress: Progress | None
 ) -> ResolvedScene:
-    from aosplan.lidar import read_voxels
+    from aosplan import cache
 
-    volume = read_voxels(
-        path,
-        voxel_m=request.voxel or 0.25,
-        ground=cast("GroundMethod", request.ground or "auto"),
-        min_height_m=2.0 if request.min_height is None else request.min_height,
-        progress=progress,
+    _check_unread(request, ("crown_base",))
+    reading: dict[str, Any] = {
+        "voxel": request.voxel or 0.25,
+        "ground": request.ground or "auto",
+        "min_height": 2.0 if request.min_height is None else request.min_height,
+    }
+
+    def read() -> VoxelVolume:
+        from aosplan.lidar import read_voxels
+
+        return read_voxels(
+            files,
+            voxel_m=reading["voxel"],
+            ground=reading["ground"],
+            min_height_m=reading["min_height"],
+            progress=progress,
+        )
+
+    stand, kept = cache.stand(files, reading, read)
+    shown = os.path.basename(os.path.normpath(name))
+    resolved = _of_stand(stand, shown, request)
+    return resolved._replace(reading=reading, kept=kept)
+
+
+def _raster(request: PlanRequest, name: str) -> ResolvedScene:
+    from aosplan.raster import CROWN_BASE, read_canopy
+    from aosplan.voxel_file import Stand
+
+    _check_unread(request, ("ground",))
+    reading = {
+        "min_height": 2.0 if request.min_height is None else request.min_height,
+        "crown_base": CROWN_BASE if request.crown_base is None else request.crown_base,
+    }
+    volume = read_canopy(
+        name,
+        voxel_m=request.voxel,
+        min_height_m=reading["min_height"],
+        crown_base=reading["crown_base"],
     )
-    return _of_volume(volume, os.path.basename(path), request)
+    resolved = _of_stand(Stand.of(volume), os.path.basename(name), request)
+    return resolved._replace(reading=reading | {"voxel": volume.voxel_m})
 
 
-def _of_volume(volume: VoxelVolume, name: str, request: PlanRequest) -> ResolvedScene:
-    from aosplan.estimate import layered_scene
-
-    scene = layered_scene(volume, name)
+def _of_stand(stand: Stand, name: str, request: PlanRequest) -> ResolvedScene:
+    scene = stand.scene(name)
     if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)
-    warnings = tuple(Message(*warning) for warning in volume.warnings)
-    return ResolvedScene(scene, "cloud", warnings, volume)
+    warnings = tuple(Message(*warning) for warning in stand.volume.warnings)
+    return ResolvedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
 
 
 def _located(name: str, folder: str) -> str:
     """A file name from a request file, looked for beside that file first."""
     beside = os.path.join(folder, name)
-    return beside if folder and _is_file_name(name) and os.path.exists(beside) else name
+    if not folder:
+        return name
+    if _is_pattern(beside):
+        import glob
+
+        return beside if glob.glob(beside) else name
+    named = _is_file_name(name) or os.path.isdir(beside)
+    return beside if named and os.path.exists(beside) else name
 
 
 def _is_file_name(name: str) -> bool:
     return os.path.splitext(name)[1] != "" or os.sep in name
+
+
+def _is_cloud(name: str) -> bool:
+    return name.lower().endswith(CLOUD_SUFFIXES)
+
+
+def _is_pattern(name: str) -> bool:
+    return any(mark in name for mark in "*?[") and not os.path.lexists(name)

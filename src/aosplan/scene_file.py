@@ -12,6 +12,7 @@ from aosplan.summary import SCHEMA
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from aosplan.models.correlogram import Correlogram
     from aosplan.resolve import Message
     from aosplan.scene import Scene
     from aosplan.voxels import VoxelVolume
@@ -21,8 +22,7 @@ def statistics_document(
     scene: Scene,
     warnings: Sequence[Message] = (),
     volume: VoxelVolume | None = None,
-    *,
-    with_correlogram: bool = False,
+    correlogram: Correlogram | None = None,
 ) -> dict[str, Any]:
     """Occluder statistics of a scene: what ``scene --json`` prints.
 
@@ -34,8 +34,8 @@ def statistics_document(
         What its reading had to say.
     volume
         The voxels behind it, where there are any.
-    with_correlogram
-        Whether the correlogram of the voxels is measured and added.
+    correlogram
+        Its correlogram, where there is one.
     """
     layers = scene.slices()
     document: dict[str, Any] = {
@@ -44,6 +44,8 @@ def statistics_document(
         "name": scene.name,
         "title": scene.title,
         "kind": scene.kind,
+        "source": scene.source,
+        "assumed": scene.assumed,
         "layers": [layer._asdict() for layer in layers],
         "integrated_density": scene.integrated_density,
         "mean_density": _mean_density(scene),
@@ -58,13 +60,17 @@ def statistics_document(
             "ground": volume.ground,
             "points": volume.points,
             "points_per_m2": volume.points_per_m2,
+            "plot_m": list(volume.size_m),
+            "edges": "wrapped",
         }
-    if volume is not None and with_correlogram:
-        from aosplan.models.correlogram import correlogram
+    if correlogram is not None:
+        from aosplan.correlogram_file import correlogram_table, density_by_angle
 
-        table = correlogram(volume)
-        document["correlogram"] = table.to_document()
-        document["density_by_offset"] = table.density_by_offset.tolist()
+        table = correlogram_table(correlogram)
+        document["density_by_angle"] = density_by_angle(correlogram)
+        document["density_by_offset"] = table.pop("density_by_offset")
+        del table["density"]  # the scene's own
+        document["correlogram"] = table
     return document
 
 
@@ -86,8 +92,16 @@ def _mean_density(scene: Scene) -> float:
     return filled / (layers[-1].top_m - layers[0].bottom_m)
 
 
-def scene_toml(scene: Scene) -> bytes:
-    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it."""
+def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
+    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it.
+
+    Parameters
+    ----------
+    scene
+        Uniform or layered.
+    correlogram
+        Its correlogram, where there is one: the measured model then predicts by it.
+    """
     import tomli_w
 
     table: dict[str, Any] = {"name": scene.name}
@@ -106,10 +120,25 @@ def scene_toml(scene: Scene) -> bytes:
             "volume_base_m": scene.volume_base_m,
             "volume_height_m": scene.volume_height_m,
         }
-    else:
-        if scene.measured_density is not None:
-            table["integrated_density"] = scene.measured_density
-        if scene.voxel_m is not None:
-            table["voxel_m"] = scene.voxel_m
-        table["layers"] = [layer._asdict() for layer in scene.layers]
-    return tomli_w.dumps(table).encode()
+        return tomli_w.dumps(table).encode()
+    if scene.measured_density is not None:
+        table["integrated_density"] = scene.measured_density
+    if scene.voxel_m is not None:
+        table["voxel_m"] = scene.voxel_m
+    head = tomli_w.dumps(table)
+    layers = tomli_w.dumps({"layers": [layer._asdict() for layer in scene.layers]})
+    if correlogram is None:
+        return f"{head}\n{layers}".encode()
+    from aosplan.correlogram_file import correlogram_table
+
+    tables = correlogram_table(correlogram)
+
+    def rows(name: str) -> str:
+        return f"{name} = [\n" + "".join(f"    {row},\n" for row in tables[name]) + "]\n"
+
+    return (
+        f"{head}\n# A line for each direction, an entry for each lag: the camera's offset over its "
+        f"altitude.\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
+        f"directions_deg = {tables['directions_deg']}\nlags = {tables['lags']}\n"
+        f"reach = {tables['reach']}\n{rows('rho')}"
+    ).encode()

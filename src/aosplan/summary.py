@@ -50,6 +50,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "target_quantity": requirement.quantity,
             "model": plan.model,
             "view": plan.request.view,
+            "approximation": plan.approximation,
         },
         "disparity": disparity_document(plan),
         "camera": {

@@ -1,8 +1,9 @@
-"""Voxels in one compressed file (``.npz``), so that a stand plans again without its cloud.
+"""A stand in one compressed file (``.npz``), so that it plans again without its cloud.
 
-The file is a zip archive of plain arrays: ``occupied``, eight voxels to an octet along x, and
-the numbers and texts of a `VoxelVolume` beside it.  It is read without pickle, and written with
-fixed dates, so that the same volume gives the same bytes.
+The file is a zip archive of plain arrays: ``occupied``, eight voxels to an octet along x, the
+numbers and texts of a `VoxelVolume` beside it, and what was estimated from them: the layers, and
+the correlogram where one was measured.  It is read without pickle, and written with fixed dates,
+so that the same stand gives the same bytes.
 """
 
 from __future__ import annotations
@@ -13,16 +14,20 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.correlogram_file import correlogram_from, correlogram_table
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes
+from aosplan.scene import Layer, LayeredScene
 from aosplan.voxels import MAX_VOXELS, VoxelVolume
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from aosplan.models.correlogram import Correlogram
 
 VERSION = 1
 MOST_OCTETS = MAX_VOXELS // 4
@@ -46,8 +51,35 @@ DAMAGE = (
 """What readers of archives and arrays raise when the file is something else."""
 
 
-def volume_npz(volume: VoxelVolume) -> bytes:
-    """A volume as the bytes of an ``.npz`` file."""
+class Stand(NamedTuple):
+    """A volume, its layers, and its correlogram where one was measured."""
+
+    volume: VoxelVolume
+    layers: tuple[Layer, ...]
+    correlogram: Correlogram | None = None
+
+    @classmethod
+    def of(cls, volume: VoxelVolume) -> Stand:
+        """A volume with its layers, which are estimated."""
+        from aosplan.estimate import layered_scene
+
+        return cls(volume, layered_scene(volume, "stand").layers)
+
+    def scene(self, name: str) -> LayeredScene:
+        """The layers as a scene."""
+        return LayeredScene(
+            name=name,
+            layers=self.layers,
+            measured_density=self.volume.column_occupancy,
+            voxel_m=self.volume.voxel_m,
+            source=self.volume.source,
+            assumed=self.volume.assumed,
+        )
+
+
+def stand_npz(stand: Stand) -> bytes:
+    """A stand as the bytes of an ``.npz`` file."""
+    volume = stand.volume
     about = {
         "version": VERSION,
         "voxel_m": volume.voxel_m,
@@ -58,8 +90,12 @@ def volume_npz(volume: VoxelVolume) -> bytes:
         "ground": volume.ground,
         "warnings": [list(warning) for warning in volume.warnings],
         "source": volume.source,
+        "assumed": volume.assumed,
         "shape": list(volume.occupied.shape),
+        "layers": stand.layers,
     }
+    if stand.correlogram is not None:
+        about["correlogram"] = correlogram_table(stand.correlogram)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         _add(archive, "about", np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
@@ -74,8 +110,8 @@ def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
         np.lib.format.write_array(member, array, allow_pickle=False)
 
 
-def read_volume(path: str) -> VoxelVolume:
-    """A volume from a file that `volume_npz` made.
+def read_stand(path: str) -> Stand:
+    """A stand from a file that `stand_npz` made.
 
     Raises
     ------
@@ -89,11 +125,20 @@ def read_volume(path: str) -> VoxelVolume:
         if largest <= MOST_OCTETS:
             with np.load(content, allow_pickle=False) as arrays:
                 about = json.loads(arrays["about"].tobytes())
-                return _volume(about, arrays["occupied"])
+                return _stand(about, arrays["occupied"], path)
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
     raise RequestError(f"'{path}' holds more than {MAX_VOXELS} voxels")
+
+
+def _stand(about: dict[str, Any], packed: NDArray[np.uint8], path: str) -> Stand:
+    volume = _volume(about, packed)
+    if "layers" not in about:  # an early version kept the voxels alone
+        return Stand.of(volume)
+    layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
+    table = about.get("correlogram")
+    return Stand(volume, layers, None if table is None else correlogram_from(table, path))
 
 
 def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
@@ -112,4 +157,5 @@ def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
         ground=str(about["ground"]),
         warnings=tuple((str(code), str(message)) for code, message in about["warnings"]),
         source=str(about["source"]),
+        assumed=str(about.get("assumed", "")),
     )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "plan": "Solve for baseline and photos, and write the grid to fly.",
-    "simulate": "Fly a plan over a simulated forest, and compare with the prediction.",
+    "simulate": "Hold a plan against a simulated forest.",
     "visibility": "The equations as a calculator.",
     "scene": "Occluder statistics of a point cloud or scene file.",
     "export": "Write files from a saved plan.",

@@ -8,7 +8,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.resolve import CLOUD_SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -76,8 +75,7 @@ def write_outputs(
 @contextlib.contextmanager
 def progress_bar(scene: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """A bar on a terminal's stderr, or None where there is none, or nothing to wait for."""
-    nothing = quiet or not scene.lower().endswith(CLOUD_SUFFIXES)
-    with waiting_bar("reading points", quiet=nothing) as progress:
+    with waiting_bar("reading points", quiet=quiet or not _is_read(scene)) as progress:
         yield progress
 
 
@@ -93,3 +91,10 @@ def waiting_bar(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], Non
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _is_read(scene: str) -> bool:
+    """Whether a scene's name may stand for point clouds: files, a folder or a pattern."""
+    from aosplan.resolve import CLOUD_SUFFIXES
+
+    return scene.lower().endswith(CLOUD_SUFFIXES) or os.path.isdir(scene)

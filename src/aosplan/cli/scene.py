@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperArgument
 
 from aosplan.cli.options import (
     command,
-    file_argument,
     flag_option,
     json_option,
     request_options,
@@ -17,21 +19,18 @@ from aosplan.errors import RequestError
 from aosplan.resolve import VOXEL_SUFFIX
 
 if TYPE_CHECKING:
+    from aosplan.models.correlogram import Correlogram
     from aosplan.resolve import ResolvedScene
-
-READING = ("voxel", "ground", "min_height")
 
 
 def run(
     *,
-    scene: str,
-    voxel: str | None,
-    ground: str | None,
-    min_height: str | None,
+    scene: list[str] | None,
     save: str | None,
     force: bool,
     quiet: bool,
     as_json: bool,
+    **flags: Any,
 ) -> None:
     """Show the occluder statistics of a scene, and save them."""
     from aosplan.files import check_output, write_all
@@ -46,19 +45,22 @@ def run(
                 ".toml has the statistics, .npz the voxels as well",
             )
         check_output(save, force=force)
+    first, more = (scene[0], scene[1:]) if scene else (None, [])
+    if first is None and not any(flags.values()):
+        raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
     # A request needs an altitude; the statistics do not depend on it.
-    request = request_from(
-        {"altitude": 1.0},
-        overrides={"scene": scene, "voxel": voxel, "ground": ground, "min_height": min_height},
-    )
-    with progress_bar(scene, quiet=quiet) as progress:
-        resolved = scene_of(request, progress=progress)
+    request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
+    with progress_bar(first or "", quiet=quiet) as progress:
+        resolved = scene_of(request, progress=progress, also=more)
     print_warnings(resolved.warnings, quiet=quiet)
+    if resolved.kept and not quiet:
+        print(
+            "note: read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)", file=sys.stderr
+        )
+    table = _correlogram(resolved)
     if save is not None:
-        write_all({save: _scene_bytes(resolved, save)}, force=force)
-    document = statistics_document(
-        resolved.scene, resolved.warnings, resolved.volume, with_correlogram=as_json
-    )
+        write_all({save: _scene_bytes(resolved, table, save)}, force=force)
+    document = statistics_document(resolved.scene, resolved.warnings, resolved.volume, table)
     if as_json:
         print_json(document)
     elif not quiet:
@@ -67,28 +69,45 @@ def run(
         print_scene(document)
 
 
-def _scene_bytes(resolved: ResolvedScene, path: str) -> bytes:
+def _correlogram(resolved: ResolvedScene) -> Correlogram | None:
+    """The scene's correlogram: the one that it holds, or measured from its voxels."""
+    if resolved.correlogram is not None or resolved.volume is None:
+        return resolved.correlogram
+    from aosplan.models.correlogram import correlogram
+
+    return correlogram(resolved.volume)
+
+
+def _scene_bytes(resolved: ResolvedScene, table: Correlogram | None, path: str) -> bytes:
     if not path.lower().endswith(VOXEL_SUFFIX):
         from aosplan.scene_file import scene_toml
 
-        return scene_toml(resolved.scene)
+        return scene_toml(resolved.scene, table)
     if resolved.volume is None:
         raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
-    from aosplan.voxel_file import volume_npz
+    from aosplan.scene import LayeredScene
+    from aosplan.voxel_file import Stand, stand_npz
 
-    return volume_npz(resolved.volume)
+    assert isinstance(resolved.scene, LayeredScene)  # voxels have layers
+    return stand_npz(Stand(resolved.volume, resolved.scene.layers, table))
 
 
 COMMAND = command(
     "scene",
     run,
     summary="Occluder statistics of a point cloud, a scene file or a preset.",
-    examples=("aosplan scene stand.laz --save stand.npz\naosplan scene conifer-forest --json"),
+    examples=("aosplan scene stand.laz --save stand.npz\naosplan scene north.laz south.laz --json"),
     parameters=[
-        file_argument(
-            "scene", "Point cloud (.las, .laz), scene file (.toml, .json, .npz), or preset."
+        TyperArgument(
+            param_decls=["scene"],
+            type=str,
+            nargs=-1,
+            required=False,
+            metavar="[SCENE]...",
+            help="Point clouds (.las, .laz, a folder, a pattern) of one stand; a height raster "
+            "(.tif); a scene file (.toml, .json, .npz, .csv); or a preset.",
         ),
-        *request_options(lambda option: option.name in READING),
+        *request_options(lambda option: option.panel == "Scene" and option.name != "scene"),
         text_option(
             "--save",
             "PATH",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
@@ -60,7 +61,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
     rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
-    yield "Model", plan.model + (rule if plan.model == "uniform" else "")
+    near = f", approximated by its {plan.approximation}" if plan.approximation else ""
+    yield "Model", plan.model + (rule if plan.model == "uniform" else near)
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:.2f} m"
     yield "Samples", f"N = {pattern.samples}, {request.grid} grid of {_shape_text(pattern)}"
@@ -242,7 +244,9 @@ def print_scene(document: dict[str, Any]) -> None:
         ("", f"mean {_percent(document['mean_density'])} a slice"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
-    if "points" in document:
+    if document["assumed"]:
+        rows.append(("Assumed", document["assumed"]))
+    if document.get("points"):
         rows.append(
             (
                 "Points",
@@ -250,6 +254,11 @@ def print_scene(document: dict[str, Any]) -> None:
                 f"{document['voxel_m']:g} m, ground by {document['ground']}",
             )
         )
+    if "edges" in document:
+        width, depth = document["plot_m"]
+        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; it wraps around at its edges"))
+    if "density_by_angle" in document:
+        rows.append(("p off nadir", _by_angle(document["density_by_angle"])))
     for share in (0.5, 0.9, 0.98):
         over_altitude = next(
             (b for b, covered in document["baseline_curve"] if covered >= share), None
@@ -262,6 +271,18 @@ def print_scene(document: dict[str, Any]) -> None:
         table.add_row(name, one_line(text))
     profile = _profile(document["layers"])
     show(table, *([Text(""), *profile] if profile else []))
+
+
+def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
+    """The density at a few angles, between those that were measured."""
+    shown = []
+    for wanted in (0.0, 10.0, 20.0, 30.0, 40.0):
+        for (low, before), (high, after) in pairwise(pairs):
+            if low <= wanted <= high:
+                between = before + (after - before) * (wanted - low) / (high - low)
+                shown.append(f"{wanted:.0f}° {_percent(between)}")
+                break
+    return ", ".join(shown)
 
 
 def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:

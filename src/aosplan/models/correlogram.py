@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aosplan.cubics import monotone_cubics
 from aosplan.models import Prediction
 from aosplan.models.sites import offset_counts
 from aosplan.occlusion import Occlusion, popcount
@@ -109,12 +110,18 @@ class Correlogram:
 
     def _along_lags(self, centre: float, table: Floats) -> Callable[[Floats], Floats]:
         """Monotone cubics through the middle and the rows of a table."""
-        from scipy.interpolate import PchipInterpolator
-
         knots = self._stretched(np.append(0.0, self.lags))
         rows = np.column_stack([np.full(len(table), centre), table])
-        cubics: Callable[[Floats], Floats] = PchipInterpolator(knots, rows, axis=1)
-        return cubics
+        cubics = monotone_cubics(knots, rows.T)
+
+        def at(place: Floats) -> Floats:
+            piece = np.searchsorted(knots[1:-1], place, side="right")
+            beyond = (place - knots[piece])[:, np.newaxis]
+            third, second, first, start = cubics[:, piece]
+            value: Floats = ((third * beyond + second) * beyond + first) * beyond + start
+            return value.T
+
+        return at
 
     def _stretched(self, lag: Floats) -> Floats:
         """Lags on a scale on which the table is smooth: as they are near 0, then logarithmic."""
