@@ -304,7 +304,9 @@ def _options() -> list[Any]:
             "--views", "LIST", "Numbers from 1, ranges, names: 1-9,12; or a file of them.", choice
         ),
         text_option("--aperture", "M", "Views within a square of this side.", choice),
-        text_option("--pitch", "M", "A largest set of views at least so far apart.", choice),
+        text_option(
+            "--pitch", "M", "Views at least so far apart, from the middle outwards.", choice
+        ),
         text_option(
             "--min-views",
             "N",
@@ -338,7 +340,7 @@ COMMAND = command(
     summary="Average recorded images on a focal plane, and compare choices of them.",
     examples=(
         "aosplan integrate poses.json images --fov 50.8 --focal-height -36 --out integral.png\n"
-        "aosplan integrate sparse images --pitch 2.8 --aperture 14 --compare all --out few.png"
+        "aosplan integrate poses.json images --pitch 2.8 --compare all --out few.png"
     ),
     parameters=_options(),
 )

@@ -117,9 +117,9 @@ def chosen(
 def _thinned(
     left: NDArray[np.intp], offsets: NDArray[np.float64], pitch_m: float
 ) -> NDArray[np.intp]:
-    """A largest set, from the middle outwards, of views at least a pitch apart.
+    """Views at least a pitch apart, taken from the middle outwards.
 
-    Each view that is left out is nearer than the pitch to one that is kept.
+    None could be added: each that is left out is nearer than the pitch to one that is kept.
     """
     from scipy.spatial import cKDTree
 

@@ -112,9 +112,9 @@ def integrate(
     done = blind = 0
     is_byte = True
     for source in sources:
-        picture = _read(source, None if sums is None else sums.shape[2])
+        picture = _read(source, None if sums is None else len(sums))
         if sums is None:
-            sums = np.zeros((raster.rows, raster.columns, len(picture.bands)))
+            sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
         is_byte = is_byte and picture.is_byte
         box = _add(picture, source, plane, raster, sums, coverage)
         blind += box is None
@@ -127,8 +127,8 @@ def integrate(
             "compare --extent and --focal-height with where the cameras stood",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
-        values = sums / coverage[..., None]
-    return Integral(raster, values, coverage, done, blind, is_byte)
+        sums /= coverage
+    return Integral(raster, np.moveaxis(sums, 0, -1), coverage, done, blind, is_byte)
 
 
 def _read(source: Source, bands: int | None) -> Picture:
@@ -171,13 +171,15 @@ def _add(
     bands = list(picture.bands)
     if picture.weight is not None:
         bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
-    warped = _warped(bands, source.intrinsics, ray, box)
-    valid = ~np.isnan(warped[-1])
+    *values, last = _warped(bands, source.intrinsics, ray, box)
+    reached = ~np.isnan(last)
+    last[~reached] = 0.0
     window = np.s_[box.top : box.bottom, box.left : box.right]
-    for index in range(sums.shape[2]):
-        np.add(sums[*window, index], warped[index], out=sums[*window, index], where=valid)
-    weight = warped[-1] if picture.weight is not None else 1.0
-    np.add(coverage[window], weight, out=coverage[window], where=valid)
+    if picture.weight is None:
+        values.append(last)
+    for total, value in zip(sums, values, strict=True):
+        total[window] += value
+    coverage[window] += reached if picture.weight is None else last
     return box
 
 
@@ -212,14 +214,18 @@ def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -
 def _warped(
     bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
 ) -> list[NDArray[np.float32]]:
-    """Bands on a part of the raster; nan where the image does not reach."""
+    """Bands on a part of the raster; where the image does not reach 0, and nan in the last one."""
     corners = np.array(
         [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
     )
     depth = ray[2, :2] @ corners + ray[2, 2]
     bands, block = _blocks(bands, intrinsics, ray, box)
     if intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
-        return [_homography(band, intrinsics, ray, box, block) for band in bands]
+        outside = [0.0] * (len(bands) - 1) + [np.nan]
+        return [
+            _homography(band, intrinsics, ray, box, block, fill)
+            for band, fill in zip(bands, outside, strict=True)
+        ]
     return _by_coordinates(bands, intrinsics, ray, box, block)
 
 
@@ -241,7 +247,12 @@ def _blocks(
 
 
 def _homography(
-    band: Image, intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box, block: int
+    band: Image,
+    intrinsics: Intrinsics,
+    ray: NDArray[np.float64],
+    box: Box,
+    block: int,
+    outside: float,
 ) -> NDArray[np.float32]:
     """One band of a pinhole image, warped by its homography."""
     from PIL import Image
@@ -261,9 +272,9 @@ def _homography(
         Image.Transform.PERSPECTIVE,
         tuple(matrix.ravel()[:8]),
         Image.Resampling.BILINEAR,
-        fillcolor=np.nan,
+        fillcolor=outside,
     )
-    return np.asarray(warped)
+    return np.array(warped)
 
 
 def _by_coordinates(
@@ -291,5 +302,5 @@ def _by_coordinates(
             map_coordinates(
                 array, [v - 0.5, u - 0.5], part, order=1, mode="nearest", prefilter=False
             )
-            part[outside] = np.nan
+            part[outside] = np.nan if out is warped[-1] else 0.0
     return warped

@@ -122,7 +122,8 @@ def image_size(path: str) -> tuple[int, int]:
     RequestError, SurroundingsError
         As `read_picture`.
     """
-    return _opened(path).size
+    with _opened(path) as image:
+        return image.size
 
 
 def read_picture(path: str) -> Picture:
@@ -137,24 +138,27 @@ def read_picture(path: str) -> Picture:
     MissingExtraError
         Where Pillow is not installed.
     """
-    image = _opened(path)
-    mode = BANDS.get(image.mode)
-    if mode is None:
-        raise RequestError(f"image '{path}' has pixels of the unknown mode {image.mode}")
-    try:
-        if image.mode == "P" and "transparency" not in image.info:
-            mode = "RGB"
-        if image.mode.startswith("I;16"):  # Pillow's own conversion would clip
-            return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
-        bands = image.convert(mode).split()
-    except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
-        raise RequestError(f"image '{path}' is damaged: {error}") from None
-    floats = tuple(band.convert("F") for band in bands)
-    weight = None
-    if mode in ("LA", "RGBA"):
-        weight = _float_band(np.asarray(floats[-1]) / np.float32(255.0))
-        floats = floats[:-1]
-    return Picture(floats, weight, is_byte=mode != "F")
+    with _opened(path) as image:
+        mode = BANDS.get(image.mode)
+        if mode is None:
+            raise RequestError(f"image '{path}' has pixels of the unknown mode {image.mode}")
+        try:
+            return _floats(image, mode)
+        except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
+            raise RequestError(f"image '{path}' is damaged: {error}") from None
+
+
+def _floats(image: Image, mode: str) -> Picture:
+    """The bands of an image, as a mode of which Pillow knows the values."""
+    if image.mode.startswith("I;16"):  # Pillow's own conversion would clip
+        return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
+    if image.mode == "P" and "transparency" not in image.info:
+        mode = "RGB"
+    floats = tuple(band.convert("F") for band in image.convert(mode).split())
+    if mode not in ("LA", "RGBA"):
+        return Picture(floats, None, is_byte=mode != "F")
+    weight = _float_band(np.asarray(floats[-1]) / np.float32(255.0))
+    return Picture(floats[:-1], weight, is_byte=True)
 
 
 def _float_band(values: NDArray[np.generic]) -> Image:
