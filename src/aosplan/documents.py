@@ -266,6 +266,45 @@ class CalculatorDocument(OpenDocument):
     visibility: VisibilityDocument
 
 
+class CoverageDocument(OpenDocument):
+    """How many views see the pixels of an integral image."""
+
+    least_views: int
+    share: Finite
+    mean_views: Finite
+    most_views: int
+
+
+class ComparisonDocument(OpenDocument):
+    """SSIM against the integral image of another choice of views."""
+
+    choice: str
+    views: int
+    ssim: Finite
+    pixels: int
+
+
+class IntegralDocument(OpenDocument):
+    """What `aosplan integrate --json` prints."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    views: int
+    recorded_views: int
+    up: Literal["z", "-z", "y", "-y"]
+    focal_height_m: Finite
+    altitude_m: Finite
+    aperture_m: Pair
+    nearest_m: Finite | None
+    gsd_m: Finite
+    extent_m: list[Finite]
+    size_px: list[int]
+    coverage: CoverageDocument
+    limits: Pair
+    comparison: ComparisonDocument | None
+    warnings: list[MessageDocument]
+
+
 DOCUMENTS: dict[str, type[BaseModel]] = {
     "plan": PlanDocument,
     "simulation": SimulationDocument,
@@ -274,6 +313,7 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "camera": CameraDocument,
     "statistics": StatisticsDocument,
     "visibility": CalculatorDocument,
+    "integral": IntegralDocument,
 }
 
 

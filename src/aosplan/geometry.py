@@ -98,7 +98,8 @@ def coverage_baseline(
     """
     if len(slabs) == 1:
         slab = slabs[0]
-        height = slab.top_m - coverage * (slab.top_m - slab.bottom_m)
+        # Upwards from the bottom: the lowest occluders decide, and nothing cancels.
+        height = slab.bottom_m + (1.0 - coverage) * (slab.top_m - slab.bottom_m)
     elif coverage == 1.0:
         slab = max(
             slabs, key=lambda s: _unit_baseline_m(s, s.bottom_m, altitude_m, focal_length_px)

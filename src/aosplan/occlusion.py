@@ -193,6 +193,8 @@ class Occlusion:
         steps = self._meetings(offsets)
         lows = steps.min(axis=(1, 2))
         steps -= lows[:, np.newaxis, np.newaxis]
+        if (steps.max(axis=(0, 1, 2), initial=0) >= (self.columns, self.rows)).any():
+            steps %= (self.columns, self.rows)  # the plot wraps
         span_x, span_y = steps.max(axis=(0, 1, 2), initial=0).tolist()
         # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
         # it drags along beyond the band's own rows is thrown away in the end.

@@ -23,6 +23,7 @@ COMMANDS = {
     "visibility": "The equations as a calculator.",
     "scene": "Occluder statistics of a point cloud or scene file.",
     "export": "Write files from a saved plan.",
+    "integrate": "Average recorded images on a focal plane.",
     "cameras": "List the built-in cameras.",
     "scenes": "List the built-in scenes.",
     "formats": "List the formats that waypoints are written in.",

@@ -154,7 +154,16 @@ def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
     t = xp.exp(log_t)
-    return t + t * rest, valid
+    # Where T is small, log T is large, and so is what its last place means: a power has no such
+    # step.  1 - D is q + lost, exactly, and l/o is ratio + remainder.
+    q = 1.0 - d
+    lost = (1.0 - q) - d
+    ratio = height / o
+    remainder = ((height - ratio * o) - _product_error(ratio, o)) / o
+    small = (log_t < -1.0) & (log_t > -800.0)
+    base = xp.where(small, q, 1.0)
+    correction = xp.where(small, ratio * (lost / base) + remainder * xp.log1p(base - 1.0), 0.0)
+    return xp.where(small, base**ratio * xp.exp(correction), t + t * rest), valid
 
 
 def _slice_density(xp: Any, p: Any, height: Any, o: Any) -> tuple[Any, Any]:

@@ -64,6 +64,7 @@ class LayeredModel:
             size = np.maximum(size, (altitude_m - height) / focal_length_px)
         with np.errstate(divide="ignore"):
             self._log_transparency = float(np.log1p(-density).sum())
+            self._filled = density
             self._odds = density / (1.0 - density)
             self._reach_m = size * altitude_m / height
 
@@ -75,7 +76,12 @@ class LayeredModel:
     @property
     def transparency(self) -> float:
         """Π q_j."""
-        return math.exp(self._log_transparency)
+        if -self._log_transparency < len(self._filled):
+            return math.exp(self._log_transparency)
+        # A logarithm of some size loses more digits than so many factors; q + lost is 1 - D, exactly.
+        q = 1.0 - self._filled
+        lost = (1.0 - q) - self._filled
+        return float(q.prod()) * math.exp(float((lost / q).sum()))
 
     @property
     def independent_baseline_m(self) -> float:
@@ -115,15 +121,24 @@ class LayeredModel:
     def _pair_covariance(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Cov/(p T) = (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1) of pairs (x, y) apart."""
+        """Cov/(p T) of pairs (x, y) apart.
+
+        (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1), or where most is hidden, and this would multiply the
+        roundings of large logarithms, the same as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p.
+        """
         result = np.empty(len(x))
         block = max(1, TERMS_AT_ONCE // max(len(self._odds), 1))
-        scale = self.transparency / self.density if self.density > 0.0 else 0.0
+        p, t = self.density, self.transparency
+        scale = t / p if p > 0.0 else 0.0
         for start in range(0, len(x), block):
             part = slice(start, start + block)
             tau = np.maximum(1.0 - x[part, None] / self._reach_m, 0.0)
             tau *= np.maximum(1.0 - y[part, None] / self._reach_m, 0.0)
-            result[part] = scale * np.expm1(np.log1p(tau * self._odds).sum(axis=1))
+            if p > 0.5:
+                clear = np.exp(np.log1p((tau - 1.0) * self._filled).sum(axis=1))
+                result[part] = np.maximum(clear - t, 0.0) / p
+            else:
+                result[part] = scale * np.expm1(np.log1p(tau * self._odds).sum(axis=1))
         return result
 
 

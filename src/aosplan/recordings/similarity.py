@@ -1,0 +1,85 @@
+"""SSIM between two integral images, where both are covered.
+
+Structural similarity after Wang, Bovik, Sheikh and Simoncelli (2004), as scikit-image has it:
+Gaussian windows of σ = 1.5 pixels, 11 pixels wide.  A window counts where every pixel of it is
+covered in both images.  Both images are compared as they are: a veil or another exposure counts as
+the difference that it is.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import MissingExtraError, RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+WINDOW_PX = 11
+
+
+class Similarity(NamedTuple):
+    """SSIM, its mean over the windows that count, and their number."""
+
+    ssim: float
+    pixels: int
+
+
+def similarity(
+    image: NDArray[np.float64],
+    reference: NDArray[np.float64],
+    covered: NDArray[np.bool_],
+    span: float | None = None,
+) -> Similarity:
+    """SSIM of an image against a reference.
+
+    Parameters
+    ----------
+    image, reference
+        Shape (rows, columns, bands).
+    covered
+        Shape (rows, columns): where both are to be compared.
+    span
+        Dynamic range of the values, 255 for images of 8 bits; None for the reference's own range.
+
+    Raises
+    ------
+    RequestError
+        Where no window is covered, or the reference has one value alone.
+    MissingExtraError
+        Where scikit-image is not installed.
+    """
+    try:
+        from skimage.metrics import structural_similarity
+    except ImportError:
+        raise MissingExtraError("comparing images", "pictures") from None
+    from scipy.ndimage import minimum_filter
+
+    inside = minimum_filter(covered, WINDOW_PX, mode="constant", cval=False)
+    if not inside.any():
+        raise RequestError(
+            f"no {WINDOW_PX} x {WINDOW_PX} pixels are covered in both images",
+            "a finer --gsd, a larger --extent, or fewer --min-views",
+        )
+    if span is None:
+        span = float(np.ptp(reference[covered]))
+    if not span > 0.0:
+        raise RequestError("the reference image has one value alone: nothing to compare")
+    compared: Callable[..., Any] = structural_similarity
+    maps = [
+        compared(
+            np.where(covered, image[..., band], 0.0),
+            np.where(covered, reference[..., band], 0.0),
+            data_range=span,
+            gaussian_weights=True,
+            sigma=1.5,
+            use_sample_covariance=False,
+            full=True,
+        )[1][inside]
+        for band in range(reference.shape[2])
+    ]
+    return Similarity(float(np.mean(maps)), int(inside.sum()))
