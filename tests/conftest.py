@@ -9,6 +9,9 @@ from hypothesis import settings
 # Tests say `from reference import exact`, whatever folder pytest is started in.
 sys.path.insert(0, str(Path(__file__).parent))
 
+# No test reads the defaults of whoever runs it.
+os.environ["AOSPLAN_DEFAULTS"] = "none"
+
 # Time is measured by benchmarks, never by tests.
 # In CI the examples are the same every time; on a desk they are new ones.
 settings.register_profile(

@@ -74,7 +74,7 @@ def find_camera(name: str) -> Camera:
 def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
     """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
     if request.camera is not None:
-        return find_camera(_located(request.camera, folder))
+        return find_camera(located(request.camera, folder))
     width, height = request.image_width, request.image_height
     assert width is not None  # the request has checked that a camera is complete
     assert height is not None
@@ -146,7 +146,7 @@ def scene_of(
             given_integrated_density=request.integrated_density,
         )
         return ResolvedScene(scene, "uniform")
-    name = _located(request.scene, folder)
+    name = located(request.scene, folder)
     if name.lower().endswith(CLOUD_SUFFIXES):
         return _cloud(request, name, progress)
     voxels = name.lower().endswith(VOXEL_SUFFIX)
@@ -203,7 +203,7 @@ def _of_volume(volume: VoxelVolume, name: str, request: PlanRequest) -> Resolved
     return ResolvedScene(scene, "cloud", warnings, volume)
 
 
-def _located(name: str, folder: str) -> str:
+def located(name: str, folder: str) -> str:
     """A file name from a request file, looked for beside that file first."""
     beside = os.path.join(folder, name)
     return beside if folder and _is_file_name(name) and os.path.exists(beside) else name

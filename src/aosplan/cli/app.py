@@ -23,6 +23,7 @@ COMMANDS = {
     "scene": "Occluder statistics of a point cloud or scene file.",
     "export": "Write files from a saved plan.",
     "cameras": "List the built-in cameras.",
+    "drones": "List the built-in drones.",
     "scenes": "List the built-in scenes.",
     "formats": "List the formats that waypoints are written in.",
     "schema": "JSON Schema of the documents read and printed.",
