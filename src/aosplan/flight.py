@@ -27,6 +27,10 @@ STRAIGHT = 1e-6
 """Sine of the smallest turn; what turns less flies straight on."""
 
 
+SLOWEST_MPS = 1e-9
+"""Sites on top of each other would take no speed at all."""
+
+
 def stop_to_stop_s(length_m: float, speed_mps: float, acceleration_mps2: float) -> float:
     """Time from stop to stop: a trapezoid of speed, or a triangle where the leg is short."""
     if length_m >= speed_mps**2 / acceleration_mps2:
@@ -83,9 +87,8 @@ class Timing(NamedTuple):
         """The same with the speed that photos a baseline apart leave to the camera."""
         if not (self.fly_through and self.interval_s):
             return self
-        return self._replace(
-            speed_mps=min(self.speed_mps, baseline_m / self.interval_s), interval_s=0.0
-        )
+        paced = max(baseline_m / self.interval_s, SLOWEST_MPS)
+        return self._replace(speed_mps=min(self.speed_mps, paced), interval_s=0.0)
 
     def ground_speed_mps(self, x: float, y: float) -> float:
         """Speed over ground in a direction, a unit vector.
@@ -150,9 +153,11 @@ class Path(NamedTuple):
     courses: tuple[tuple[float, float], ...] = ()
 
     @classmethod
-    def shortest(cls, samples: int) -> Path:
-        """A path that no pattern of so many sites can beat: one straight line without wind."""
-        return cls(((Leg(1.0), samples - 1),), samples, ((samples - 1.0, 1),))
+    def shortest(cls, samples: int, timing: Timing) -> Path:
+        """One straight line: without wind no pattern of so many sites is flown faster."""
+        if timing.fly_through:
+            return cls((), samples, ((samples - 1.0, 1),))
+        return cls(((Leg(1.0), samples - 1),), samples)
 
     def _legs_m(self, baseline_m: float, run_in_m: float) -> Iterator[tuple[float, float, int]]:
         for (x, y, run_x, run_y), count in self.legs:
