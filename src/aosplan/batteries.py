@@ -99,22 +99,22 @@ def flights_of(
     whole = flight(0, len(track.photo) - 1)
     if whole.time_s <= longest_s:
         return (whole,)
-    flights: list[Flight] = []
-    begun: _Part | None = None
-    reached: Flight | None = None
-    for part in _parts(track, timing):
-        longer = flight(part.first if begun is None else begun.first, part.last)
-        if longer.time_s > longest_s and reached is not None:
-            flights.append(reached)
-            begun, longer = None, flight(part.first, part.last)
+    parts = list(_parts(track, timing))
+    alone = [flight(*part) for part in parts]
+    worst = max(alone, key=lambda single: single.time_s)
+    if worst.time_s > longest_s:
+        what = "line" if timing.fly_through else "site"
+        raise InfeasibleError(
+            f"to fly to one {what}, at waypoint {worst.first}, and back takes "
+            f"{worst.time_s / 60.0:.4g} min, more than --flight-time {longest_s / 60.0:.4g}",
+            "take off nearer, fly faster, or use a battery that lasts longer"
+            + (", or --trigger stop" if timing.fly_through else ""),
+        )
+    flights = [alone[0]]
+    for part, single in zip(parts[1:], alone[1:], strict=True):
+        longer = flight(flights[-1].first, part.last)
         if longer.time_s > longest_s:
-            what = "line" if timing.fly_through else "site"
-            raise InfeasibleError(
-                f"waypoint {part.first}: to fly to this one {what} and back takes "
-                f"{longer.time_s / 60.0:.3g} min, more than --flight-time {longest_s / 60.0:.4g}",
-                "take off nearer, fly faster, or use a battery that lasts longer"
-                + (", or --trigger stop" if timing.fly_through else ""),
-            )
-        begun, reached = begun or part, longer
-    assert reached is not None  # a track has a photo
-    return (*flights, reached)
+            flights.append(single)
+        else:
+            flights[-1] = longer
+    return tuple(flights)
