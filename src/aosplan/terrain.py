@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from aosplan.errors import MissingExtraError, RequestError
 from aosplan.geodesy import to_wgs84
@@ -76,13 +76,16 @@ class Terrain:
             crs = self._coordinate_system()
             self._unit_m = self._height_unit_m(crs)
             self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
-            self._to_pixel = ~self._raster.transform
+            self._transform = self._raster.transform[:6]
+            a, b, _, d, e, _ = self._transform
+            self._area = a * e - b * d
+            if not (math.isfinite(self._area) and self._area):
+                raise_unplaced(path)
         except BaseException:
             self._raster.close()
             raise
         self.datum = _datum(crs)
         # The smaller side of a pixel on the ground.
-        a, b, _, d, e, _ = self._raster.transform[:6]
         scale = METRES_PER_DEGREE if crs.is_geographic else crs.axis_info[0].unit_conversion_factor
         self.pixel_m = max(min(math.hypot(a, d), math.hypot(b, e)) * scale, 1e-3)
 
@@ -101,10 +104,7 @@ class Terrain:
         from pyproj import CRS
 
         if self._raster.crs is None:
-            raise RequestError(
-                f"terrain '{self.path}' does not say where on earth it lies",
-                "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
-            )
+            raise_unplaced(self.path)
         return CRS.from_wkt(self._raster.crs.to_wkt())
 
     def _height_unit_m(self, crs: CRS) -> float:
@@ -133,7 +133,9 @@ class Terrain:
 
         lat, lon = np.asarray(latitudes, dtype=float), np.asarray(longitudes, dtype=float)
         x, y = self._to_raster.transform(lon, lat)
-        columns, rows = self._to_pixel * (np.asarray(x), np.asarray(y))
+        a, b, left, d, e, top = self._transform
+        along, down = np.asarray(x) - left, np.asarray(y) - top
+        columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
         inside = (columns >= 0) & (columns <= self._raster.width)
         inside &= (rows >= 0) & (rows <= self._raster.height)  # a nan is not inside
         if not inside.all():
@@ -186,6 +188,14 @@ class Terrain:
         upper = _between(pixels[row, column], pixels[row, right], u)
         lower = _between(pixels[below, column], pixels[below, right], u)
         found[part] = _between(upper, lower, v)
+
+
+def raise_unplaced(path: str) -> NoReturn:
+    """Refuse a raster without a place on earth."""
+    raise RequestError(
+        f"terrain '{path}' does not say where on earth it lies",
+        "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
+    )
 
 
 def _between(start: Any, stop: Any, share: Any) -> Any:
