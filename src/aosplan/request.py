@@ -363,16 +363,18 @@ def _own(defaults: dict[str, Any], asked: dict[str, Any], where: str) -> dict[st
 
 
 def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """The options of a layer whose partners are there, among them or among what is asked for."""
     together = own | asked
-    return {
-        name: value
-        for name, value in own.items()
-        if name not in PARTNERS or _is_partner(together.get(PARTNERS[name][0]), PARTNERS[name][1])
+    lonely = {
+        name
+        for name in own.keys() & PARTNERS.keys()
+        for partner, wanted in (PARTNERS[name],)
+        if partner not in together or wanted not in (None, together[partner])
     }
-
-
-def _is_partner(value: Any, wanted: str | None) -> bool:
-    return value is not None if wanted is None else value == wanted
+    if not lonely:
+        return own
+    # What lost its partner may be one itself.
+    return _fitting({name: value for name, value in own.items() if name not in lonely}, asked)
 
 
 def _has_altitude(values: Mapping[str, Any]) -> bool:
