@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from aosplan.batteries import Home, flights_of
 from aosplan.documents import read_mission, read_missions
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.flight import Timing, Track
+from aosplan.flight import Timing
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
+from aosplan.track import Track
 
 LINZ = (48.3358, 14.3261)
 

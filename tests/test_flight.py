@@ -12,7 +12,6 @@ from aosplan.errors import InfeasibleError
 from aosplan.flight import (
     Path,
     Timing,
-    Track,
     lines_of,
     passing_s,
     path_of,
@@ -23,6 +22,7 @@ from aosplan.models.uniform import UniformModel
 from aosplan.pattern import GRIDS, pattern_for
 from aosplan.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solve import solve
+from aosplan.track import Track
 from aosplan.trigger import with_turns
 
 speeds = st.floats(0.5, 20.0)
@@ -210,7 +210,7 @@ def test_a_path_is_what_its_waypoints_are(grid, samples, baseline, speed, throug
     track = flown_track(pattern, baseline, flown)
     first = track.photo.index(True)
     last = len(track.photo) - 1 - track.photo[::-1].index(True)
-    times, lengths = track.times_s(flown), track.lengths_m()
+    times, lengths = track.times_s(flown), track.lengths_m
     path = path_of(pattern, timing)
     assert path.time_s(baseline, timing) == pytest.approx(
         times[last] - times[first] + flown.hold_s, rel=1e-9

@@ -16,7 +16,8 @@ from aosplan.errors import InfeasibleError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.flight import Timing, Track
+    from aosplan.flight import Timing
+    from aosplan.track import Track
 
 
 class Flight(NamedTuple):
@@ -81,40 +82,42 @@ def flights_of(
     InfeasibleError
         Where one site, or one line that is flown through, takes longer than that.
     """
-    times, lengths = track.times_s(timing), track.lengths_m()
+    times, lengths = track.times_s(timing), track.lengths_m
     taken = [0, *accumulate(track.photo)]
 
     def flight(first: int, last: int) -> Flight:
-        there, back = home.way_m(track, first), home.way_m(track, last)
-        hold = timing.hold_s if track.photo[last] and not timing.fly_through else 0.0
-        ways = home.way_s(track, first, timing) + home.way_s(track, last, timing, back=True)
-        return Flight(
-            first,
-            last,
-            taken[last + 1] - taken[first],
-            math.fsum([*there, lengths[last] - lengths[first], *back]),
-            ways + times[last] - times[first] + hold,
-        )
+        ways = [*home.way_m(track, first), lengths[last] - lengths[first], *home.way_m(track, last)]
+        there, back = home.way_s(track, first, timing), home.way_s(track, last, timing, back=True)
+        time = there + left(last) - times[first] + back
+        return Flight(first, last, taken[last + 1] - taken[first], math.fsum(ways), time)
+
+    def left(place: int) -> float:
+        holds = track.photo[place] and not timing.fly_through
+        return times[place] + (timing.hold_s if holds else 0.0)
 
     whole = flight(0, len(track.photo) - 1)
     if whole.time_s <= longest_s:
         return (whole,)
     parts = list(_parts(track, timing))
-    alone = [flight(*part) for part in parts]
-    worst = max(alone, key=lambda single: single.time_s)
-    if worst.time_s > longest_s:
+    # When a flight would have had to take off to be at a part in time, and when it lands after it.
+    begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
+    landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
+    worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])
+    if landed[worst] - begun[worst] > longest_s:
         what = "line" if timing.fly_through else "site"
         raise InfeasibleError(
-            f"to fly to one {what}, at waypoint {worst.first}, and back takes "
-            f"{worst.time_s / 60.0:.4g} min, more than --flight-time {longest_s / 60.0:.4g}",
+            f"to fly to one {what}, at waypoint {parts[worst].first}, and back takes "
+            f"{(landed[worst] - begun[worst]) / 60.0:.4g} min, more than --flight-time "
+            f"{longest_s / 60.0:.4g}",
             "take off nearer, fly faster, or use a battery that lasts longer"
             + (", or --trigger stop" if timing.fly_through else ""),
         )
-    flights = [alone[0]]
-    for part, single in zip(parts[1:], alone[1:], strict=True):
-        longer = flight(flights[-1].first, part.last)
-        if longer.time_s > longest_s:
-            flights.append(single)
-        else:
-            flights[-1] = longer
-    return tuple(flights)
+    firsts = [0]
+    for place in range(1, len(parts)):
+        if landed[place] - begun[firsts[-1]] > longest_s:
+            firsts.append(place)
+    lasts = [*(first - 1 for first in firsts[1:]), len(parts) - 1]
+    return tuple(
+        flight(parts[first].first, parts[last].last)
+        for first, last in zip(firsts, lasts, strict=True)
+    )

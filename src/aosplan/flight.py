@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
@@ -266,63 +266,3 @@ def same_course(one: tuple[float, float], other: tuple[float, float]) -> bool:
     """Whether two unit vectors point the same way."""
     across = one[0] * other[1] - one[1] * other[0]
     return abs(across) < STRAIGHT and one[0] * other[0] + one[1] * other[1] > 0.0
-
-
-class Track(NamedTuple):
-    """Points of a flight in order: metres east, north and up, and whether a photo is taken."""
-
-    east_m: Sequence[float]
-    north_m: Sequence[float]
-    up_m: Sequence[float]
-    photo: Sequence[bool]
-
-    def legs(self) -> list[tuple[float, float, float]]:
-        """Vectors from point to point."""
-        points = zip(self.east_m, self.north_m, self.up_m, strict=True)
-        return [(b[0] - a[0], b[1] - a[1], b[2] - a[2]) for a, b in pairwise(points)]
-
-    def lengths_m(self) -> list[float]:
-        """Length of the path from the first point to each."""
-        return list(accumulate((math.hypot(*leg) for leg in self.legs()), initial=0.0))
-
-    def stops(self, timing: Timing) -> list[int]:
-        """Points at which the drone stands still: all, or those where its course turns."""
-        count = len(self.east_m)
-        if not timing.fly_through or count < 2:
-            return list(range(count))
-        courses = [_course(leg) for leg in self.legs()]
-        turns = (
-            place
-            for place, (one, other) in enumerate(pairwise(courses), 1)
-            if one is None or other is None or not same_course(one, other)
-        )
-        return [0, *turns, count - 1]
-
-    def times_s(self, timing: Timing) -> list[float]:
-        """When each point is reached, from a stop at the first; holds come after.
-
-        Flying through, a line is flown as fast as its steepest leg allows.
-        """
-        legs, times = self.legs(), [0.0]
-        for start, stop in pairwise(self.stops(timing)):
-            begun = times[-1] + (timing.hold_s if self._holds(start, timing) else 0.0)
-            if stop == start + 1:
-                times.append(begun + timing.leg_s(*legs[start]))
-                continue
-            line = legs[start:stop]
-            reached = list(accumulate(math.hypot(*leg) for leg in line))
-            speed = min(timing.leg_speed_mps(*leg) for leg in line)
-            times += [
-                begun + passing_s(distance, reached[-1], speed, timing.acceleration_mps2)
-                for distance in reached
-            ]
-        return times
-
-    def _holds(self, place: int, timing: Timing) -> bool:
-        return self.photo[place] and not timing.fly_through
-
-
-def _course(leg: tuple[float, float, float]) -> tuple[float, float] | None:
-    """Direction of a leg over ground; None where it goes straight up."""
-    level = math.hypot(leg[0], leg[1])
-    return (leg[0] / level, leg[1] / level) if level else None

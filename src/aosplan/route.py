@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.batteries import Flight, Home, flights_of
 from aosplan.errors import RequestError
-from aosplan.flight import Timing, Track, steady, wind_mps
+from aosplan.flight import Timing, steady, wind_mps
 from aosplan.mission import Waypoints, placed
 from aosplan.problem import Limit
 from aosplan.request import find_drone
 from aosplan.resolve import located
+from aosplan.track import Track
 from aosplan.trigger import Bound, Ground, Sites, blur_speed_mps, slowest, with_turns
 
 if TYPE_CHECKING:
@@ -309,5 +310,5 @@ def _first_photo_to_last(track: Track, timing: Timing) -> tuple[float, float]:
     """Length and time from the first photo to the last, the holds included."""
     first = track.photo.index(True)
     last = len(track.photo) - 1 - track.photo[::-1].index(True)
-    lengths, times = track.lengths_m(), track.times_s(timing)
+    lengths, times = track.lengths_m, track.times_s(timing)
     return lengths[last] - lengths[first], times[last] - times[first] + timing.hold_s
