@@ -9,8 +9,9 @@ from hypothesis import settings
 # Tests say `from reference import exact`, whatever folder pytest is started in.
 sys.path.insert(0, str(Path(__file__).parent))
 
-# No test reads what another run, or the user, has left in the cache.
+# No test reads what another run, or the user, has left in the cache, nor anyone's defaults.
 os.environ["AOSPLAN_CACHE"] = "0"
+os.environ["AOSPLAN_DEFAULTS"] = "none"
 
 # Time is measured by benchmarks, never by tests.
 # In CI the examples are the same every time; on a desk they are new ones.

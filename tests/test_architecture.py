@@ -13,7 +13,7 @@ import aosplan
 
 SOURCE = Path(aosplan.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
-HEAVY = {"numpy", "scipy", "pyproj", "shapely", "laspy", "matplotlib", "pydantic"}
+HEAVY = {"numpy", "scipy", "pyproj", "shapely", "laspy", "matplotlib", "pydantic", "rasterio"}
 RICH = {"rich"}
 
 
@@ -78,6 +78,7 @@ def test_the_version_costs_no_more_than_the_import():
         ("plan", "--altitude", "40", "--quiet"),
         ("visibility", "--density", "0.5", "--samples", "50", "--dhat", "1", "--json"),
         ("cameras", "--json"),
+        ("drones", "--json"),
         ("scenes", "--json"),
         ("formats", "--json"),
         ("scene", "paper-forest", "--json"),
@@ -303,7 +304,7 @@ def test_imports_of_the_project_are_absolute():
             assert not (isinstance(node, ast.ImportFrom) and node.level), path
 
 
-PRESETS = ("presets/cameras.py", "presets/scenes.py")
+PRESETS = ("presets/cameras.py", "presets/drones.py", "presets/scenes.py")
 """Tables of data: as long as what they list."""
 
 

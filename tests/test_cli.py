@@ -357,9 +357,79 @@ EFFECTS = {
         ["--hold", "3"],
         lambda r, d: math.isclose(r["flight"]["time_s"] - d["flight"]["time_s"], 100),
     ),
+    "drone": (
+        ["--drone", "ardupilot-copter"],
+        lambda r, d: r["flight"].get("drone") == "ardupilot-copter" and r["request"]["speed"] == 10,
+    ),
+    "climb": (
+        ["--climb", "1"],
+        # 40 m up and as much down, each with a second or three of ramps.
+        lambda r, d: math.isclose(
+            r["flight"]["total_time_s"] - d["flight"]["total_time_s"],
+            2 * (40 / 1 + 1 / 2) - 2 * (40 / 3 + 3 / 2),
+        ),
+    ),
+    "trigger": (
+        ["--trigger", "distance"],
+        lambda r, d: (
+            r["flight"]["spacing_m"] == r["baseline_m"]
+            and sum(w.get("photo", True) for w in r["waypoints"]) == 50 < len(r["waypoints"])
+        ),
+    ),
+    "max_blur": (
+        ["--trigger", "distance", "--max-blur", "0.5"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], 0.5 * r["camera"]["gsd_m"] / 0.01),
+    ),
+    "exposure_time": (
+        ["--trigger", "distance", "--exposure-time", "0.05"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], r["camera"]["gsd_m"] / 0.05),
+    ),
+    "photo_interval": (
+        ["--trigger", "distance", "--photo-interval", "2"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], r["baseline_m"] / 2),
+    ),
+    "wind_speed": (
+        ["--wind-speed", "14", "--wind-from", "0"],
+        # Northward legs have 15 - 14 m/s left, the others what they had.
+        lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 10,
+    ),
+    "wind_from": (
+        ["--wind-speed", "14", "--wind-from", "90"],
+        # Across the lines it takes their 5 m/s from √(15² - 14²) = 5.4, against it 1 is left.
+        lambda r, d: 0 < r["flight"]["time_s"] - d["flight"]["time_s"] < 10,
+    ),
+    "airspeed": (
+        ["--wind-speed", "14", "--wind-from", "0", "--airspeed", "14.5"],
+        lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 50,
+    ),
+    "takeoff": (
+        ["--origin", "48,14", "--takeoff", "48,14.01"],
+        # 0.01 degrees of longitude are 746 m there.
+        lambda r, d: r["flight"]["flights"][0]["length_m"] > 1400 + r["flight"]["length_m"],
+    ),
+    "flight_time": (
+        ["--flight-time", "2"],
+        lambda r, d: (
+            len(r["flight"]["flights"]) > 1
+            and all(flight["time_s"] <= 120 for flight in r["flight"]["flights"])
+        ),
+    ),
+    "resume_at": (
+        ["--resume-at", "20"],
+        lambda r, d: (
+            [w["north_m"] for w in r["waypoints"]] == [w["north_m"] for w in d["waypoints"][20:]]
+            and r["waypoints"][0]["index"] == 0
+        ),
+    ),
+    "clearance": (
+        ["--altitude", "21", "--clearance", "0.5"],
+        lambda r, d: r["altitude_m"] == 21.0,
+    ),
 }
 
 CLOUD_ONLY = ("voxel", "ground", "min_height", "crown_base", "view")
+TERRAIN = ("terrain", "terrain_tolerance")
+"""Tested where there is a terrain, in test_terrain.py."""
 
 
 def legs_of(waypoints):
@@ -368,7 +438,7 @@ def legs_of(waypoints):
 
 
 def test_every_option_has_its_effect_tested():
-    assert {*EFFECTS, *CLOUD_ONLY} == {option.name for option in OPTIONS}
+    assert {*EFFECTS, *CLOUD_ONLY, *TERRAIN} == {option.name for option in OPTIONS}
 
 
 @pytest.mark.parametrize("name", EFFECTS)
@@ -376,7 +446,7 @@ def test_options_have_their_effect(document, name):
     arguments, holds = EFFECTS[name]
     altitude = (
         []
-        if {"altitude", "gsd", "target_size", "target_pixels"} & {name}
+        if {"altitude", "gsd", "target_size", "target_pixels", "clearance"} & {name}
         else [
             "--altitude",
             "40",
@@ -621,6 +691,40 @@ plan --altitude 40 --heading north
 plan --altitude 40 --speed 0
 plan --altitude 40 --acceleration 0
 plan --altitude 40 --hold -1
+plan --altitude 40 --drone dji-m3
+plan --altitude 40 --drone ''
+plan --altitude 40 --climb 0
+plan --altitude 40 --trigger time
+plan --altitude 40 --max-blur 1
+plan --altitude 40 --exposure-time 0.01
+plan --altitude 40 --trigger distance --max-blur 0
+plan --altitude 40 --trigger distance --exposure-time 5ms
+plan --altitude 40 --trigger distance --photo-interval -1
+plan --altitude 40 --wind-speed 5
+plan --altitude 40 --wind-from 90
+plan --altitude 40 --wind-speed 15 --wind-from 0
+plan --altitude 40 --wind-speed 99 --wind-from 45 --trigger distance
+plan --altitude 40 --wind-speed 5 --wind-from 0 --airspeed 4
+plan --altitude 40 --takeoff 48,14
+plan --altitude 40 --origin 48,14 --takeoff 48
+plan --altitude 40 --origin 48,14 --takeoff=-48,14
+plan --altitude 40 --origin 48,14 --takeoff 50,14 --flight-time 30
+plan --altitude 40 --flight-time 0
+plan --altitude 40 --flight-time 0.1
+plan --altitude 40 --trigger distance --flight-time 0.7
+plan --altitude 40 --resume-at 50
+plan --altitude 40 --resume-at -1
+plan --altitude 40 --resume-at 1.5
+plan --altitude 40 --clearance -1
+plan --altitude 40 --clearance 20
+plan --altitude 40 --terrain dem.tif
+plan --altitude 40 --terrain-tolerance 1
+plan --altitude 40 --origin 48,14 --terrain missing.tif
+plan --altitude 40 --origin 48,14 --terrain .
+plan --altitude 40 --origin 48,14 --terrain /vsicurl/https://localhost/dem.tif
+plan --altitude 40 --defaults missing.toml
+plan --altitude 40 --defaults ''
+drones extra
 plan --altitude 40 --out plan.geojson
 plan --altitude 40 --out plan.txt
 plan --altitude 40 --out plan

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.mission import Mission, local_sites, waypoints_of
+from aosplan.mission import Mission, Waypoints, local_sites, placed
 from aosplan.pattern import GRIDS, pattern_for
 
 kinds = st.sampled_from(GRIDS)
@@ -120,6 +120,11 @@ def test_lanes_are_their_pitch_apart():
     east, north = local_sites(pattern, 2.0, 0.0)
     assert sorted({round(e, 9) for e in east}) == [-8.0, 0.0, 8.0]
     assert sorted({round(n, 9) for n in north}) == [-2.0, 0.0, 2.0]
+
+
+def waypoints_of(pattern, baseline_m, *, heading_deg, altitude_m, origin):
+    east, north = local_sites(pattern, baseline_m, heading_deg)
+    return placed(Waypoints(east, north, [altitude_m] * len(east)), origin)
 
 
 def test_waypoints_are_numbered_in_flight_order():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from reference import exact
 
 from aosplan.errors import RequestError
-from aosplan.flight import Timing, path_of
+from aosplan.flight import Leg, Timing, path_of
 from aosplan.models.layered import LayeredModel
 from aosplan.models.sites import pattern_shortfall
 from aosplan.pattern import GRIDS, MOST_SITES, Frame, Pattern, frame_at, frames, pattern_for
@@ -284,10 +284,10 @@ def test_a_known_flight():
 
 def test_turning_costs_no_detour_in_a_whole_grid():
     path = path_of(Pattern(4, 6))
-    assert path.legs == ((1.0, 23),)
+    assert path.legs == ((Leg(1.0), 23),)
     assert path.length_m(2.5) == 57.5
     lanes = path_of(Pattern(3, 5, row_pitch=4.0))
-    assert lanes.legs == ((1.0, 12), (4.0, 2))
+    assert lanes.legs == ((Leg(1.0), 12), (Leg(4.0), 2))
     assert lanes.length_m(2.0) == 40.0
 
 

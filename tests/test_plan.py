@@ -202,8 +202,25 @@ def test_every_warning_has_a_code_and_one_line():
 def test_below_the_canopy_there_is_nothing_to_plan(altitude):
     with pytest.raises(RequestError, match="is not above the canopy") as caught:
         planned(altitude=altitude)
-    lowest = float(caught.value.hint.split()[-2])
-    assert planned(altitude=1.0001 * lowest).altitude_m > lowest
+    lowest = float(caught.value.hint.split()[1])
+    assert lowest == pytest.approx(20.044 + 2.0, abs=0.01)
+    assert planned(altitude=lowest).altitude_m == lowest
+
+
+def test_the_clearance_is_kept_above_the_canopy():
+    top = planned().scene.canopy_top_m
+    for clearance in (0.5, 2.0, 10.0):
+        assert planned(altitude=1.0001 * (top + clearance), clearance=clearance).solution.met
+        with pytest.raises(RequestError, match=f"less than --clearance {clearance:g} m above"):
+            planned(altitude=0.9999 * (top + clearance), clearance=clearance)
+    with pytest.raises(RequestError, match="is not above the canopy"):
+        planned(altitude=top, clearance=0)
+
+
+def test_the_clearance_counts_from_the_canopy_even_below_the_focal_plane():
+    with pytest.raises(RequestError, match="less than --clearance 2 m"):
+        planned(altitude=1.0, focal_height=20.5)
+    assert planned(altitude=1.6, focal_height=20.5).altitude_m == 1.6
 
 
 def test_a_resolution_that_asks_for_the_canopy_says_where_the_altitude_is_from():
@@ -213,7 +230,7 @@ def test_a_resolution_that_asks_for_the_canopy_says_where_the_altitude_is_from()
 
 def test_the_canopy_counts_from_the_focal_plane():
     # 20.04 m of forest are 15.04 m above a plane 5 m up.
-    assert planned(altitude=16, focal_height=5).altitude_m == 16
+    assert planned(altitude=17.05, focal_height=5).altitude_m == 17.05
     with pytest.raises(RequestError, match=r"top is 15\.044 m above the focal plane"):
         planned(altitude=15, focal_height=5)
 
@@ -516,8 +533,8 @@ def test_scaling_every_length_scales_the_baseline_and_nothing_else(scene, option
     # as many pixels at any scale.
     factor = 2.0**exponent
     assume(scene["volume_height"] / scene["occluder_size"] < 40)  # slices of the layered model
-    one = plan(PlanRequest(**scene, **options))
-    other = plan(PlanRequest(**scaled(scene, factor), **options))
+    one = plan(PlanRequest(**scene, **options, clearance=0))
+    other = plan(PlanRequest(**scaled(scene, factor), **options, clearance=0))
     assert other.solution.pattern == one.solution.pattern
     assert other.solution.samples_required == one.solution.samples_required
     assert other.solution.baseline_m == pytest.approx(one.solution.baseline_m * factor, rel=1e-12)

@@ -56,7 +56,10 @@ def test_defaults_are_those_of_the_contract():
         "heading": 0.0,
         "speed": 5.0,
         "acceleration": 2.0,
+        "climb": 3.0,
         "hold": 1.0,
+        "trigger": "stop",
+        "clearance": 2.0,
     }
 
 

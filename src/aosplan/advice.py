@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 from aosplan.answer import BEST
 from aosplan.geometry import baseline_for_disparity_px, disparity_px
 from aosplan.planning import requirement_of
+from aosplan.request import find_drone
 from aosplan.resolve import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.planning import Plan
+
+
+HIGHEST_M = 120.0
+"""Above ground; the limit of the European open category and of many other rules."""
 
 
 def advice(plan: Plan) -> Iterator[Message]:
@@ -28,6 +33,7 @@ def advice(plan: Plan) -> Iterator[Message]:
     if plan.coverage is not None:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
+    yield from _flying(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
         yield Message(
@@ -106,4 +112,45 @@ def _thick_layers(plan: Plan) -> Iterator[Message]:
             f"{len(thick)} layers are much thicker than their occluders (up to "
             f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m): each is "
             "placed at its middle height; thinner layers predict better",
+        )
+
+
+def _flying(plan: Plan) -> Iterator[Message]:
+    """Warnings on the flight: the camera's pace, the battery, the law, and the ways there."""
+    route, request = plan.route, plan.request
+    timing, interval = route.timing, request.photo_interval
+    pace = timing.hold_s + timing.leg_s(plan.solution.baseline_m)
+    if (
+        interval
+        and not timing.fly_through
+        and pace < interval
+        and plan.solution.pattern.samples > 1
+    ):
+        yield Message(
+            "photo_interval",
+            f"photos follow each other within {pace:.3g} s and the camera takes one each "
+            f"{interval:g} s: hold {timing.hold_s + interval - pace:.3g} s at each site",
+        )
+    endurance = find_drone(request.drone).endurance_min if request.drone else None
+    longest = max(flight.time_s for flight in route.flights) / 60.0
+    if endurance is not None and longest > endurance:
+        yield Message(
+            "battery",
+            f"a flight takes {longest:.3g} min, and a new battery of this drone lasts "
+            f"{endurance:g} min in still air: --flight-time MIN splits it",
+        )
+    highest = plan.altitude_m + request.focal_height + route.dip_m
+    if highest > HIGHEST_M:
+        yield Message(
+            "above_120_m",
+            f"the flight reaches {highest:.4g} m above ground, and many countries allow "
+            f"{HIGHEST_M:g} m",
+        )
+    least = plan.scene.canopy_top_m + request.clearance
+    if route.lowest_way_m is not None and route.lowest_way_m < least:
+        yield Message(
+            "low_way",
+            f"on the level of the waypoints the way from the take-off or back comes within "
+            f"{route.lowest_way_m:.4g} m of the ground, less than canopy and clearance: climb "
+            f"{least - route.lowest_way_m:.4g} m higher for it, or take off elsewhere",
         )

@@ -14,7 +14,7 @@ from aosplan.camera import Camera
 from aosplan.checked import Document, Finite, OpenDocument, Pair, Pixels, checked
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.mission import Conduct, Mission, Waypoint, Waypoints
+from aosplan.mission import Conduct, Mission, Waypoint, Waypoints, split
 from aosplan.options import OPTIONS
 from aosplan.quantities import nearest_hint
 from aosplan.scene_document import CorrelogramDocument, LayerDocument, SceneDocument
@@ -119,8 +119,18 @@ class CameraSummaryDocument(OpenDocument):
     common_footprint_m: Pair
 
 
+class OneFlightDocument(OpenDocument):
+    """What one battery flies: its first and last waypoint; length and time with the way there."""
+
+    first: Annotated[int, Field(ge=0)]
+    last: Annotated[int, Field(ge=0)]
+    samples: int
+    length_m: Finite
+    time_s: Finite
+
+
 class FlightDocument(OpenDocument):
-    """Path from the first waypoint to the last, and how it is flown (`mission.Conduct`)."""
+    """Path from the first photo to the last, how it is flown (`mission.Conduct`), and flights."""
 
     length_m: Finite
     time_s: Finite
@@ -136,6 +146,11 @@ class FlightDocument(OpenDocument):
     takeoff_latitude: Finite | None = None
     takeoff_longitude: Finite | None = None
     takeoff_ground_m: Finite | None = None
+    acceleration_mps2: Finite | None = None
+    climb_mps: Finite | None = None
+    run_in_m: Finite = 0.0
+    total_time_s: Finite | None = None
+    flights: list[OneFlightDocument] | None = None
 
 
 class LimitDocument(OpenDocument):
@@ -183,6 +198,7 @@ class PlanDocument(OpenDocument):
     disparity: DisparityDocument
     camera: CameraSummaryDocument
     flight: FlightDocument
+    height: dict[str, Any] | None = None
     limits: list[LimitDocument]
     warnings: list[MessageDocument]
     waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]
@@ -354,10 +370,31 @@ def read_request(path: str) -> dict[str, Any]:
 
 
 def read_mission(path: str) -> Mission:
-    """The mission of a saved plan."""
+    """The mission of a saved plan, all flights in one."""
+    return _mission(*_saved_plan(path), path)
+
+
+def read_missions(path: str) -> tuple[Mission, ...]:
+    """The missions of a saved plan, one for each of its flights."""
+    table, document = _saved_plan(path)
+    whole, flights = _mission(table, document, path), document.flight.flights
+    if flights is None:
+        return (whole,)
+    ranges = [(flight.first, flight.last) for flight in flights]
+    flown = [place for first, last in ranges for place in range(first, last + 1)]
+    if flown != list(range(len(whole.waypoints))) or any(last < first for first, last in ranges):
+        raise RequestError(f"'{path}': the flights do not take each waypoint once, in order")
+    return split(whole, ranges)
+
+
+def _saved_plan(path: str) -> tuple[dict[str, Any], PlanDocument]:
     table = read_table(path)
     document = checked(PlanDocument, table, path)
     assert isinstance(document, PlanDocument)
+    return table, document
+
+
+def _mission(table: dict[str, Any], document: PlanDocument, path: str) -> Mission:
     waypoints = [Waypoint(**waypoint.model_dump()) for waypoint in document.waypoints]
     given = {tuple(value is None for value in waypoint) for waypoint in waypoints}
     half_placed = (waypoints[0].latitude is None) != (waypoints[0].longitude is None)

@@ -55,3 +55,20 @@ def to_wgs84(
         [origin[1]] * count, [origin[0]] * count, azimuth, distance
     )
     return list(latitudes), [(longitude + 180.0) % 360.0 - 180.0 for longitude in longitudes]
+
+
+def to_local(
+    origin: tuple[float, float], latitudes: Sequence[float], longitudes: Sequence[float]
+) -> tuple[list[float], list[float]]:
+    """Metres east and north of an origin, of points given on earth: the inverse of `to_wgs84`."""
+    from pyproj import Geod
+
+    count = len(latitudes)
+    azimuth, _, distance = Geod(ellps="WGS84").inv(
+        [origin[1]] * count, [origin[0]] * count, list(longitudes), list(latitudes)
+    )
+    turns = [math.radians(angle) for angle in azimuth]
+    return (
+        [length * math.sin(turn) for length, turn in zip(distance, turns, strict=True)],
+        [length * math.cos(turn) for length, turn in zip(distance, turns, strict=True)],
+    )

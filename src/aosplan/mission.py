@@ -135,6 +135,16 @@ class Mission(NamedTuple):
         return [up + below - takeoff for up, below in zip(altitudes, ground, strict=True)]
 
 
+def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, ...]:
+    """A mission a flight, from the first and the last waypoint of each."""
+    return tuple(
+        whole._replace(
+            waypoints=whole.waypoints[first : last + 1], flight=number, flights=len(ranges)
+        )
+        for number, (first, last) in enumerate(ranges, 1)
+    )
+
+
 def local_sites(
     pattern: Pattern, baseline_m: float, heading_deg: float
 ) -> tuple[list[float], list[float]]:
@@ -154,20 +164,11 @@ def local_sites(
     return east, north
 
 
-def waypoints_of(
-    pattern: Pattern,
-    baseline_m: float,
-    *,
-    heading_deg: float,
-    altitude_m: float,
-    origin: tuple[float, float] | None,
-) -> Waypoints:
-    """Waypoints of a pattern in flight order, with latitudes and longitudes where a place is given."""
-    east, north = local_sites(pattern, baseline_m, heading_deg)
-    waypoints = Waypoints(east, north, [altitude_m] * len(east))
+def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:
+    """Waypoints with latitudes and longitudes where a place is given for their east and north."""
     if origin is None:
         return waypoints
     from aosplan.geodesy import to_wgs84
 
-    latitudes, longitudes = to_wgs84(origin, east, north)
+    latitudes, longitudes = to_wgs84(origin, waypoints.east_m, waypoints.north_m)
     return replace(waypoints, latitude=latitudes, longitude=longitudes)

@@ -13,6 +13,7 @@ from aosplan.errors import RequestError
 from aosplan.models import MODELS
 from aosplan.pattern import GRIDS
 from aosplan.problem import OBJECTIVES
+from aosplan.trigger import TRIGGERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,6 +79,9 @@ _length = partial(bounded, q.positive, unit="m")
 _heading = partial(q.number, unit="deg")
 _height = partial(bounded, q.at_least_zero, unit="m")
 _index = partial(bounded, q.at_least_zero)
+
+_speed = partial(bounded, q.positive, unit="m/s")
+_seconds = partial(bounded, q.positive, unit="s")
 
 _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
 
@@ -261,20 +265,97 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
     ),
     "Flight": (
+        ("drone", q.word, "text", "NAME", "Drone: its camera, speed, acceleration and limits."),
+        ("speed", _speed, "number", "M/S", "Cruise speed over ground.  [5, or the drone's]"),
+        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2, or the drone's]"),
         (
-            "speed",
-            partial(bounded, q.positive, unit="m/s"),
+            "climb",
+            _speed,
             "number",
             "M/S",
-            "Cruise speed.  [5]",
+            "Vertical speed, up and down.  [3, or the drone's]",
         ),
-        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2]"),
         (
             "hold",
             partial(bounded, q.at_least_zero, unit="s"),
             "number",
             "S",
             "Stop at each site.  [1]",
+        ),
+        (
+            "trigger",
+            q.one_of(TRIGGERS),
+            "text",
+            "HOW",
+            "Photos at each stop, or in passing by distance: stop or distance.  [stop]",
+        ),
+        (
+            "max_blur",
+            _positive,
+            "number",
+            "PX",
+            "Motion blur allowed in passing.  [1]",
+        ),
+        ("exposure_time", _seconds, "number", "S", "Exposure in passing.  [0.01]"),
+        (
+            "photo_interval",
+            _seconds,
+            "number",
+            "S",
+            "Shortest time between two photos.  [the drone's]",
+        ),
+        (
+            "wind_speed",
+            partial(bounded, q.at_least_zero, unit="m/s"),
+            "number",
+            "M/S",
+            "Wind; with --wind-from.",
+        ),
+        ("wind_from", _heading, "number", "DEG", "Where it blows from, clockwise from true north."),
+        (
+            "airspeed",
+            _speed,
+            "number",
+            "M/S",
+            "Fastest through the air: wind lowers the speed beyond it.  [15, or the drone's]",
+        ),
+        (
+            "takeoff",
+            q.latitude_longitude,
+            "pair",
+            "LAT,LON",
+            "Where the drone takes off and lands.  [below the first waypoint]",
+        ),
+        (
+            "flight_time",
+            _positive,
+            "number",
+            "MIN",
+            "Minutes that a battery lasts: longer missions are split into flights.",
+        ),
+        (
+            "resume_at",
+            q.index,
+            "whole",
+            "K",
+            "Fly from waypoint K of the whole plan on.  [0]",
+        ),
+    ),
+    "Height": (
+        (
+            "clearance",
+            _height,
+            "number",
+            "M",
+            "Least height above the canopy's top.  [2]",
+        ),
+        ("terrain", q.word, "text", "DEM.tif", "Ground heights to follow (GeoTIFF)."),
+        (
+            "terrain_tolerance",
+            _length,
+            "number",
+            "M",
+            "How much nearer to the ground the way between two sites may come.  [3]",
         ),
     ),
 }

@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+from aosplan.answer import rounded_up
 from aosplan.errors import RequestError
-from aosplan.flight import Timing
 from aosplan.geometry import CoverageBaseline, coverage_baseline
-from aosplan.mission import Conduct, Mission, Waypoints, waypoints_of
+from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
+from aosplan.problem import Bounds, GridKind, Limit, Problem, Requirement, Solution
 from aosplan.quantities import exact_share
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
+from aosplan.route import Route, lay, timing_of
 from aosplan.solve import solve
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ class Plan:
         Pattern, baseline, prediction and what bound them.
     coverage
         The coverage rule's baseline and deciding occluder; None for a scene without occluders.
-    waypoints
-        In flight order.
+    route
+        Waypoints in flight order, how they are flown, and the flights of each battery.
     notices
         What the reading of the scene, and its model, had to say.
     volume
@@ -69,7 +70,7 @@ class Plan:
     model: str
     solution: Solution
     coverage: CoverageBaseline | None
-    waypoints: Waypoints
+    route: Route
     notices: tuple[Message, ...]
     volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
     approximation: str | None = None
@@ -99,16 +100,30 @@ class Plan:
         return footprint[0] - self.extent_m[0], footprint[1] - self.extent_m[1]
 
     @property
-    def timing(self) -> Timing:
-        """How the drone flies between sites."""
-        return Timing(self.request.speed, self.request.acceleration, self.request.hold)
+    def waypoints(self) -> Waypoints:
+        """All waypoints, in flight order."""
+        return self.route.waypoints
+
+    @property
+    def limits(self) -> tuple[Limit, ...]:
+        """What bound the result: the solution, and the speed of the flight."""
+        return self.solution.limits + self.route.limits
 
     @property
     def conduct(self) -> Conduct:
         """How the waypoints are flown."""
-        request = self.request
+        request, timing = self.request, self.route.timing
+        latitude, longitude = request.takeoff or (None, None)
         return Conduct(
-            speed_mps=request.speed, hold_s=request.hold, yaw_deg=request.heading % 360.0
+            trigger=request.trigger,
+            speed_mps=timing.speed_mps,
+            hold_s=timing.hold_s,
+            spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
+            yaw_deg=request.heading % 360.0,
+            drone=request.drone,
+            takeoff_latitude=latitude,
+            takeoff_longitude=longitude,
+            takeoff_ground_m=self.route.takeoff_ground_m,
         )
 
     def document(self) -> dict[str, Any]:
@@ -122,6 +137,10 @@ class Plan:
         document = self.document()
         del document["waypoints"]
         return Mission(self.waypoints, document, self.conduct)
+
+    def missions(self) -> tuple[Mission, ...]:
+        """A mission for each flight, in order; their waypoints together are the plan's."""
+        return split(self.mission(), [flight[:2] for flight in self.route.flights])
 
     def write(self, path: str, *, format: str | None = None, force: bool = False) -> None:  # noqa: A002
         """Write the waypoints, whole or not at all.
@@ -179,27 +198,38 @@ def plan(
     """
     camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
+    gsd = camera.gsd_m(altitude)
     found = scene_of(request, folder=folder, progress=progress)
     scene, kind, notices = found.scene, found.kind, found.warnings
     above = scene.above(request.focal_height)
     density = above.integrated_density if above is not None else 0.0
     model_name = request.model or MODEL_OF[kind]
     _check_model(model_name, kind, request)
+    if scene.integrated_density > 0.0:
+        _check_altitude(scene, altitude, request)
     if above is None or density == 0.0:
         coverage, solution = None, _clear_view(request)
     else:
         _check_density(above, density, request)
-        _check_altitude(above, altitude, request)
         coverage = coverage_baseline(
             above.slabs(), altitude, camera.focal_length_px, request.coverage
         )
         if model_name == "measured":
-            problem = _measured_problem(request, found, altitude)
+            problem = _measured_problem(request, found, altitude, gsd)
             solution = solve(problem)
             notices += tuple(_doubts(found, problem, solution, altitude))
         else:
             model = _model(model_name, above, altitude, camera, coverage)
-            solution = solve(_problem(request, model))
+            solution = solve(_problem(request, model, gsd))
+    route = lay(
+        request,
+        *local_sites(solution.pattern, solution.baseline_m, request.heading),
+        altitude_m=altitude + request.focal_height,
+        gsd_m=gsd,
+        baseline_m=solution.baseline_m,
+        canopy_top_m=scene.canopy_top_m,
+        folder=folder,
+    )
     return Plan(
         request=_completed(request, model_name, found),
         scene=scene,
@@ -208,13 +238,7 @@ def plan(
         model=model_name,
         solution=solution,
         coverage=coverage,
-        waypoints=waypoints_of(
-            solution.pattern,
-            solution.baseline_m,
-            heading_deg=request.heading,
-            altitude_m=altitude + request.focal_height,
-            origin=request.origin,
-        ),
+        route=route,
         notices=notices,
         volume=found.volume,
         approximation="correlogram" if model_name == "measured" and found.volume is None else None,
@@ -245,15 +269,25 @@ def _check_density(above: Scene, density: float, request: PlanRequest) -> None:
         )
 
 
-def _check_altitude(above: Scene, altitude_m: float, request: PlanRequest) -> None:
-    top = above.canopy_top_m
+def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> None:
+    """Refuse an altitude within the canopy, or nearer to it than the clearance."""
+    top = scene.canopy_top_m - request.focal_height
+    lowest = top + request.clearance
+    if altitude_m > top and altitude_m >= lowest:
+        return
+    origin = "" if request.altitude is not None else ", solved from the resolution,"
+    stands = f"the canopy, whose top is {top:.6g} m above the focal plane"
+    remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
     if altitude_m <= top:
-        origin = "" if request.altitude is not None else ", solved from the resolution,"
         raise RequestError(
-            f"altitude {altitude_m:.6g} m{origin} is not above the canopy, whose top is {top:.6g} m "
-            "above the focal plane",
-            f"fly higher than {top:.6g} m",
+            f"altitude {altitude_m:.6g} m{origin} is not above {stands}",
+            remedy if request.clearance else f"fly higher than {top:.6g} m",
         )
+    raise RequestError(
+        f"altitude {altitude_m:.6g} m{origin} is less than --clearance {request.clearance:g} m "
+        f"above {stands}",
+        f"{remedy}; or give a smaller --clearance",
+    )
 
 
 def _model(
@@ -276,7 +310,9 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
 
 
-def _measured_problem(request: PlanRequest, found: ResolvedScene, altitude_m: float) -> Problem:
+def _measured_problem(
+    request: PlanRequest, found: ResolvedScene, altitude_m: float, gsd_m: float
+) -> Problem:
     from aosplan.models.correlogram import CorrelogramModel, correlogram
     from aosplan.models.measured import MeasuredModel
 
@@ -289,7 +325,8 @@ def _measured_problem(request: PlanRequest, found: ResolvedScene, altitude_m: fl
                 "plane nor the view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
-        return _problem(request, CorrelogramModel(table, altitude_m, heading_deg=request.heading))
+        quick = CorrelogramModel(table, altitude_m, heading_deg=request.heading)
+        return _problem(request, quick, gsd_m)
     model = MeasuredModel(
         found.volume,
         altitude_m,
@@ -297,7 +334,7 @@ def _measured_problem(request: PlanRequest, found: ResolvedScene, altitude_m: fl
         view="perspective" if request.view == "perspective" else "telecentric",
         focal_height_m=focal_height,
     )
-    problem = _problem(request, model)
+    problem = _problem(request, model, gsd_m)
     if model.view == "perspective" or None not in (request.baseline, request.samples):
         return problem  # the correlogram is telecentric; and with both fixed nothing is searched
     if table is None or focal_height > 0.0:
@@ -334,7 +371,7 @@ def _doubts(
         )
 
 
-def _problem(request: PlanRequest, model: VisibilityModel) -> Problem:
+def _problem(request: PlanRequest, model: VisibilityModel, gsd_m: float) -> Problem:
     return Problem(
         model=model,
         requirement=requirement_of(request),
@@ -346,7 +383,7 @@ def _problem(request: PlanRequest, model: VisibilityModel) -> Problem:
             samples=request.samples,
         ),
         objective=request.optimize,
-        timing=Timing(request.speed, request.acceleration, request.hold),
+        timing=timing_of(request, gsd_m)[0],
     )
 
 

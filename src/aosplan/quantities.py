@@ -32,6 +32,8 @@ _FOREIGN = {
     "mph": (0.44704, "m/s"),
     "km/h": (1 / 3.6, "m/s"),
     "kn": (0.514444, "m/s"),
+    "ms": (0.001, "s"),
+    "min": (60.0, "s"),
 }
 
 
@@ -75,6 +77,14 @@ def whole(value: Any, name: str) -> int:
     result = number(value, name)
     if result < 1.0 or result != math.floor(result) or result >= 2**53:
         raise RequestError(f"{name} {shown(value)} is not a whole number from 1")
+    return int(result)
+
+
+def index(value: Any, name: str) -> int:
+    """A whole number from 0."""
+    result = number(value, name)
+    if result < 0.0 or result != math.floor(result) or result >= 2**53:
+        raise RequestError(f"{name} {shown(value)} is not a whole number from 0")
     return int(result)
 
 

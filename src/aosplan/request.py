@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 from aosplan import quantities as q
 from aosplan.errors import RequestError
 from aosplan.options import BY_NAME, OPTIONS
+from aosplan.trigger import BLUR_PX, EXPOSURE_S
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from aosplan.presets.drones import DronePreset
 
 ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
@@ -98,9 +101,24 @@ class PlanRequest:
     lane_pitch: float | None = None
     origin: tuple[float, float] | None = None
     heading: float = 0.0
-    speed: float = 5.0
-    acceleration: float = 2.0
+    drone: str | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+    climb: float | None = None
     hold: float = 1.0
+    trigger: str = "stop"
+    max_blur: float | None = None
+    exposure_time: float | None = None
+    photo_interval: float | None = None
+    wind_speed: float | None = None
+    wind_from: float | None = None
+    airspeed: float | None = None
+    takeoff: tuple[float, float] | None = None
+    flight_time: float | None = None
+    resume_at: int | None = None
+    clearance: float = 2.0
+    terrain: str | None = None
+    terrain_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         for option in OPTIONS:
@@ -113,6 +131,7 @@ class PlanRequest:
             object.__setattr__(self, "vhat", 0.98)
         self._check_altitude()
         self._check_scene()
+        self._check_flight()
         self._check_camera()
         self._check_bounds()
 
@@ -208,6 +227,33 @@ class PlanRequest:
                     "--fov or --focal-length, --sensor-width; --image-width and --image-height",
                 )
 
+    def _check_flight(self) -> None:
+        drone = None if self.drone is None else find_drone(self.drone)
+        own_camera = self.focal_length is not None or self.fov is not None
+        for name, value in {
+            "speed": drone.speed_mps if drone else 5.0,
+            "acceleration": drone.acceleration_mps2 if drone else 2.0,
+            "climb": drone.climb_mps if drone else 3.0,
+            "camera": drone.camera if drone and not own_camera else None,
+            "photo_interval": drone.photo_interval_s if drone else None,
+            "airspeed": drone.airspeed_mps if drone else 15.0 if self.wind_speed else None,
+            "max_blur": BLUR_PX if self.trigger == "distance" else None,
+            "exposure_time": EXPOSURE_S if self.trigger == "distance" else None,
+            "terrain_tolerance": 3.0 if self.terrain else None,
+        }.items():
+            if getattr(self, name) is None and value is not None:
+                object.__setattr__(self, name, value)
+        for names, needed, given in (
+            (("max_blur", "exposure_time"), "--trigger distance", self.trigger == "distance"),
+            (("wind_from",), "--wind-speed", self.wind_speed is not None),
+            (("wind_speed",), "--wind-from", self.wind_from is not None),
+            (("takeoff", "terrain"), "--origin LAT,LON", self.origin is not None),
+            (("terrain_tolerance",), "--terrain", self.terrain is not None),
+        ):
+            lonely = self._given(names)
+            if lonely and not given:
+                raise RequestError(f"{' and '.join(lonely)} without {needed}", f"give {needed} too")
+
     def _check_bounds(self) -> None:
         if self.samples and self.max_samples and self.samples > self.max_samples:
             raise RequestError(
@@ -227,13 +273,35 @@ class PlanRequest:
                 )
 
 
+def find_drone(name: str) -> DronePreset:
+    """A drone by its preset's name.
+
+    Raises
+    ------
+    RequestError
+        Where there is none of that name; the hint names the nearest.
+    """
+    from aosplan.presets.drones import DRONES
+
+    if name not in DRONES:
+        raise RequestError(
+            f"unknown drone '{name}'", q.nearest_hint(name, DRONES) or "aosplan drones lists them"
+        )
+    return DRONES[name]
+
+
 def request_from(
-    values: Mapping[str, Any], *, overrides: Mapping[str, Any] | None = None, where: str = ""
+    values: Mapping[str, Any],
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    where: str = "",
+    defaults: Mapping[str, Any] | None = None,
+    defaults_where: str = "",
 ) -> PlanRequest:
     """A request from a file's values and the flags that override them.
 
-    A flag drops what it contradicts: ``--visibility`` a file's ``vhat``, ``--gsd`` its
-    ``altitude``.
+    What is given drops what it contradicts below: ``--visibility`` a file's ``vhat``, ``--gsd``
+    its ``altitude``, ``--drone`` the camera and the speeds of another.
 
     Parameters
     ----------
@@ -243,27 +311,93 @@ def request_from(
         Flags by name; None counts as not given.
     where
         The file, for messages.
+    defaults, defaults_where
+        Options that both override, and their file; those that do not fit the rest are left out.
 
     Raises
     ------
     RequestError
         Where a name is unknown or a value wrong; the message names the place.
     """
-    flags = {name: value for name, value in (overrides or {}).items() if value is not None}
-    kept = {name: value for name, value in values.items() if value is not None}
+    flags, given, own = (
+        {name: value for name, value in (layer or {}).items() if value is not None}
+        for layer in (overrides, values, defaults)
+    )
+    place = f" in {where}" if where else ""
+    given = {name: _parsed(name, value, f"{name}{place}") for name, value in given.items()}
+    flags = {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
+    asked = _beneath(given, flags) | flags
+    if own:
+        asked = _own(own, asked, defaults_where) | asked
+    return PlanRequest(**asked)
+
+
+BROUGHT_BY_DRONE = ("speed", "acceleration", "climb", "photo_interval", "airspeed")
+"""What a drone brings along, beside its camera."""
+
+PARTNERS = {
+    "takeoff": ("origin", None),
+    "terrain": ("origin", None),
+    "terrain_tolerance": ("terrain", None),
+    "max_blur": ("trigger", "distance"),
+    "exposure_time": ("trigger", "distance"),
+    "lanes": ("grid", "lanes"),
+    "lane_pitch": ("grid", "lanes"),
+}
+"""Options that mean something only beside another one, or beside one of its values."""
+
+
+def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
+    """What is left of a layer of options below one that overrides it."""
+    dropped = set(upper)
     for alternatives in ALTERNATIVES:
         for names in alternatives:
-            if names[0] in flags:
-                foreign = {name for others in alternatives for name in others} - set(names)
-                if names[0] == "scene" and "scene" not in kept:
-                    foreign.add("occluder_size")  # it belonged to the uniform scene of the file
-                kept = {name: value for name, value in kept.items() if name not in foreign}
-    if flags.get("grid") not in (None, "lanes"):
-        kept = {name: value for name, value in kept.items() if not name.startswith("lane")}
-    place = f" in {where}" if where else ""
-    parsed = {name: _parsed(name, value, f"{name}{place}") for name, value in kept.items()}
-    parsed |= {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
-    return PlanRequest(**parsed)
+            if names[0] in upper:
+                dropped |= {name for others in alternatives for name in others} - set(names)
+    if "scene" in upper and "scene" not in lower:
+        dropped.add("occluder_size")  # it belonged to the uniform scene below
+    if upper.get("grid") not in (None, "lanes"):
+        dropped |= {"lanes", "lane_pitch"}
+    if upper.get("trigger") == "stop":
+        dropped |= {"max_blur", "exposure_time"}
+    if "drone" in upper:
+        dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
+    return {name: value for name, value in lower.items() if name not in dropped}
+
+
+def _own(defaults: dict[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
+    """The user's own defaults that what is asked for leaves room for.
+
+    Raises
+    ------
+    RequestError
+        Where they contradict each other, whatever is asked for.
+    """
+    own = {name: _parsed(name, value, f"{name} in {where}") for name, value in defaults.items()}
+    try:
+        PlanRequest(**({"altitude": 40.0} if not _has_altitude(own) else {}) | _fitting(own, {}))
+    except RequestError as error:
+        raise RequestError(f"'{where}': {error.message}", error.hint) from None
+    return _fitting(_beneath(own, asked), asked)
+
+
+def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """The options of a layer whose partners are there, among them or among what is asked for."""
+    together = own | asked
+    lonely = {
+        name
+        for name in own.keys() & PARTNERS.keys()
+        for partner, wanted in (PARTNERS[name],)
+        if partner not in together or wanted not in (None, together[partner])
+    }
+    if not lonely:
+        return own
+    # What lost its partner may be one itself.
+    return _fitting({name: value for name, value in own.items() if name not in lonely}, asked)
+
+
+def _has_altitude(values: Mapping[str, Any]) -> bool:
+    return any(names[0] in values for names in ALTERNATIVES[0])
 
 
 def _parsed(name: str, value: Any, label: str) -> Any:

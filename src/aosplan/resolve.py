@@ -102,7 +102,7 @@ def find_camera(name: str) -> Camera:
 def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
     """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
     if request.camera is not None:
-        return find_camera(_located(request.camera, folder))
+        return find_camera(located(request.camera, folder))
     width, height = request.image_width, request.image_height
     assert width is not None  # the request has checked that a camera is complete
     assert height is not None
@@ -170,7 +170,7 @@ def scene_of(
     if request.scene is None:
         return _of_numbers(request)
     preset = find_preset_scene(request.scene)
-    name = request.scene if preset is not None else _located(request.scene, folder)
+    name = request.scene if preset is not None else located(request.scene, folder)
     suffix = os.path.splitext(name)[1].lower()
     clouds = () if preset is not None else cloud_files(name)
     more = [file for other in also for file in cloud_files(other) or (other,)]
@@ -338,7 +338,7 @@ def _of_stand(stand: Stand, name: str, request: PlanRequest) -> ResolvedScene:
     return ResolvedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
 
 
-def _located(name: str, folder: str) -> str:
+def located(name: str, folder: str) -> str:
     """A file name from a request file, looked for beside that file first."""
     beside = os.path.join(folder, name)
     if not folder:

@@ -165,7 +165,9 @@ def _least_aperture(problem: Problem) -> Candidate | None:
 
 def _least_time(problem: Problem) -> Candidate | None:
     def time_s(candidate: Candidate) -> float:
-        return path_of(candidate.pattern).time_s(candidate.baseline_m, problem.timing)
+        return path_of(candidate.pattern, problem.timing).time_s(
+            candidate.baseline_m, problem.timing
+        )
 
     return min(_fullest(problem), key=time_s, default=None)
 

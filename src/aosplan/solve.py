@@ -174,6 +174,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
 
 def _least_time(problem: Problem) -> Solution:
     timing = problem.timing
+    calm = timing._replace(wind=(0.0, 0.0))
     best: tuple[float, Pattern, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
@@ -183,13 +184,13 @@ def _least_time(problem: Problem) -> Solution:
                 break
             # No leg is shorter than a baseline, and no pattern of the frame needs less than its
             # fullest: one look there tells whether any of them can be faster.
-            shortest = Path(((1.0, fewest - 1),), fewest)
-            allowed = _widest_within(shortest, timing, best[0], problem.widest_m(frame.side))
+            shortest = Path.shortest(fewest, timing)
+            allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame.side))
             if allowed is None or not problem.meets(frame.pattern(most), allowed):
                 continue
         for samples in range(fewest, most + 1):
             pattern = frame.pattern(samples)
-            path = path_of(pattern)
+            path = path_of(pattern, timing)
             if best is not None:
                 # One look at the widest baseline that is still faster spares most searches.
                 allowed = _widest_within(path, timing, best[0], problem.widest_m(frame.side))

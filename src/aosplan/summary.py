@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
-from aosplan.flight import path_of
 from aosplan.geometry import disparity_px, occluder_px
 
 if TYPE_CHECKING:
@@ -26,7 +25,6 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
     requirement = requirement_of(plan.request)
-    path = path_of(pattern)
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -59,14 +57,49 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "footprint_m": list(camera.footprint_m(altitude)),
             "common_footprint_m": list(plan.common_footprint_m),
         },
-        "flight": {
-            "length_m": path.length_m(baseline),
-            "time_s": path.time_s(baseline, plan.timing),
-        }
-        | _given(plan.conduct._asdict()),
-        "limits": [limit._asdict() for limit in solution.limits],
+        "flight": flight_document(plan),
+        "height": height_document(plan),
+        "limits": [limit._asdict() for limit in plan.limits],
         "warnings": [warning._asdict() for warning in plan.warnings],
         "waypoints": waypoints_document(plan.waypoints),
+    }
+
+
+def flight_document(plan: Plan) -> dict[str, Any]:
+    """Length and time from the first photo to the last, how it is flown, and each flight.
+
+    Length and time of a flight, and the total, count from the take-off to the landing.
+    """
+    route = plan.route
+    return {
+        "length_m": route.length_m,
+        "time_s": route.time_s,
+        **_given(plan.conduct._asdict()),
+        "acceleration_mps2": route.timing.acceleration_mps2,
+        "climb_mps": route.timing.climb_mps,
+        "run_in_m": route.timing.run_in_m,
+        "total_time_s": route.total_time_s,
+        "flights": [flight._asdict() for flight in route.flights],
+    }
+
+
+def height_document(plan: Plan) -> dict[str, Any]:
+    """What every height of the plan is above."""
+    route = plan.route
+    document: dict[str, Any] = {
+        "altitude_m": f"above the focal plane, {plan.request.focal_height:g} m above ground",
+        "waypoints.altitude_m": "above the ground below the waypoint",
+        "canopy_top_m": "above ground",
+        "clearance_m": plan.altitude_m + plan.request.focal_height - plan.scene.canopy_top_m,
+    }
+    if route.datum is None:
+        return document | {"ground": "taken to be level, as high as the take-off"}
+    return document | {
+        "ground": "from the terrain file",
+        "waypoints.ground_m": f"above {route.datum}",
+        "flight.takeoff_ground_m": f"above {route.datum}",
+        "nearest_m": plan.altitude_m + plan.request.focal_height - route.hump_m,
+        "farthest_m": plan.altitude_m + plan.request.focal_height + route.dip_m,
     }
 
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "export": "Write files from a saved plan.",
     "integrate": "Average recorded images on a focal plane.",
     "cameras": "List the built-in cameras.",
+    "drones": "List the built-in drones.",
     "scenes": "List the built-in scenes.",
     "formats": "List the formats that waypoints are written in.",
     "schema": "JSON Schema of the documents read and printed.",

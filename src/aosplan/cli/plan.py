@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from aosplan.cli.options import command, file_argument, output_options, request_options
+from aosplan.cli.options import command, file_argument, output_options, request_options, text_option
 from aosplan.cli.output import (
     chosen_outputs,
     print_json,
@@ -13,9 +13,9 @@ from aosplan.cli.output import (
     progress_bar,
     write_outputs,
 )
+from aosplan.defaults import request_of
 from aosplan.errors import RequestError
 from aosplan.planning import plan
-from aosplan.request import request_from
 
 
 def run(
@@ -26,15 +26,11 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    defaults: str | None,
     **flags: Any,
 ) -> None:
     """Plan a flight, write it and show it."""
-    values: dict[str, Any] = {}
-    if request is not None:
-        from aosplan.documents import read_request
-
-        values = read_request(request)
-    wanted = request_from(values, overrides=flags, where=request or "")
+    wanted = request_of(request, flags, defaults=defaults)
     chosen = chosen_outputs(out or [], format, force=force)
     to_stdout = any(path == "-" for _, path in chosen)
     if to_stdout and as_json:
@@ -74,6 +70,12 @@ COMMAND = command(
             required=False,
         ),
         *request_options(),
+        text_option(
+            "--defaults",
+            "FILE|none",
+            "Your own defaults.  [aosplan/defaults.toml in the folder for settings]",
+            "Output",
+        ),
         *output_options(),
     ],
 )

@@ -87,12 +87,11 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield "Visibility", "V = 100 %: nothing is hidden"
     yield "", ""
     yield from _camera_rows(plan)
-    for limit in solution.limits:
+    for limit in plan.limits:
         yield "Bound by", limit.message
 
 
 def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    from aosplan.flight import path_of
     from aosplan.summary import disparity_document
 
     camera, altitude = plan.camera, plan.altitude_m
@@ -110,13 +109,38 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"{disparity['pixels']:.3g} px, occluders {disparity['occluder_pixels']:.3g} px "
             f"(d̂ = {disparity['normalized']:.3g})",
         )
-    path = path_of(plan.solution.pattern)
-    seconds = path.time_s(plan.solution.baseline_m, plan.timing)
-    yield (
-        "Flight",
-        f"{path.length_m(plan.solution.baseline_m):.0f} m, {int(seconds // 60)} min "
-        f"{seconds % 60:.0f} s (first photo to last)",
-    )
+    yield from _flight_rows(plan)
+
+
+def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    route, request = plan.route, plan.request
+    yield "Flight", f"{route.length_m:.0f} m, {_minutes(route.time_s)} (first photo to last)"
+    if request.trigger == "distance":
+        yield (
+            "",
+            f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
+            f"run-in {route.timing.run_in_m:.3g} m",
+        )
+    known = (request.drone, request.takeoff, request.flight_time, request.resume_at)
+    if any(value is not None for value in known) or len(route.flights) > 1:
+        count = len(route.flights)
+        each = f"{count} flights, the longest" if count > 1 else "1 flight,"
+        longest = max(flight.time_s for flight in route.flights)
+        yield "", f"{each} {_minutes(longest)} with take-off and return"
+    if route.datum is not None:
+        low = plan.altitude_m + request.focal_height - route.hump_m
+        ground = plan.waypoints.ground_m
+        assert ground is not None  # the terrain gave it
+        yield (
+            "Terrain",
+            f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "
+            f"never below {low:.1f} m above ground",
+        )
+
+
+def _minutes(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 60} min {whole % 60} s"
 
 
 def _scene_text(scene: Scene, *, custom_base: bool) -> str:

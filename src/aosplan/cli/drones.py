@@ -1,0 +1,45 @@
+"""``aosplan drones``."""
+
+from __future__ import annotations
+
+from aosplan.cli.options import command, json_option
+from aosplan.cli.output import print_json
+from aosplan.presets.drones import DRONES
+
+
+def run(*, as_json: bool) -> None:
+    """List the drones."""
+    if as_json:
+        print_json([{"name": name, **preset._asdict()} for name, preset in DRONES.items()])
+        return
+    from aosplan.cli.tables import print_rows
+
+    rows = [
+        (
+            name,
+            f"{drone.speed_mps:g}",
+            f"{drone.airspeed_mps:g}",
+            _known(drone.endurance_min),
+            _known(drone.photo_interval_s),
+            drone.camera or "-",
+        )
+        for name, drone in DRONES.items()
+    ]
+    print_rows(("name", "m/s", "most", "min", "photo s", "camera"), rows)
+    print(
+        "\nCruise and greatest speed, minutes in the air, shortest time between photos."
+        "\nSources and assumptions: aosplan drones --json"
+    )
+
+
+def _known(value: float | None) -> str:
+    return "-" if value is None else f"{value:g}"
+
+
+COMMAND = command(
+    "drones",
+    run,
+    summary="List the built-in drones; --json adds the numbers and their sources.",
+    examples="aosplan drones\naosplan drones --json",
+    parameters=[json_option()],
+)

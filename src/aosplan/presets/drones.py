@@ -1,0 +1,252 @@
+"""Drones that airborne optical sectioning is flown with.
+
+Makers publish top speeds, climb and hovering or flight times in still air; hardly any publishes
+an acceleration, and none a cruise speed for missions.  Those are ours, and `assumed` says so:
+2 m/s² is what small quadcopters reach at about 12 degrees of tilt, 10 m/s a cruise that leaves
+the gimbal time.  A published flight time runs a new battery empty: plan with less.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class DronePreset(NamedTuple):
+    """One drone as its maker, or its autopilot's defaults, describe it."""
+
+    title: str
+    """Name to show, for example "DJI Mavic 3T"."""
+    speed_mps: float
+    """Cruise speed in missions: the default of --speed."""
+    acceleration_mps2: float
+    climb_mps: float
+    """Vertical speed that both climbs and descents keep to."""
+    airspeed_mps: float
+    """Fastest through the air, without the sport mode that missions do not use."""
+    endurance_min: float | None
+    """Longest flight in still air, until the battery is empty; None where it depends on the build."""
+    most_waypoints: int | None
+    """Waypoints that one mission may have; None where nobody says."""
+    camera: str | None
+    """The camera's preset; None where any may be carried."""
+    photo_interval_s: float | None
+    """Shortest time between two photos of that camera; None where nobody says."""
+    source: str
+    """Who says so."""
+    assumed: str
+    """Which number is derived or assumed, and how."""
+
+
+_CRUISE = "cruise speed and acceleration assumed"
+_WPML = "waypoints of a mission: WPML specification, DJI Cloud API (65,535)"
+_LITCHI = "waypoints: DJI Fly and older Litchi versions stop at 99"
+
+DRONES: dict[str, DronePreset] = {
+    "dji-m3t": DronePreset(
+        title="DJI Mavic 3T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=45.0,
+        most_waypoints=65_535,
+        camera="dji-m3t-thermal",
+        photo_interval_s=2.0,
+        source=f"Mavic 3 Enterprise Series specifications, DJI (normal mode); {_WPML}",
+        assumed=_CRUISE,
+    ),
+    "dji-m3e": DronePreset(
+        title="DJI Mavic 3E",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=45.0,
+        most_waypoints=65_535,
+        camera="dji-m3e-wide",
+        photo_interval_s=0.7,
+        source=f"Mavic 3 Enterprise Series specifications, DJI (normal mode); {_WPML}",
+        assumed=_CRUISE,
+    ),
+    "dji-m30t": DronePreset(
+        title="DJI Matrice 30T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=5.0,
+        airspeed_mps=23.0,
+        endurance_min=41.0,
+        most_waypoints=65_535,
+        camera="dji-m30t-thermal",
+        photo_interval_s=2.0,
+        source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s); {_WPML}",
+        assumed=f"{_CRUISE}; photo interval that of the Mavic 3T",
+    ),
+    "dji-m300": DronePreset(
+        title="DJI Matrice 300 RTK with Zenmuse H20T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=17.0,
+        endurance_min=43.0,
+        most_waypoints=65_535,
+        camera="dji-h20t-thermal",
+        photo_interval_s=2.0,
+        source=(
+            "Matrice 300 RTK specifications, DJI (positioning mode: 17 m/s, climb 5, descent 3 m/s;"
+            f" 55 min without payload); {_WPML}"
+        ),
+        assumed=f"{_CRUISE}; flight time with the camera; photo interval that of the Mavic 3T",
+    ),
+    "dji-m350": DronePreset(
+        title="DJI Matrice 350 RTK with Zenmuse H30T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=5.0,
+        airspeed_mps=23.0,
+        endurance_min=43.0,
+        most_waypoints=65_535,
+        camera="dji-h30t-thermal",
+        photo_interval_s=2.0,
+        source=(
+            "Matrice 350 RTK specifications, DJI (climb 6, descent 5 m/s; 55 min without payload);"
+            f" {_WPML}"
+        ),
+        assumed=f"{_CRUISE}; flight time with the camera; photo interval that of the Mavic 3T",
+    ),
+    "dji-m4t": DronePreset(
+        title="DJI Matrice 4T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=49.0,
+        most_waypoints=65_535,
+        camera="dji-m4t-thermal",
+        photo_interval_s=0.7,
+        source=f"Matrice 4 Series specifications, DJI (normal mode); {_WPML}",
+        assumed=_CRUISE,
+    ),
+    "dji-m2ea": DronePreset(
+        title="DJI Mavic 2 Enterprise Advanced",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=13.9,
+        endurance_min=31.0,
+        most_waypoints=99,
+        camera="dji-m2ea-thermal",
+        photo_interval_s=2.0,
+        source="Mavic 2 Enterprise Advanced specifications, DJI (50 km/h outside sport mode)",
+        assumed=f"{_CRUISE}; descent 3 m/s; waypoints: the 99 of DJI's older mission interface",
+    ),
+    "dji-mini-3-pro": DronePreset(
+        title="DJI Mini 3 Pro",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=10.0,
+        endurance_min=34.0,
+        most_waypoints=99,
+        camera="dji-mini-3-pro",
+        photo_interval_s=2.0,
+        source="Mini 3 Pro specifications, DJI (normal mode)",
+        assumed=f"{_CRUISE}; {_LITCHI}",
+    ),
+    "dji-mini-4-pro": DronePreset(
+        title="DJI Mini 4 Pro",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=5.0,
+        airspeed_mps=12.0,
+        endurance_min=34.0,
+        most_waypoints=99,
+        camera="dji-mini-4-pro",
+        photo_interval_s=2.0,
+        source="Mini 4 Pro specifications, DJI (normal mode)",
+        assumed=f"{_CRUISE}; {_LITCHI}",
+    ),
+    "dji-air-2s": DronePreset(
+        title="DJI Air 2S",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=31.0,
+        most_waypoints=99,
+        camera="dji-air-2s",
+        photo_interval_s=2.0,
+        source="Air 2S specifications, DJI (normal mode)",
+        assumed=f"{_CRUISE}; {_LITCHI}",
+    ),
+    "autel-evo-2-dual-640t": DronePreset(
+        title="Autel EVO II Dual 640T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=15.0,
+        endurance_min=38.0,
+        most_waypoints=None,
+        camera="autel-evo-2-dual-640t-thermal",
+        photo_interval_s=2.0,
+        source="EVO II Dual 640T specifications, Autel Robotics (standard mode)",
+        assumed=f"{_CRUISE}; descent 3 m/s; photo interval: the shortest of its time lapse",
+    ),
+    "parrot-anafi-usa": DronePreset(
+        title="Parrot ANAFI USA",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=4.0,
+        airspeed_mps=14.7,
+        endurance_min=32.0,
+        most_waypoints=None,
+        camera=None,
+        photo_interval_s=1.0,
+        source="ANAFI USA specifications, Parrot",
+        assumed=f"{_CRUISE}; climb and photo interval",
+    ),
+    "parrot-anafi-thermal": DronePreset(
+        title="Parrot ANAFI Thermal",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=4.0,
+        airspeed_mps=15.0,
+        endurance_min=26.0,
+        most_waypoints=None,
+        camera="parrot-anafi-thermal",
+        photo_interval_s=1.0,
+        source="ANAFI Thermal specifications, Parrot",
+        assumed=f"{_CRUISE}; photo interval",
+    ),
+    "ardupilot-copter": DronePreset(
+        title="ArduCopter, any frame with the parameters it comes with",
+        speed_mps=10.0,
+        acceleration_mps2=2.5,
+        climb_mps=1.5,
+        airspeed_mps=15.0,
+        endurance_min=None,
+        most_waypoints=718,
+        camera=None,
+        photo_interval_s=None,
+        source=(
+            "ArduPilot, libraries/AC_WPNav/AC_WPNav.h (10 m/s, 2.5 m/s², climb 2.5 and descent"
+            " 1.5 m/s); waypoints: what small boards store"
+        ),
+        assumed="airspeed",
+    ),
+    "px4-multicopter": DronePreset(
+        title="PX4, any multicopter with the parameters it comes with",
+        speed_mps=5.0,
+        acceleration_mps2=3.0,
+        climb_mps=1.5,
+        airspeed_mps=12.0,
+        endurance_min=None,
+        most_waypoints=None,
+        camera=None,
+        photo_interval_s=None,
+        source=(
+            "PX4, MPC_XY_CRUISE 5 m/s, MPC_ACC_HOR 3 m/s², MPC_Z_V_AUTO_UP 3 and MPC_Z_V_AUTO_DN"
+            " 1.5 m/s, MPC_XY_VEL_MAX 12 m/s"
+        ),
+        assumed="the fastest commanded speed taken for the fastest airspeed",
+    ),
+}

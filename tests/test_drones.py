@@ -1,0 +1,80 @@
+"""Drones by name: whole, sourced, and what they bring to a plan."""
+
+import json
+
+import pytest
+
+from aosplan.cli.app import run
+from aosplan.planning import plan
+from aosplan.presets.cameras import CAMERAS
+from aosplan.presets.drones import DRONES
+from aosplan.request import PlanRequest
+
+
+@pytest.mark.parametrize("name", DRONES)
+def test_every_drone_is_whole_and_says_where_its_numbers_are_from(name):
+    drone = DRONES[name]
+    assert drone.title
+    assert drone.source
+    assert "assumed" in drone.assumed or drone.endurance_min is None
+    assert drone.camera is None or drone.camera in CAMERAS
+    assert 0.0 < drone.speed_mps <= drone.airspeed_mps < 30.0
+    assert 0.5 <= drone.acceleration_mps2 <= 5.0
+    assert 1.0 <= drone.climb_mps <= 10.0
+    assert drone.endurance_min is None or 15.0 <= drone.endurance_min <= 60.0
+    assert drone.photo_interval_s is None or 0.5 <= drone.photo_interval_s <= 5.0
+    assert drone.most_waypoints is None or drone.most_waypoints >= 99
+
+
+@pytest.mark.parametrize("name", DRONES)
+def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
+    drone = DRONES[name]
+    request = PlanRequest(altitude=40, drone=name)
+    assert request.camera == (drone.camera or "dji-m3t-thermal")
+    assert (request.speed, request.acceleration) == (drone.speed_mps, drone.acceleration_mps2)
+    assert (request.climb, request.airspeed) == (drone.climb_mps, drone.airspeed_mps)
+    own = PlanRequest(
+        altitude=40, drone=name, camera="dji-m3t-wide", speed=1, acceleration=1, climb=1
+    )
+    assert (own.camera, own.speed, own.acceleration, own.climb) == ("dji-m3t-wide", 1, 1, 1)
+    lens = PlanRequest(altitude=40, drone=name, fov=60, image_width=640, image_height=512)
+    assert lens.camera is None
+    assert plan(request).conduct.drone == name
+
+
+def test_a_drone_flies_no_faster_than_it_can():
+    result = plan(PlanRequest(altitude=40, drone="dji-mini-3-pro", speed=14))
+    assert result.conduct.speed_mps == 10.0
+    (limit,) = [limit for limit in result.limits if limit.quantity == "speed_mps"]
+    assert (limit.value, limit.bound) == (10.0, 14.0)
+    assert "DJI Mini 3 Pro" in limit.message
+
+
+def test_a_camera_too_slow_for_short_stops_is_a_warning():
+    result = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=0, baseline=0.5, samples=9))
+    (warning,) = [warning for warning in result.warnings if warning.code == "photo_interval"]
+    # 0.5 m from stop to stop at 2 m/s² take a second; the camera wants two.
+    assert "hold 1 s" in warning.message
+    held = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=1, baseline=0.5, samples=9))
+    assert "photo_interval" not in {warning.code for warning in held.warnings}
+
+
+def test_a_flight_longer_than_the_battery_is_a_warning():
+    values = {"altitude": 40, "drone": "dji-m3t", "samples": 900, "baseline": 3}
+    assert "battery" in {warning.code for warning in plan(PlanRequest(**values)).warnings}
+    split = plan(PlanRequest(**values, flight_time=30))
+    assert "battery" not in {warning.code for warning in split.warnings}
+
+
+def test_drones_as_json(capsys):
+    assert run(["drones", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [drone["name"] for drone in listed] == list(DRONES)
+    assert all(drone["source"] and drone["assumed"] for drone in listed)
+
+
+def test_drones_as_a_table(capsys):
+    assert run(["drones"]) == 0
+    out = capsys.readouterr().out
+    assert all(name in out for name in DRONES)
+    assert max(map(len, out.splitlines())) <= 80
