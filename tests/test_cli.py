@@ -335,6 +335,14 @@ EFFECTS = {
         ["--hold", "3"],
         lambda r, d: math.isclose(r["flight"]["time_s"] - d["flight"]["time_s"], 100),
     ),
+    "autopilot": (
+        ["--autopilot", "ardupilot"],
+        lambda r, d: r["flight"].get("autopilot") == "ardupilot",
+    ),
+    "payload": (
+        ["--payload", "dji-h20t"],
+        lambda r, d: r["flight"].get("payload") == "dji-h20t",
+    ),
 }
 
 CLOUD_ONLY = ("voxel", "ground", "min_height", "view")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
@@ -55,3 +56,39 @@ def to_wgs84(
         [origin[1]] * count, [origin[0]] * count, azimuth, distance
     )
     return list(latitudes), [(longitude + 180.0) % 360.0 - 180.0 for longitude in longitudes]
+
+
+def path_parts(
+    latitude: Sequence[float], longitude: Sequence[float], altitude_m: Sequence[float]
+) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
+    """A path as pieces of which none crosses the antimeridian: columns of each.
+
+    A leg across it is cut there, on the straight line in longitude and latitude.
+    """
+    crossings = [
+        index
+        for index, (start, stop) in enumerate(pairwise(longitude), 1)
+        if not -180.0 <= stop - start <= 180.0
+    ]
+    pieces = []
+    lead: list[tuple[float, float, float]] = []
+    for begin, end in pairwise([0, *crossings, len(longitude)]):
+        columns = [column[begin:end] for column in (latitude, longitude, altitude_m)]
+        tail: list[tuple[float, float, float]] = []
+        follow: list[tuple[float, float, float]] = []
+        if end < len(longitude):
+            start, stop = longitude[end - 1], longitude[end]
+            side = 180.0 if start > 0.0 else -180.0
+            to_edge = side - start
+            whole = to_edge + (stop + side)
+            share = to_edge / whole if whole else 0.5
+            cut = latitude[end - 1] + share * (latitude[end] - latitude[end - 1])
+            tail, follow = [(cut, side, altitude_m[end - 1])], [(cut, -side, altitude_m[end])]
+        if lead or tail:
+            columns = [
+                [*(point[axis] for point in lead), *column, *(point[axis] for point in tail)]
+                for axis, column in enumerate(columns)
+            ]
+        pieces.append((columns[0], columns[1], columns[2]))
+        lead = follow
+    return pieces

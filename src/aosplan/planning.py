@@ -98,7 +98,11 @@ class Plan:
         """How the waypoints are flown."""
         request = self.request
         return Conduct(
-            speed_mps=request.speed, hold_s=request.hold, yaw_deg=request.heading % 360.0
+            speed_mps=request.speed,
+            hold_s=request.hold,
+            yaw_deg=request.heading % 360.0,
+            autopilot=request.autopilot,
+            payload=request.payload,
         )
 
     def document(self) -> dict[str, Any]:
@@ -113,7 +117,17 @@ class Plan:
         del document["waypoints"]
         return Mission(self.waypoints, document, self.conduct)
 
-    def write(self, path: str, *, format: str | None = None, force: bool = False) -> None:  # noqa: A002
+    def missions(self) -> tuple[Mission, ...]:
+        """The flights as formats take them, each from and back to the take-off."""
+        return (self.mission(),)
+
+    def write(
+        self,
+        path: str,
+        *,
+        format: str | None = None,  # noqa: A002 (the option's name)
+        force: bool = False,
+    ) -> list[str]:
         """Write the waypoints, whole or not at all.
 
         Parameters
@@ -125,18 +139,26 @@ class Plan:
         force
             Whether an existing file is overwritten.
 
+        Returns
+        -------
+        paths
+            What was written: `path`, or numbered files where one does not hold all.
+
         Raises
         ------
         RequestError
-            Where the format is unknown or needs a place, or the file exists.
+            Where the format is unknown or needs a place, the file exists, or the mission is
+            beyond the limits of the format's target.
         SurroundingsError
             Where the file cannot be written.
         """
-        from aosplan.export import choose, render
+        from aosplan.export import choose, files
         from aosplan.files import write_all
 
         chosen, path = choose(str(path), format)
-        write_all({path: render(self.mission(), chosen)}, force=force)
+        contents = files(self.missions(), chosen, path)
+        write_all(contents, force=force)
+        return list(contents)
 
 
 def plan(

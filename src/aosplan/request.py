@@ -90,6 +90,8 @@ class PlanRequest:
     speed: float = 5.0
     acceleration: float = 2.0
     hold: float = 1.0
+    autopilot: str | None = None
+    payload: str | None = None
 
     def __post_init__(self) -> None:
         for option in OPTIONS:

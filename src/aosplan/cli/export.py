@@ -22,9 +22,9 @@ def run(
     from aosplan.documents import read_mission
 
     mission = read_mission(plan)
-    write_outputs(lambda: mission, chosen, force=force)
-    if not quiet and all(path != "-" for _, path in chosen):
-        print(f"Wrote {', '.join(path for _, path in chosen)}")
+    written = write_outputs(lambda: (mission,), chosen, force=force, quiet=quiet)
+    if not quiet and "-" not in written:
+        print(f"Wrote {', '.join(written)}")
 
 
 COMMAND = command(
