@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.rows import CHUNK, FEW, _by_column, rows
+from aosplan.rows import CHUNK, FEW, Fields, _by_column, blocks, rows
 
 decimals = st.integers(0, 10)
 
@@ -34,7 +34,7 @@ def test_digits_are_those_of_exact_arithmetic(column):
     places, values = column
     expected = "".join(f"{exactly(value, places)}\n" for value in values).encode()
     template = f"%.{places}f\n" if places else "%.0f\n"
-    assert bytes(_by_column(template, [values])) == expected
+    assert bytes(_by_column(template, [values], Fields())) == expected
     if places:
         assert rows(template, values) == expected
 
@@ -63,6 +63,15 @@ def test_there_is_neither_an_exponent_nor_a_negative_zero():
     text = rows("%.4f\n", values).decode()
     assert re.fullmatch(r"(-?\d+\.\d{4}\n)+", text)
     assert "-0.0000" not in text
+
+
+@pytest.mark.parametrize("count", [3, FEW + 1, CHUNK + 5])
+def test_several_templates_are_those_of_one_each(count):
+    numbers, others = [index / 3 for index in range(count)], [-0.5] * count
+    pair = blocks(("%.3f,%.1f\n", [numbers, others]), ("%.3f;%.4f;%.3f ", [numbers] * 3))
+    found = [b"".join(texts) for texts in zip(*pair, strict=True)]
+    assert found[0] == rows("%.3f,%.1f\n", numbers, others)
+    assert found[1] == rows("%.3f;%.4f;%.3f ", numbers, numbers, numbers)
 
 
 def test_no_columns_have_no_rows():

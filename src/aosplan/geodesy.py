@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
@@ -59,36 +58,25 @@ def to_wgs84(
 
 
 def path_parts(
-    latitude: Sequence[float], longitude: Sequence[float], altitude_m: Sequence[float]
+    longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
 ) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
-    """A path as pieces of which none crosses the antimeridian: columns of each.
+    """A path as pieces of which none crosses the antimeridian: the columns of each.
 
     A leg across it is cut there, on the straight line in longitude and latitude.
     """
-    crossings = [
-        index
-        for index, (start, stop) in enumerate(pairwise(longitude), 1)
-        if not -180.0 <= stop - start <= 180.0
-    ]
-    pieces = []
-    lead: list[tuple[float, float, float]] = []
-    for begin, end in pairwise([0, *crossings, len(longitude)]):
-        columns = [column[begin:end] for column in (latitude, longitude, altitude_m)]
-        tail: list[tuple[float, float, float]] = []
-        follow: list[tuple[float, float, float]] = []
-        if end < len(longitude):
-            start, stop = longitude[end - 1], longitude[end]
-            side = 180.0 if start > 0.0 else -180.0
-            to_edge = side - start
-            whole = to_edge + (stop + side)
+    if max(longitude) - min(longitude) <= 180.0:
+        return [(longitude, latitude, altitude_m)]
+    pieces: list[list[tuple[float, float, float]]] = [[]]
+    for place in zip(longitude, latitude, altitude_m, strict=True):
+        before = pieces[-1][-1] if pieces[-1] else place
+        if abs(place[0] - before[0]) > 180.0:
+            side = 180.0 if before[0] > 0.0 else -180.0
+            to_edge = side - before[0]
+            whole = to_edge + (place[0] + side)
             share = to_edge / whole if whole else 0.5
-            cut = latitude[end - 1] + share * (latitude[end] - latitude[end - 1])
-            tail, follow = [(cut, side, altitude_m[end - 1])], [(cut, -side, altitude_m[end])]
-        if lead or tail:
-            columns = [
-                [*(point[axis] for point in lead), *column, *(point[axis] for point in tail)]
-                for axis, column in enumerate(columns)
-            ]
-        pieces.append((columns[0], columns[1], columns[2]))
-        lead = follow
-    return pieces
+            middle = before[1] + share * (place[1] - before[1])
+            pieces[-1].append((side, middle, before[2]))
+            pieces.append([(-side, middle, place[2])])
+        pieces[-1].append(place)
+    columns = (tuple(zip(*piece, strict=True)) for piece in pieces)
+    return [(east, north, up) for east, north, up in columns]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -21,6 +20,10 @@ LARGEST = 2.0**52
 """Scaled values below it keep the half by which they are rounded."""
 
 _MARK = re.compile(r"%d|%\.(\d)f|%\.(1\d)f|%s")
+
+
+Sheet: TypeAlias = "tuple[str, Sequence[Sequence[Any]]]"
+"""A template, and the columns that it takes."""
 
 
 def rows(template: str, *columns: Sequence[Any]) -> bytes:
@@ -44,16 +47,28 @@ def rows(template: str, *columns: Sequence[Any]) -> bytes:
     >>> rows("%d: %.2f\n", range(3), [0.125, -0.001, 99.995])
     b'0: 0.12\n1: 0.00\n2: 100.00\n'
     """
-    count = len(columns[0]) if columns else 0
+    return b"".join(text for (text,) in blocks((template, columns)))
+
+
+def blocks(*wanted: Sheet) -> Iterator[list[bytes | bytearray]]:
+    """`rows` by several templates at once, some thousand of each at a time.
+
+    Columns that templates share are written once; all have the same length.
+    """
+    count = len(wanted[0][1][0]) if wanted[0][1] else 0
     if count <= FEW:
-        return _by_row(template, columns)
-    buffer = io.BytesIO()
+        yield [_by_row(template, columns) for template, columns in wanted]
+        return
     for start in range(0, count, CHUNK):
-        stop = start + CHUNK
         # A column given twice stays one column.
-        parts = {id(column): column[start:stop] for column in columns}
-        buffer.write(_by_column(template, [parts[id(column)] for column in columns]))
-    return buffer.getvalue()
+        parts = {
+            id(column): column[start : start + CHUNK] for _, columns in wanted for column in columns
+        }
+        known = Fields()
+        yield [
+            _by_column(template, [parts[id(column)] for column in columns], known)
+            for template, columns in wanted
+        ]
 
 
 def _decimals(template: str) -> list[int | None]:
@@ -73,50 +88,69 @@ def _by_row(template: str, columns: Sequence[Sequence[Any]]) -> bytes:
     return "".join(map(template.__mod__, zip(*plain, strict=True))).encode()
 
 
-def _by_column(template: str, columns: Sequence[Sequence[Any]]) -> bytes | bytearray:
+class Fields:
+    """Columns as tables of bytes, each made once."""
+
+    def __init__(self) -> None:
+        self._arrays: dict[int, NDArray[Any]] = {}
+        self._fields: dict[tuple[int, int | None], NDArray[Any] | None] = {}
+
+    def of(self, column: Sequence[Any], decimals: int | None) -> NDArray[Any] | None:
+        """A column's bytes, zero where a value is shorter than others; None: it is too large."""
+        import numpy as np
+
+        key = (id(column), decimals)
+        if key not in self._fields:
+            if key[0] not in self._arrays:
+                self._arrays[key[0]] = np.asarray(column)
+            array = self._arrays[key[0]]
+            self._fields[key] = _words(array) if decimals is None else _digits(array, decimals)
+        return self._fields[key]
+
+
+def _by_column(template: str, columns: Sequence[Sequence[Any]], known: Fields) -> bytes | bytearray:
     """Rows as a table of bytes, in which zero bytes fill what a shorter value leaves free."""
     import numpy as np
 
-    texts = _MARK.split(template.replace("%%", "%"))[:: 1 + _MARK.groups]
-    arrays = {id(column): np.asarray(column) for column in columns}
-    marks = [
-        (id(column), decimals)
+    fields = [
+        known.of(column, decimals)
         for column, decimals in zip(columns, _decimals(template), strict=True)
     ]
-    for name, decimals in marks:
-        if decimals is not None and np.abs(arrays[name]).max() * 10.0**decimals >= LARGEST:
-            return _by_row(template, columns)
-    written = {mark: _field(arrays[mark[0]], mark[1]) for mark in set(marks)}
-    fields = [written[mark] for mark in marks]
-    parts: list[NDArray[Any]] = [np.frombuffer(texts[0].encode(), np.uint8)]
-    for field, text in zip(fields, texts[1:], strict=True):
-        parts += [field, np.frombuffer(text.encode(), np.uint8)]
-    width = sum(part.shape[-1] for part in parts)
-    content = bytearray(len(columns[0]) * width)
-    table = np.frombuffer(content, np.uint8).reshape(-1, width)
-    column = 0
-    for part in parts:
-        table[:, column : column + part.shape[-1]] = part
-        column += part.shape[-1]
+    row, places = bytearray(), []
+    for text, field in zip(
+        _MARK.split(template.replace("%%", "%"))[:: 1 + _MARK.groups], [*fields, None], strict=True
+    ):
+        row += text.encode()
+        if field is not None:
+            places.append((len(row), field))
+            row += bytes(field.shape[1])
+    if len(places) < len(fields):
+        return _by_row(template, columns)
+    content = row * len(columns[0])
+    table = np.frombuffer(content, np.uint8).reshape(-1, len(row))
+    for place, field in places:
+        table[:, place : place + field.shape[1]] = field
+    if all(field.all() for _, field in places):
+        return content
     return content.translate(None, b"\0")
 
 
-def _field(values: NDArray[Any], decimals: int | None) -> NDArray[Any]:
-    """A column as a table of bytes."""
-    if decimals is not None:
-        return _digits(values, decimals)
+def _words(values: NDArray[Any]) -> NDArray[Any]:
     import numpy as np
 
     return values.astype("S").view(np.uint8).reshape(len(values), -1)
 
 
-def _digits(values: NDArray[Any], decimals: int) -> NDArray[Any]:
+def _digits(values: NDArray[Any], decimals: int) -> NDArray[Any] | None:
     """Each value as decimal digits, one byte a digit, zero bytes before them."""
     import numpy as np
 
+    if max(values.max(), -values.min()) * 10.0**decimals >= LARGEST:
+        return None
     scaled = _scaled(values, decimals)
     size = np.abs(scaled)
-    places = max(len(str(int(size.max()))), decimals + 1)
+    least, most = int(size.min()), int(size.max())
+    places = max(len(str(most)), decimals + 1)
     groups = -(-places // 4)
     # Four digits at a time, from a table of all ten thousand.
     table = np.arange(10_000)[:, None] // [1000, 100, 10, 1] % 10 + ord("0")
@@ -124,18 +158,23 @@ def _digits(values: NDArray[Any], decimals: int) -> NDArray[Any]:
     words = np.empty((len(size), groups), np.uint32)
     rest = size
     for group in reversed(range(groups)):
-        rest, lowest = np.divmod(rest, 10_000)
-        words[:, group] = quads[lowest]
+        above = rest // 10_000
+        words[:, group] = quads[rest - 10_000 * above]
+        rest = above
     digits = words.view(np.uint8)[:, 4 * groups - places :]
     whole = places - decimals
     for place in range(whole - 1):
-        digits[size < 10 ** (places - 1 - place), place] = 0
-    field = np.empty((len(size), 1 + places + (decimals > 0)), np.uint8)
-    field[:, 0] = np.where(scaled < 0, ord("-"), 0)
-    field[:, 1 : 1 + whole] = digits[:, :whole]
+        smallest = 10 ** (places - 1 - place)
+        if least < smallest:
+            digits[size < smallest, place] = 0
+    sign = int(scaled.min() < 0)
+    field = np.empty((len(size), sign + places + (decimals > 0)), np.uint8)
+    if sign:
+        field[:, 0] = np.where(scaled < 0, ord("-"), 0)
+    field[:, sign : sign + whole] = digits[:, :whole]
     if decimals:
-        field[:, 1 + whole] = ord(".")
-        field[:, 2 + whole :] = digits[:, whole:]
+        field[:, sign + whole] = ord(".")
+        field[:, sign + whole + 1 :] = digits[:, whole:]
     return field
 
 

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
 from typing import TYPE_CHECKING
 
 from aosplan.export import Format
 from aosplan.export.csv import columns
 from aosplan.geodesy import path_parts
-from aosplan.rows import rows
+from aosplan.rows import blocks, rows
 
 if TYPE_CHECKING:
-    from aosplan.mission import Mission, Waypoints
+    from aosplan.mission import Mission
 
 FORMAT = Format("geojson", (".geojson",), "GeoJSON", needs_place=True)
 
 _PLACE = "[%.10f, %.10f, %.4f]"
+_STEP = f"{_PLACE},\n"
 
 
 def render(mission: Mission) -> bytes:
@@ -28,42 +30,37 @@ def render(mission: Mission) -> bytes:
     assert ways.longitude is not None
     known = columns(mission)
     properties = ", ".join(f'"{name}": {mark}' for name, (mark, _) in known.items())
-    points = rows(
+    place = (ways.longitude, ways.latitude, ways.altitude_m)
+    template = (
         f'{{"type": "Feature", "geometry": {{"type": "Point", "coordinates": {_PLACE}}}, '
-        f'"properties": {{{properties}}}}},\n',
-        ways.longitude,
-        ways.latitude,
-        ways.altitude_m,
-        *(column for _, column in known.values()),
+        f'"properties": {{{properties}}}}},\n'
     )
+    sites = (template, [*place, *(column for _, column in known.values())])
+    pieces = path_parts(*place)
+    whole = [(_STEP, place)] if len(pieces) == 1 else []
+    lines = [rows(_STEP, *piece) for piece in pieces if not whole]
+    steps: list[bytes | bytearray] = []
+    out = io.BytesIO()
+    out.write(b'{"type": "FeatureCollection",\n')
+    out.write(b'"altitudes": "metres above the ground at each point",\n"features": [\n')
+    for points, *line in blocks(sites, *whole):
+        out.write(points)
+        steps += line
+    if len(ways) > 1:
+        out.writelines(_path(lines or [b"".join(steps)]))
+    else:
+        out.seek(-2, io.SEEK_CUR)  # no feature follows its comma
     summary = json.dumps(mission.summary, ensure_ascii=False, allow_nan=False, indent=1)
-    return b"".join(
-        [
-            b'{"type": "FeatureCollection",\n"altitudes": "metres above the ground at each point",\n',
-            b'"features": [\n',
-            *([points, _path(ways)] if len(ways) > 1 else [points[:-2]]),
-            b'\n],\n"aosplan": ',
-            summary.encode(),
-            b"}\n",
-        ]
-    )
+    out.write(b'\n],\n"aosplan": %b}\n' % summary.encode())
+    return out.getvalue()
 
 
-def _path(ways: Waypoints) -> bytes:
-    assert ways.latitude is not None
-    assert ways.longitude is not None
-    parts = [
-        b"[%b]" % rows(f"{_PLACE},\n", longitude, latitude, altitude)[:-2]
-        for latitude, longitude, altitude in path_parts(
-            ways.latitude, ways.longitude, ways.altitude_m
-        )
-    ]
-    kind, lines = (
-        (b"LineString", parts[0])
-        if len(parts) == 1
-        else (b"MultiLineString", b"[%b]" % b",\n".join(parts))
-    )
-    return (
-        b'{"type": "Feature", "geometry": {"type": "%b", "coordinates": %b}, '
-        b'"properties": {"name": "path"}}' % (kind, lines)
-    )
+def _path(lines: list[bytes]) -> list[bytes | memoryview]:
+    """The last feature, in pieces: one line, or several where it is cut."""
+    head = b'{"type": "Feature", "geometry": {"type": "%b", "coordinates": ['
+    tail = b']}, "properties": {"name": "path"}}'
+    # Each piece ends in a comma and a line break, which its last place must not have.
+    if len(lines) == 1:
+        return [head % b"LineString", memoryview(lines[0])[:-2], tail]
+    parts = [b"[%b]" % line[:-2] for line in lines]
+    return [head % b"MultiLineString", b",\n".join(parts), tail]
