@@ -425,6 +425,14 @@ EFFECTS = {
         ["--altitude", "21", "--clearance", "0.5"],
         lambda r, d: r["altitude_m"] == 21.0,
     ),
+    "autopilot": (
+        ["--autopilot", "ardupilot"],
+        lambda r, d: r["flight"].get("autopilot") == "ardupilot",
+    ),
+    "payload": (
+        ["--payload", "dji-h20t"],
+        lambda r, d: r["flight"].get("payload") == "dji-h20t",
+    ),
 }
 
 CLOUD_ONLY = ("voxel", "ground", "min_height", "crown_base", "view")

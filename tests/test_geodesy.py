@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
 from aosplan.geodesy import to_wgs84
-from aosplan.mission import local_sites, waypoints_of
+from aosplan.mission import Waypoints, local_sites, placed
 from aosplan.pattern import pattern_for
 
 GEOD = Geod(ellps="WGS84")
@@ -73,9 +73,8 @@ def angle_between_deg(one, other):
 def grid_at(place, samples, baseline_m, heading_deg, kind="square"):
     """Waypoints of a grid by (row, column)."""
     pattern = pattern_for(kind, samples)
-    waypoints = waypoints_of(
-        pattern, baseline_m, heading_deg=heading_deg, altitude_m=40.0, origin=place
-    )
+    east, north = local_sites(pattern, baseline_m, heading_deg)
+    waypoints = placed(Waypoints(east, north, [40.0] * len(east)), place)
     return {
         site: (waypoint.latitude, waypoint.longitude)
         for site, waypoint in zip(pattern.sites(), waypoints, strict=True)

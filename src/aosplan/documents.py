@@ -140,17 +140,19 @@ class FlightDocument(OpenDocument):
     spacing_m: Finite = 0.0
     yaw_deg: Finite = 0.0
     gimbal_pitch_deg: Finite = -90.0
-    autopilot: str | None = None
+    autopilot: Literal["px4", "ardupilot"] | None = None
     drone: str | None = None
     payload: str | None = None
-    takeoff_latitude: Finite | None = None
-    takeoff_longitude: Finite | None = None
+    takeoff_latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
+    takeoff_longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
     takeoff_ground_m: Finite | None = None
     acceleration_mps2: Finite | None = None
     climb_mps: Finite | None = None
     run_in_m: Finite = 0.0
     total_time_s: Finite | None = None
     flights: list[OneFlightDocument] | None = None
+    altitude_frame: Literal["takeoff", "terrain"] = "takeoff"
+    most_waypoints: Annotated[int, Field(ge=2)] | None = None
 
 
 class LimitDocument(OpenDocument):

@@ -72,3 +72,28 @@ def to_local(
         [length * math.sin(turn) for length, turn in zip(distance, turns, strict=True)],
         [length * math.cos(turn) for length, turn in zip(distance, turns, strict=True)],
     )
+
+
+def path_parts(
+    longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
+) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
+    """A path as pieces of which none crosses the antimeridian: the columns of each.
+
+    A leg across it is cut there, on the straight line in longitude and latitude.
+    """
+    if max(longitude) - min(longitude) <= 180.0:
+        return [(longitude, latitude, altitude_m)]
+    pieces: list[list[tuple[float, float, float]]] = [[]]
+    for place in zip(longitude, latitude, altitude_m, strict=True):
+        before = pieces[-1][-1] if pieces[-1] else place
+        if abs(place[0] - before[0]) > 180.0:
+            side = 180.0 if before[0] > 0.0 else -180.0
+            to_edge = side - before[0]
+            whole = to_edge + (place[0] + side)
+            share = to_edge / whole if whole else 0.5
+            middle = before[1] + share * (place[1] - before[1])
+            pieces[-1].append((side, middle, before[2]))
+            pieces.append([(-side, middle, place[2])])
+        pieces[-1].append(place)
+    columns = (tuple(zip(*piece, strict=True)) for piece in pieces)
+    return [(east, north, up) for east, north, up in columns]

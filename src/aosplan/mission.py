@@ -89,7 +89,9 @@ class Conduct(NamedTuple):
     The heading of the drone is fixed over the whole flight, clockwise from true north.  With
     trigger ``stop`` the drone holds at each site and takes a photo; with ``distance`` it flies
     on and the camera fires each `spacing_m`.  Latitude, longitude and height above sea level
-    of the take-off are None where they are not known.
+    of the take-off are None where they are not known.  Heights are held above the take-off, or
+    with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
+    takes `most_waypoints` in one file, where that is known.
     """
 
     trigger: str = "stop"
@@ -104,12 +106,15 @@ class Conduct(NamedTuple):
     takeoff_latitude: float | None = None
     takeoff_longitude: float | None = None
     takeoff_ground_m: float | None = None
+    altitude_frame: str = "takeoff"
+    most_waypoints: int | None = None
 
 
 class Mission(NamedTuple):
     """What a format writes: waypoints in flight order, a summary of the plan, and the conduct.
 
-    `flight` counts from 1, of `flights` into which a plan is split.
+    `flight` counts from 1, of `flights` into which a plan is split; `part` from 1, of `parts`
+    into which a flight is split where a file cannot hold all of it.
     """
 
     waypoints: Waypoints
@@ -117,6 +122,21 @@ class Mission(NamedTuple):
     conduct: Conduct = Conduct()
     flight: int = 1
     flights: int = 1
+    part: int = 1
+    parts: int = 1
+
+    @property
+    def title(self) -> str:
+        """What the mission is, in one line; it may hold any letters."""
+        scene = self.summary.get("scene")
+        name = scene.get("name") if isinstance(scene, dict) else None
+        photos = len(self.waypoints) if self.waypoints.photo is None else sum(self.waypoints.photo)
+        return (
+            f"{photos} photos"
+            + (f" over {name}" if name else "")
+            + (f", flight {self.flight} of {self.flights}" if self.flights > 1 else "")
+            + (f", part {self.part} of {self.parts}" if self.parts > 1 else "")
+        )
 
     @property
     def has_place(self) -> bool:
@@ -133,6 +153,59 @@ class Mission(NamedTuple):
         if ground is None or takeoff is None:
             return altitudes
         return [up + below - takeoff for up, below in zip(altitudes, ground, strict=True)]
+
+    def flown_m(self) -> Sequence[float]:
+        """Height of each waypoint above what `Conduct.altitude_frame` says."""
+        terrain = self.conduct.altitude_frame == "terrain"
+        return self.waypoints.altitude_m if terrain else self.above_takeoff_m()
+
+    def climb_m(self) -> float:
+        """Height above the take-off at which the drone flies out and home: its highest waypoint."""
+        return max(*self.above_takeoff_m(), LEAST_CLIMB_M)
+
+    def home(self) -> tuple[float, float]:
+        """Latitude and longitude of the take-off, or of the first waypoint where it is not known."""
+        conduct, ways = self.conduct, self.waypoints
+        assert ways.latitude is not None  # formats that ask have a place
+        assert ways.longitude is not None
+        if conduct.takeoff_latitude is None or conduct.takeoff_longitude is None:
+            return ways.latitude[0], ways.longitude[0]
+        return conduct.takeoff_latitude, conduct.takeoff_longitude
+
+
+LEAST_CLIMB_M = 5.0
+"""A drone climbs at least so high before it flies anywhere."""
+
+STRAIGHT = 0.02
+"""Share by which a leg may miss the direction and the spacing of its line."""
+
+
+def photo_lines(mission: Mission) -> list[tuple[int, int]]:
+    """First and last waypoint of each straight line along which the camera fires by distance.
+
+    Every waypoint with a photo is on one line: neighbours are as far apart as whole spacings,
+    and legs that turn are on none.  A line may be a single waypoint.
+    """
+    ways, spacing = mission.waypoints, mission.conduct.spacing_m
+    photo = ways.photo or [True] * len(ways)
+    found: list[tuple[int, int]] = []
+    along: tuple[float, float] | None = None
+    for index, (east, north) in enumerate(zip(ways.east_m, ways.north_m, strict=True)):
+        if not photo[index]:
+            continue
+        if found and found[-1][1] == index - 1:
+            step = (east - ways.east_m[index - 1], north - ways.north_m[index - 1])
+            length = math.hypot(*step)
+            spacings = length / spacing if spacing > 0.0 else 0.0
+            if spacings > 0.5 and abs(spacings - round(spacings)) < STRAIGHT:
+                course = (step[0] / length, step[1] / length)
+                if along is None or math.dist(course, along) < STRAIGHT:
+                    found[-1] = (found[-1][0], index)
+                    along = along or course
+                    continue
+        found.append((index, index))
+        along = None
+    return found
 
 
 def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, ...]:

@@ -12,6 +12,7 @@ from aosplan import quantities as q
 from aosplan.errors import RequestError
 from aosplan.models import MODELS
 from aosplan.pattern import GRIDS
+from aosplan.presets.dji import PAYLOADS
 from aosplan.problem import OBJECTIVES
 from aosplan.trigger import TRIGGERS
 
@@ -23,6 +24,9 @@ VIEWS = ("telecentric", "perspective")
 
 GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
+
+AUTOPILOTS = ("px4", "ardupilot")
+"""Firmware that flies QGroundControl's plans."""
 
 
 def target_share(value: Any, name: str) -> float | str:
@@ -281,6 +285,20 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "S",
             "Stop at each site.  [1]",
+        ),
+        (
+            "autopilot",
+            q.one_of(AUTOPILOTS),
+            "text",
+            "NAME",
+            f"For QGroundControl plans: {' or '.join(AUTOPILOTS)}.  [px4]",
+        ),
+        (
+            "payload",
+            q.one_of(PAYLOADS),
+            "text",
+            "NAME",
+            "What a DJI drone carries, such as dji-h20t.  [by camera]",
         ),
         (
             "trigger",

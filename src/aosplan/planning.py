@@ -120,7 +120,9 @@ class Plan:
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
             yaw_deg=request.heading % 360.0,
+            autopilot=request.autopilot,
             drone=request.drone,
+            payload=request.payload,
             takeoff_latitude=latitude,
             takeoff_longitude=longitude,
             takeoff_ground_m=self.route.takeoff_ground_m,
@@ -142,7 +144,13 @@ class Plan:
         """A mission for each flight, in order; their waypoints together are the plan's."""
         return split(self.mission(), [flight[:2] for flight in self.route.flights])
 
-    def write(self, path: str, *, format: str | None = None, force: bool = False) -> None:  # noqa: A002
+    def write(
+        self,
+        path: str,
+        *,
+        format: str | None = None,  # noqa: A002 (the option's name)
+        force: bool = False,
+    ) -> list[str]:
         """Write the waypoints, whole or not at all.
 
         Parameters
@@ -154,18 +162,26 @@ class Plan:
         force
             Whether an existing file is overwritten.
 
+        Returns
+        -------
+        paths
+            What was written: `path`, or numbered files where one does not hold all.
+
         Raises
         ------
         RequestError
-            Where the format is unknown or needs a place, or the file exists.
+            Where the format is unknown or needs a place, the file exists, or the mission is
+            beyond the limits of the format's target.
         SurroundingsError
             Where the file cannot be written.
         """
-        from aosplan.export import choose, render
+        from aosplan.export import choose, files
         from aosplan.files import write_all
 
         chosen, path = choose(str(path), format)
-        write_all({path: render(self.mission(), chosen)}, force=force)
+        contents = files(self.missions(), chosen, path)
+        write_all(contents, force=force)
+        return list(contents)
 
 
 def plan(

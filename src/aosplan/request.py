@@ -106,6 +106,8 @@ class PlanRequest:
     acceleration: float | None = None
     climb: float | None = None
     hold: float = 1.0
+    autopilot: str | None = None
+    payload: str | None = None
     trigger: str = "stop"
     max_blur: float | None = None
     exposure_time: float | None = None

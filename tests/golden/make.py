@@ -1,9 +1,12 @@
 """Writes the golden files: `python tests/golden/make.py`, then read the difference.
 
-A small plan in every format that is compared byte for byte.  The version is left out, so a
-release does not change them.
+Small missions in every format that are compared byte for byte; of a zip its members, as
+compression differs between machines.  The version is left out, so a release does not change them.
 """
 
+import io
+import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 from aosplan.export import formats, render
@@ -20,15 +23,42 @@ REQUESTS = {
 """Small plans by name."""
 
 
+def missions():
+    """The missions by name; `through` flies lines with turns, over a slope, from a take-off."""
+    made = {name: plan(request).mission() for name, request in REQUESTS.items()}
+    stop = made["placed"]
+    count = len(stop.waypoints)
+    ground = [300.0 + 0.5 * index for index in range(count)]
+    ways = replace(stop.waypoints, ground_m=ground, photo=[index != 2 for index in range(count)])
+    conduct = stop.conduct._replace(
+        trigger="distance",
+        spacing_m=stop.summary["baseline_m"],
+        autopilot="ardupilot",
+        takeoff_latitude=48.3355,
+        takeoff_longitude=14.3255,
+        takeoff_ground_m=290.25,
+    )
+    made["through"] = stop._replace(waypoints=ways, conduct=conduct)
+    return {
+        name: mission._replace(summary=mission.summary | {"version": "golden"})
+        for name, mission in made.items()
+    }
+
+
 def contents():
     """The golden files by name, as they would be written now."""
     files = {}
-    for name, request in REQUESTS.items():
-        mission = plan(request).mission()
-        mission = mission._replace(summary=mission.summary | {"version": "golden"})
+    for name, mission in missions().items():
         for form in formats().values():
             if mission.has_place or not form.needs_place:
-                files[f"{name}{form.suffixes[0]}"] = render(mission, form)
+                content = render(mission, form)
+                if form.name == "wpml":
+                    archive = zipfile.ZipFile(io.BytesIO(content))
+                    for member in archive.namelist():
+                        files[f"{name}-{Path(member).name}"] = archive.read(member)
+                else:
+                    ending = form.suffixes[0] if form.suffixes else f"-{form.name}.csv"
+                    files[f"{name}{ending}"] = content
     return files
 
 

@@ -19,12 +19,12 @@ def run(
     chosen = chosen_outputs(out or [], format, force=force)
     if not chosen:
         raise RequestError("no output is given", "give --out plan.csv, or another --out PATH")
-    from aosplan.documents import read_mission
+    from aosplan.documents import read_missions
 
-    mission = read_mission(plan)
-    write_outputs(lambda: mission, chosen, force=force)
-    if not quiet and all(path != "-" for _, path in chosen):
-        print(f"Wrote {', '.join(path for _, path in chosen)}")
+    missions = read_missions(plan)
+    written = write_outputs(lambda: missions, chosen, force=force, quiet=quiet)
+    if not quiet and "-" not in written:
+        print(f"Wrote {', '.join(written)}")
 
 
 COMMAND = command(

@@ -2,30 +2,69 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
 from aosplan.export import formats
+
+if TYPE_CHECKING:
+    from aosplan.export import Format
+    from aosplan.limits import Limits
 
 
 def run(*, as_json: bool) -> None:
     """List the formats."""
     known = formats()
     if as_json:
-        print_json([form._asdict() for form in known.values()])
+        print_json(
+            [
+                form._asdict() | {"limits": [limits._asdict() for limits in form.limits]}
+                for form in known.values()
+            ]
+        )
         return
     from aosplan.cli.tables import print_rows
 
     rows = [
-        (form.name, " ".join(form.suffixes), form.title, "yes" if form.needs_place else "no")
+        (
+            form.name,
+            " ".join(form.suffixes) or f"{form.name}:PATH",
+            form.title,
+            "yes" if form.needs_place else "no",
+            form.altitudes,
+            _limits_text(form),
+        )
         for form in known.values()
     ]
-    print_rows(("name", "endings", "format", "needs --origin"), rows)
+    print_rows(
+        ("name", "endings", "format", "needs --origin", "heights above", "in one file"), rows
+    )
+
+
+def _limits_text(form: Format) -> str:
+    named = [(limits.target, _bounds(limits)) for limits in form.limits]
+    if len(named) == 1:
+        return named[0][1] or "any number"
+    return "; ".join(f"{target}: {bounds}" for target, bounds in named)
+
+
+def _bounds(limits: Limits) -> str:
+    fewest, most = limits.waypoints
+    bounds = (
+        (f"{fewest} to {most}" if fewest > 1 else f"{most}", "waypoints", most),
+        (f"{limits.leg_m[0]:g} to {limits.leg_m[1] or 0.0:g}", "m a leg", limits.leg_m[1]),
+        (f"up to {limits.speed_mps[1] or 0.0:g}", "m/s", limits.speed_mps[1]),
+        (f"up to {limits.height_m[1] or 0.0:g}", "m high", limits.height_m[1]),
+        (f"hold up to {limits.hold_s[1] or 0.0:g}", "s", limits.hold_s[1]),
+    )
+    return ", ".join(f"{text} {unit}" for text, unit, bound in bounds if bound is not None)
 
 
 COMMAND = command(
     "formats",
     run,
-    summary="List the formats that waypoints are written in.",
+    summary="List the formats that waypoints are written in, what they need and hold.",
     examples="aosplan formats\naosplan formats --json",
     parameters=[json_option()],
 )

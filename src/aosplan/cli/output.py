@@ -61,15 +61,51 @@ def chosen_outputs(
 
 
 def write_outputs(
-    mission: Callable[[], Mission], chosen: list[tuple[Format, str]], *, force: bool
-) -> None:
-    """Write a mission to all outputs, or to none."""
-    if chosen:
-        from aosplan.export import render
-        from aosplan.files import write_all
+    missions: Callable[[], Iterable[Mission]],
+    chosen: list[tuple[Format, str]],
+    *,
+    force: bool,
+    quiet: bool = False,
+) -> list[str]:
+    """Write missions to all outputs, or to none; what was written.
 
-        whole = mission()
-        write_all({path: render(whole, form) for form, path in chosen}, force=force)
+    An output that needs several files has them numbered, with a hint that says so.
+
+    Raises
+    ------
+    RequestError
+        Where a mission is beyond the limits of a format, or two outputs share a file.
+    """
+    if not chosen:
+        return []
+    from aosplan.export import files
+    from aosplan.files import write_all
+
+    contents: dict[str, bytes] = {}
+    hints = []
+    flown = list(missions())
+    for form, path in chosen:
+        needed = files(flown, form, path)
+        for name in needed:
+            if name in contents:
+                raise RequestError(f"output '{name}' would be written twice", "name them apart")
+        contents |= needed
+        if len(needed) > 1:
+            first, *_, last = needed
+            hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")
+            hints += _leftovers(path, len(needed))
+    write_all(contents, force=force)
+    if not quiet:
+        for hint in hints:
+            print(f"hint: {hint}", file=sys.stderr)
+    return list(contents)
+
+
+def _leftovers(path: str, count: int) -> list[str]:
+    """What an earlier, longer mission of the same name has left beside the numbered files."""
+    stem, suffix = os.path.splitext(path)
+    after = f"{stem}-{count + 1}{suffix}"
+    return [f"{after} is not of this mission" for _ in range(os.path.lexists(after))]
 
 
 @contextlib.contextmanager

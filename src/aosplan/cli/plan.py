@@ -45,13 +45,13 @@ def run(
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
     print_warnings(result.warnings, quiet=quiet)
-    write_outputs(result.mission, chosen, force=force)
+    written = write_outputs(result.missions, chosen, force=force, quiet=quiet)
     if as_json:
         print_json(result.document())
     elif not (quiet or to_stdout):
         from aosplan.cli.tables import print_plan
 
-        print_plan(result, [path for _, path in chosen])
+        print_plan(result, written)
 
 
 COMMAND = command(

@@ -12,21 +12,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.limits import Limits, parts
 from aosplan.quantities import nearest_hint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from aosplan.mission import Mission
 
 
 class Format(NamedTuple):
-    """What a format is called, which endings it serves, and what it needs."""
+    """What a format is called, which endings it serves, and what it needs.
+
+    `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
+    that reads it, the usual one first.
+    """
 
     name: str
     suffixes: tuple[str, ...]
     title: str
     needs_place: bool
+    altitudes: str = "ground"
+    limits: tuple[Limits, ...] = (Limits(),)
 
 
 def formats() -> dict[str, Format]:
@@ -70,12 +77,12 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
 
 
 def render(mission: Mission, chosen: Format) -> bytes:
-    """The bytes of a mission in a format.
+    """The bytes of a mission in a format, whatever the limits of its target.
 
     Raises
     ------
     RequestError
-        Where the format needs a place and the mission has none.
+        Where the format needs a place and the mission has none, or cannot say how it is flown.
     """
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
@@ -83,6 +90,36 @@ def render(mission: Mission, chosen: Format) -> bytes:
         )
     write: Callable[[Mission], bytes] = import_module(f"{__name__}.{chosen.name}").render
     return write(mission)
+
+
+def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
+    """Contents of the files that missions need, by path: one file, or numbered ones.
+
+    ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on where there are several
+    missions, or where one is more than its target takes.
+
+    Raises
+    ------
+    RequestError
+        Where a mission is beyond a limit that splitting does not cure, or stdout would have to
+        take several files.
+    """
+    pieces = [
+        piece
+        for mission in missions
+        for piece in (parts(mission, chosen) if mission.has_place else [mission])
+    ]
+    if len(pieces) == 1:
+        return {path: render(pieces[0], chosen)}
+    if path == "-":
+        raise RequestError(
+            f"the mission needs {len(pieces)} {chosen.title} files, and stdout takes one",
+            "write to a file: its name is numbered",
+        )
+    stem, suffix = os.path.splitext(path)
+    return {
+        f"{stem}-{number}{suffix}": render(piece, chosen) for number, piece in enumerate(pieces, 1)
+    }
 
 
 def _listing(known: dict[str, Format]) -> str:

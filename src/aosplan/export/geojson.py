@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import json
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from aosplan.export import Format
-from aosplan.summary import waypoints_document
+from aosplan.export.csv import columns
+from aosplan.geodesy import path_parts
+from aosplan.rows import blocks, rows
 
 if TYPE_CHECKING:
-    from aosplan.mission import Mission, Waypoint
+    from aosplan.mission import Mission
 
 FORMAT = Format("geojson", (".geojson",), "GeoJSON", needs_place=True)
+
+_PLACE = "[%.10f, %.10f, %.4f]"
+_STEP = f"{_PLACE},\n"
 
 
 def render(mission: Mission) -> bytes:
@@ -20,62 +25,42 @@ def render(mission: Mission) -> bytes:
 
     A path across the antimeridian is cut there into a MultiLineString, as RFC 7946 asks.
     """
-    features: list[dict[str, Any]] = [
-        {
-            "type": "Feature",
-            "geometry": {"type": "Point", "coordinates": _coordinates(waypoint)},
-            "properties": {name: _rounded(name, value) for name, value in row.items()},
-        }
-        for waypoint, row in zip(
-            mission.waypoints, waypoints_document(mission.waypoints), strict=True
-        )
-    ]
-    if len(mission.waypoints) > 1:
-        features.append(
-            {
-                "type": "Feature",
-                "geometry": _path([_coordinates(waypoint) for waypoint in mission.waypoints]),
-                "properties": {"name": "path"},
-            }
-        )
-    collection = {
-        "type": "FeatureCollection",
-        "features": features,
-        "aosplan": mission.summary,
-    }
-    return (json.dumps(collection, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
-
-
-def _coordinates(waypoint: Waypoint) -> list[float]:
-    assert waypoint.longitude is not None  # the format needs a place
-    assert waypoint.latitude is not None
-    return [
-        round(waypoint.longitude, 10),
-        round(waypoint.latitude, 10),
-        round(waypoint.altitude_m, 4),
-    ]
-
-
-def _rounded(name: str, value: float) -> float:
-    return (
-        value
-        if name in {"index", "photo"}
-        else round(value, 4 if name.endswith("_m") else 10) + 0.0
+    ways = mission.waypoints
+    assert ways.latitude is not None  # the format needs a place
+    assert ways.longitude is not None
+    known = columns(mission)
+    properties = ", ".join(f'"{name}": {mark}' for name, (mark, _) in known.items())
+    place = (ways.longitude, ways.latitude, ways.altitude_m)
+    template = (
+        f'{{"type": "Feature", "geometry": {{"type": "Point", "coordinates": {_PLACE}}}, '
+        f'"properties": {{{properties}}}}},\n'
     )
+    sites = (template, [*place, *(column for _, column in known.values())])
+    pieces = path_parts(*place)
+    whole = [(_STEP, place)] if len(pieces) == 1 else []
+    lines = [rows(_STEP, *piece) for piece in pieces if not whole]
+    steps: list[bytes | bytearray] = []
+    out = io.BytesIO()
+    out.write(b'{"type": "FeatureCollection",\n')
+    out.write(b'"altitudes": "metres above the ground at each point",\n"features": [\n')
+    for points, *line in blocks(sites, *whole):
+        out.write(points)
+        steps += line
+    if len(ways) > 1:
+        out.writelines(_path(lines or [b"".join(steps)]))
+    else:
+        out.seek(-2, io.SEEK_CUR)  # no feature follows its comma
+    summary = json.dumps(mission.summary, ensure_ascii=False, allow_nan=False, indent=1)
+    out.write(b'\n],\n"aosplan": %b}\n' % summary.encode())
+    return out.getvalue()
 
 
-def _path(points: list[list[float]]) -> dict[str, Any]:
-    parts = [[points[0]]]
-    for start, stop in pairwise(points):
-        if abs(stop[0] - start[0]) > 180.0:
-            side = 180.0 if start[0] > 0.0 else -180.0
-            to_edge = side - start[0]
-            whole = to_edge + (stop[0] + side)
-            share = to_edge / whole if whole else 0.5
-            latitude = round(start[1] + share * (stop[1] - start[1]), 10)
-            parts[-1].append([side, latitude, start[2]])
-            parts.append([[-side, latitude, stop[2]]])
-        parts[-1].append(stop)
-    if len(parts) == 1:
-        return {"type": "LineString", "coordinates": parts[0]}
-    return {"type": "MultiLineString", "coordinates": parts}
+def _path(lines: list[bytes]) -> list[bytes | memoryview]:
+    """The last feature, in pieces: one line, or several where it is cut."""
+    head = b'{"type": "Feature", "geometry": {"type": "%b", "coordinates": ['
+    tail = b']}, "properties": {"name": "path"}}'
+    # Each piece ends in a comma and a line break, which its last place must not have.
+    if len(lines) == 1:
+        return [head % b"LineString", memoryview(lines[0])[:-2], tail]
+    parts = [b"[%b]" % line[:-2] for line in lines]
+    return [head % b"MultiLineString", b",\n".join(parts), tail]

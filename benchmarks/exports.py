@@ -1,0 +1,135 @@
+"""A million waypoints to each format: seconds and memory, and GDAL writing the same GeoJSON and KML.
+
+Run: python benchmarks/exports.py [--waypoints 1000000] [--repeats 3]
+
+Writes benchmarks/results/exports.csv.  Every measurement is a process of its own; seconds are
+medians of what the processor took, from the waypoints in memory to closed files.  GDAL, of the package pyogrio, gets what
+it has itself read from our file: the same features with the same properties.  The limit is how
+many times slower than ours it must at least be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+RESULTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "results")
+FORMATS = ("csv", "geojson", "kml", "waypoints", "qgc_plan", "litchi", "wpml")
+LIMIT = 5.0
+"""GDAL takes at least so many times as long."""
+
+
+def mission_of(count: int):
+    from aosplan.mission import Conduct, Mission, waypoints_of
+    from aosplan.pattern import pattern_for
+
+    ways = waypoints_of(
+        pattern_for("rectangle", count),
+        2.8,
+        heading_deg=30.0,
+        altitude_m=40.0,
+        origin=(48.3358, 14.3261),
+    )
+    return Mission(ways[:count], {"camera": {"name": "dji-m3t-thermal"}}, Conduct())
+
+
+def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
+    """Seconds, files and bytes of our writing."""
+    from aosplan.export import files, formats
+
+    mission = mission_of(count)
+    start = time.process_time()
+    contents = files([mission], formats()[name], os.path.join(folder, f"ours.{name}"))
+    for path, content in contents.items():
+        with open(path, "wb") as file:
+            file.write(content)
+    seconds = time.process_time() - start
+    return seconds, len(contents), sum(map(len, contents.values()))
+
+
+def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
+    """The same of GDAL, from features that it has read from our file."""
+    import warnings
+
+    from pyogrio import raw
+
+    path = os.path.join(folder, f"ours.{name}")
+    out = os.path.join(folder, f"gdal.{name}")
+    layer, driver = (None, "GeoJSON") if name == "geojson" else ("waypoints", "KML")
+    warnings.simplefilter("ignore")
+    os.environ["OGR_GEOJSON_MAX_OBJ_SIZE"] = "0"
+    meta, _, geometry, fields = raw.read(path, layer=layer)
+    names = list(meta["fields"])
+    if driver == "KML":  # the one property that ours has
+        names, fields = ["Name"], [fields[names.index("Name")]]
+    assert len(geometry) in {count, count + 1}
+    options = {"COORDINATE_PRECISION": "10"} if driver == "GeoJSON" else {}
+    start = time.process_time()
+    raw.write(
+        out, geometry, fields, names, driver=driver, geometry_type="Unknown", crs="EPSG:4326",
+        layer_options=options,
+    )  # fmt: skip
+    return time.process_time() - start, 1, os.path.getsize(out)
+
+
+def measure(who: str, name: str, count: int, folder: str) -> list[float]:
+    """One measurement in a fresh process: seconds, files, bytes, peak megabytes."""
+    command = [sys.executable, __file__, "--one", who, name, str(count), folder]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return [float(value) for value in done.stdout.split()]
+
+
+def one(who: str, name: str, count: str, folder: str) -> None:
+    if who == "nothing":
+        mission_of(int(count))
+        values = (0.0, 0, 0)
+    else:
+        values = {"ours": ours, "gdal": gdal}[who](name, int(count), folder)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(*values, peak)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--waypoints", type=int, default=1_000_000)
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        one(*given.one)
+        return
+    count = given.waypoints
+    lines = ["writer,format,waypoints,seconds,files,megabytes,peak_megabytes,times_ours,limit"]
+    print(f"{count} waypoints; the mission alone takes", end=" ")
+    with tempfile.TemporaryDirectory() as folder:
+        print(f"{measure('nothing', '', count, folder)[3]:.0f} MB")
+        print(f"{'':16} {'s':>7} {'files':>6} {'MB':>7} {'peak MB':>8} {'x ours':>7} {'limit':>6}")
+        for name in FORMATS:
+            base = 0.0
+            for who in ("ours", "gdal") if name in {"geojson", "kml"} else ("ours",):
+                runs = [measure(who, name, count, folder) for _ in range(given.repeats)]
+                seconds = statistics.median(run[0] for run in runs)
+                _, files, size, peak = runs[0]
+                base = base or seconds
+                limit = LIMIT if who == "gdal" else 1.0
+                print(
+                    f"{who:5} {name:10} {seconds:7.2f} {files:6.0f} {size / 1e6:7.1f} {peak:8.0f} "
+                    f"{seconds / base:7.1f} {limit:6.1f}"
+                )
+                lines.append(
+                    f"{who},{name},{count},{seconds:.3f},{files:.0f},{size / 1e6:.1f},{peak:.0f},"
+                    f"{seconds / base:.2f},{limit}"
+                )
+    os.makedirs(RESULTS, exist_ok=True)
+    with open(os.path.join(RESULTS, "exports.csv"), "w", encoding="utf-8") as file:
+        file.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

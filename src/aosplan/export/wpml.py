@@ -1,0 +1,326 @@
+"""DJI WPML: a ``.kmz`` for DJI Pilot 2 and FlightHub 2.
+
+Elements, their order and their values are those of DJI's Cloud API documentation (DJI WPML:
+template.kml, waylines.wpml, common elements).
+"""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, TypeVar
+
+from aosplan.errors import RequestError
+from aosplan.export import Format
+from aosplan.limits import Limits
+from aosplan.markup import xml_text
+from aosplan.mission import photo_lines
+from aosplan.presets.dji import DRONES, PAYLOADS
+from aosplan.quantities import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from aosplan.mission import Mission
+    from aosplan.presets.dji import Drone
+
+_Value = TypeVar("_Value")
+
+FORMAT = Format(
+    "wpml",
+    (".kmz",),
+    "DJI WPML",
+    needs_place=True,
+    altitudes="take-off",
+    limits=(
+        Limits(
+            "dji-pilot-2",
+            waypoints=(2, 65_535),
+            leg_m=(0.5, 2000.0),
+            speed_mps=(0.1, 15.0),
+            height_m=(None, 1500.0),
+            source="indices of 16 bits, globalTransitionalSpeed and takeOffSecurityHeight of the "
+            "specification; legs as Pilot 2 takes them",
+        ),
+    ),
+)
+
+_DAMPING_M = 0.2
+"""Curve at a waypoint that is flown through; two of them fit into the shortest leg."""
+
+
+def render(mission: Mission) -> bytes:
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
+
+    Raises
+    ------
+    RequestError
+        Where the drone or its payload is not known, or heights are held above the ground.
+    """
+    import zipfile
+
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in documents(mission).items():
+            member = zipfile.ZipInfo(f"wpmz/{name}", date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.create_system = 3
+            member.external_attr = 0o644 << 16
+            archive.writestr(member, text)
+    return buffer.getvalue()
+
+
+def documents(mission: Mission) -> dict[str, str]:
+    """The two documents by name: what Pilot 2 shows and edits, and what the drone flies."""
+    if mission.conduct.altitude_frame != "takeoff":
+        raise RequestError(
+            f"{FORMAT.title} holds no height above the ground over trees",
+            "plan heights above the take-off",
+        )
+    conduct = mission.conduct
+    speed = f"{conduct.speed_mps:.2f}"
+    config = _config(mission)
+    turn = "toPointAndStopWithDiscontinuityCurvature"
+    heading = _heading(conduct.yaw_deg)
+    template = f"""
+{_wrap("author", "aosplan")}
+{config}
+<Folder>
+<name>{xml_text(mission.title)}, altitudes above the take-off</name>
+<wpml:templateType>waypoint</wpml:templateType>
+<wpml:templateId>0</wpml:templateId>
+<wpml:waylineCoordinateSysParam>
+<wpml:coordinateMode>WGS84</wpml:coordinateMode>
+<wpml:heightMode>relativeToStartPoint</wpml:heightMode>
+</wpml:waylineCoordinateSysParam>
+<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
+<wpml:globalHeight>{mission.flown_m()[0]:.4f}</wpml:globalHeight>
+<wpml:gimbalPitchMode>usePointSetting</wpml:gimbalPitchMode>
+{_wrap("globalWaypointHeadingParam", heading)}
+<wpml:globalWaypointTurnMode>{turn}</wpml:globalWaypointTurnMode>
+<wpml:globalUseStraightLine>1</wpml:globalUseStraightLine>
+<wpml:payloadParam>
+<wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>
+<wpml:imageFormat>{_lens(mission)}</wpml:imageFormat>
+</wpml:payloadParam>
+"""
+    waylines = f"""
+{config}
+<Folder>
+<wpml:templateId>0</wpml:templateId>
+<wpml:executeHeightMode>relativeToStartPoint</wpml:executeHeightMode>
+<wpml:waylineId>0</wpml:waylineId>
+<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
+"""
+    placed = _placemarks(mission, heading, speed)
+    return {
+        "template.kml": _kml(template + "".join(shown for shown, _ in placed)),
+        "waylines.wpml": _kml(waylines + "".join(flown for _, flown in placed)),
+    }
+
+
+def _kml(content: str) -> str:
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        f'xmlns:wpml="http://www.dji.com/wpmz/1.0.2">\n<Document>{content}</Folder>\n'
+        "</Document>\n</kml>\n"
+    )
+
+
+def _wrap(name: str, *inner: object) -> str:
+    return f"<wpml:{name}>{''.join(map(str, inner))}</wpml:{name}>"
+
+
+def _config(mission: Mission) -> str:
+    """Where the drone goes before and after, and what it is."""
+    conduct = mission.conduct
+    drone, payload = machine(mission)
+    height = f"{mission.climb_m():.2f}"
+    reference = ""
+    if conduct.takeoff_latitude is not None:
+        latitude, longitude = mission.home()
+        place = f"{latitude:.10f},{longitude:.10f},{conduct.takeoff_ground_m or 0.0:.2f}"
+        reference = _wrap("takeOffRefPoint", place) + "\n"
+    return f"""<wpml:missionConfig>
+<wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>
+<wpml:finishAction>goHome</wpml:finishAction>
+<wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>
+<wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>
+<wpml:takeOffSecurityHeight>{height}</wpml:takeOffSecurityHeight>
+{reference}<wpml:globalTransitionalSpeed>{conduct.speed_mps:.2f}</wpml:globalTransitionalSpeed>
+<wpml:globalRTHHeight>{height}</wpml:globalRTHHeight>
+<wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
+{_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
+<wpml:payloadInfo>{_wrap("payloadEnumValue", payload)}{_wrap("payloadSubEnumValue", 0)}\
+{_wrap("payloadPositionIndex", 0)}</wpml:payloadInfo>
+</wpml:missionConfig>"""
+
+
+def machine(mission: Mission) -> tuple[Drone, int]:
+    """The drone, and the number of the camera that it carries.
+
+    A drone or payload that is not named is the one that the planned camera belongs to.
+    """
+    conduct = mission.conduct
+    maker, _, rest = _camera_name(mission).partition("-")
+    built_in = f"{maker}-{rest.partition('-')[0]}"
+    name = conduct.drone or (built_in if built_in in DRONES else None)
+    if name is None:
+        raise RequestError(
+            f"{FORMAT.title} needs to know the drone", f"give --drone {', '.join(DRONES)}"
+        )
+    drone = _known(name, DRONES, "drone")
+    payload = conduct.payload or drone.payload or (built_in if built_in in PAYLOADS else None)
+    if payload is None:
+        raise RequestError(
+            f"{FORMAT.title} needs to know what the drone {name} carries",
+            f"give --payload {', '.join(PAYLOADS)}",
+        )
+    return drone, _known(payload, PAYLOADS, "payload")
+
+
+def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
+    if name not in known:
+        raise RequestError(
+            f"{FORMAT.title} has no number for the {kind} '{name}'",
+            nearest_hint(name, known) or f"it has those of {', '.join(known)}",
+        )
+    return known[name]
+
+
+def _camera_name(mission: Mission) -> str:
+    camera = mission.summary.get("camera")
+    return str(camera.get("name", "")) if isinstance(camera, dict) else ""
+
+
+def _lens(mission: Mission) -> str:
+    return "ir" if _camera_name(mission).endswith("thermal") else "wide"
+
+
+def _heading(yaw_deg: float) -> str:
+    """The nose kept in one direction: a whole number of degrees from -180 to 180."""
+    angle = round((yaw_deg + 180.0) % 360.0 - 180.0)
+    return (
+        "<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode>"
+        f"<wpml:waypointHeadingAngle>{angle}</wpml:waypointHeadingAngle>"
+        "<wpml:waypointHeadingPathMode>followBadArc</wpml:waypointHeadingPathMode>"
+    )
+
+
+def _placemarks(mission: Mission, heading: str, speed: str) -> list[tuple[str, str]]:
+    """Each waypoint in both documents."""
+    ways = mission.waypoints
+    assert ways.latitude is not None  # the format needs a place
+    assert ways.longitude is not None
+    groups, passed = _actions(mission)
+    placed = []
+    heights = mission.flown_m()
+    pitch = f"{mission.conduct.gimbal_pitch_deg:g}"
+    stop = "<wpml:waypointTurnMode>toPointAndStopWithDiscontinuityCurvature</wpml:waypointTurnMode>"
+    stop += "<wpml:waypointTurnDampingDist>0</wpml:waypointTurnDampingDist>"
+    through = "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
+    through += f"<wpml:waypointTurnDampingDist>{_DAMPING_M}</wpml:waypointTurnDampingDist>"
+    for index, (latitude, longitude, height) in enumerate(
+        zip(ways.latitude, ways.longitude, heights, strict=True)
+    ):
+        up = f"{height:.4f}"
+        place = (
+            f"<Placemark>\n<Point><coordinates>{longitude:.10f},{latitude:.10f}</coordinates>"
+            f"</Point>\n<wpml:index>{index}</wpml:index>\n"
+        )
+        turn = (
+            f"<wpml:waypointHeadingParam>{heading}</wpml:waypointHeadingParam>\n"
+            f"<wpml:waypointTurnParam>{through if index in passed else stop}"
+            "</wpml:waypointTurnParam>\n<wpml:useStraightLine>1</wpml:useStraightLine>\n"
+        )
+        end = f"{groups.get(index, '')}</Placemark>\n"
+        shown = (
+            f"<wpml:ellipsoidHeight>{up}</wpml:ellipsoidHeight><wpml:height>{up}</wpml:height>\n"
+            "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
+            "<wpml:useGlobalSpeed>1</wpml:useGlobalSpeed>"
+            "<wpml:useGlobalHeadingParam>0</wpml:useGlobalHeadingParam>"
+            "<wpml:useGlobalTurnParam>0</wpml:useGlobalTurnParam>\n"
+            f"<wpml:gimbalPitchAngle>{pitch}</wpml:gimbalPitchAngle>\n"
+        )
+        flown = (
+            f"<wpml:executeHeight>{up}</wpml:executeHeight>"
+            f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
+        )
+        placed.append((place + shown + turn + end, place + flown + turn + end))
+    return placed
+
+
+def _actions(mission: Mission) -> tuple[dict[int, str], set[int]]:
+    """Action groups by waypoint, and the waypoints that are flown through without a stop."""
+    conduct, photo = mission.conduct, mission.waypoints.photo
+    count = len(mission.waypoints)
+    aim = [_gimbal(conduct.gimbal_pitch_deg)]
+    hover = [_action("hover", _wrap("hoverTime", f"{conduct.hold_s:g}"))] if conduct.hold_s else []
+    groups: list[tuple[int, int, float | None, list[str]]] = []
+    passed: set[int] = set()
+    if conduct.trigger == "stop":
+        groups = [
+            (index, index, None, [*(() if index else aim), *hover, _SHOOT])
+            for index in range(count)
+            if photo is None or photo[index]
+        ]
+        if not groups or groups[0][0] > 0:
+            groups.insert(0, (0, 0, None, aim))
+    else:
+        groups = [(0, 0, None, aim)]
+        for first, last in photo_lines(mission):
+            groups.append((first, last, conduct.spacing_m if last > first else None, [_SHOOT]))
+            passed |= set(range(first + 1, last))
+    texts: dict[int, str] = {}
+    for number, (first, last, spacing_m, actions) in enumerate(groups):
+        texts[first] = texts.get(first, "") + _group(number, first, last, spacing_m, actions)
+    return texts, passed
+
+
+def _group(number: int, first: int, last: int, spacing_m: float | None, actions: list[str]) -> str:
+    trigger = _wrap("actionTriggerType", "reachPoint")
+    if spacing_m is not None:
+        trigger = _wrap("actionTriggerType", "multipleDistance")
+        trigger += _wrap("actionTriggerParam", f"{spacing_m:.3f}")
+    numbered = [
+        action.replace("<wpml:action>", f"<wpml:action>{_wrap('actionId', place)}", 1)
+        for place, action in enumerate(actions)
+    ]
+    return (
+        f"<wpml:actionGroup>{_wrap('actionGroupId', number)}"
+        f"{_wrap('actionGroupStartIndex', first)}{_wrap('actionGroupEndIndex', last)}"
+        f"{_wrap('actionGroupMode', 'sequence')}{_wrap('actionTrigger', trigger)}\n"
+        + "\n".join(numbered)
+        + "</wpml:actionGroup>\n"
+    )
+
+
+def _action(function: str, *parameters: str) -> str:
+    return _wrap(
+        "action",
+        _wrap("actionActuatorFunc", function),
+        _wrap("actionActuatorFuncParam", *parameters),
+    )
+
+
+_SHOOT = _action(
+    "takePhoto",
+    _wrap("payloadPositionIndex", 0),
+    _wrap("fileSuffix", "aos"),
+    _wrap("useGlobalPayloadLensIndex", 1),
+)
+
+
+def _gimbal(pitch_deg: float) -> str:
+    axes = {"Pitch": (1, f"{pitch_deg:g}"), "Roll": (0, "0"), "Yaw": (0, "0")}
+    return _action(
+        "gimbalRotate",
+        _wrap("payloadPositionIndex", 0),
+        _wrap("gimbalHeadingYawBase", "north"),
+        _wrap("gimbalRotateMode", "absoluteAngle"),
+        *(
+            _wrap(f"gimbal{axis}RotateEnable", enabled) + _wrap(f"gimbal{axis}RotateAngle", angle)
+            for axis, (enabled, angle) in axes.items()
+        ),
+        _wrap("gimbalRotateTimeEnable", 0),
+        _wrap("gimbalRotateTime", 0),
+    )
