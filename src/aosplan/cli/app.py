@@ -21,6 +21,7 @@ COMMANDS = {
     "plan": "Solve for baseline and photos, and write the grid to fly.",
     "visibility": "The equations as a calculator.",
     "scene": "Occluder statistics of a point cloud or scene file.",
+    "sweep": "Solve many scenarios and write a row for each.",
     "export": "Write files from a saved plan.",
     "cameras": "List the built-in cameras.",
     "scenes": "List the built-in scenes.",
