@@ -22,6 +22,7 @@ COMMANDS = {
     "simulate": "Hold a plan against a simulated forest.",
     "visibility": "The equations as a calculator.",
     "scene": "Occluder statistics of a point cloud or scene file.",
+    "sweep": "Solve many scenarios and write a row for each.",
     "export": "Write files from a saved plan.",
     "integrate": "Average recorded images on a focal plane.",
     "cameras": "List the built-in cameras.",

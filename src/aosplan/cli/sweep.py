@@ -1,0 +1,154 @@
+"""``aosplan sweep``."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from typer.core import TyperOption
+
+from aosplan.cli.options import command, file_argument, flag_option, text_option
+from aosplan.errors import RequestError
+from aosplan.files import check_output
+from aosplan.quantities import whole
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+MOST_SCENARIOS = 1_000_000_000
+"""More scenarios than this are not begun without ``--yes``."""
+
+
+def run(
+    *,
+    file: str,
+    out: str | None,
+    columns: str | None,
+    where: str | None,
+    best: str | None,
+    per: list[str] | None,
+    workers: str | None,
+    resume: bool,
+    force: bool,
+    yes: bool,
+    quiet: bool,
+) -> None:
+    """Solve every scenario of a file and write a row for each."""
+    from aosplan.sweep.frame import chosen_results
+    from aosplan.sweep.run import SUFFIXES, Sweep, check
+    from aosplan.sweep.run import run as run_sweep
+    from aosplan.sweep.scenarios import read_scenarios
+
+    if out is None:
+        raise RequestError("no output is given", f"give --out results{SUFFIXES[0]}")
+    if os.path.splitext(out)[1].lower() not in SUFFIXES:
+        raise RequestError(f"output '{out}' ends in none of {', '.join(SUFFIXES)}")
+    check_output(out, force=force)
+    if per and best is None:
+        raise RequestError("--per without --best", "--best COLUMN says which row is the best")
+    scenarios = read_scenarios(file)
+    if scenarios.rows > MOST_SCENARIOS and not yes:
+        raise RequestError(
+            f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
+            "leave values out, or give --yes; --where and --best keep the result small",
+        )
+    sweep = Sweep(
+        scenarios,
+        chosen_results(columns),
+        os.path.dirname(file),
+        where,
+        best,
+        tuple(name for text in per or [] for name in text.split(",")),
+    )
+    check(sweep)
+    with _bar(scenarios.rows, quiet=quiet) as advance:
+        try:
+            rows = run_sweep(
+                sweep,
+                out,
+                resume=resume,
+                force=force,
+                workers=1 if workers is None else whole(workers, "--workers"),
+                progress=advance,
+            )
+        except KeyboardInterrupt:
+            print("hint: what is done is kept; --resume goes on with it", file=sys.stderr)
+            raise
+    if not quiet:
+        print(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios")
+
+
+@contextlib.contextmanager
+def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar with rate and time left on a terminal's stderr."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        ProgressColumn,
+        Task,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+    from rich.text import Text
+
+    class Rate(ProgressColumn):
+        """Scenarios a second."""
+
+        def render(self, task: Task) -> Text:
+            speed = task.finished_speed or task.speed
+            return Text("" if speed is None else f"{speed:,.0f} a second")
+
+    shown = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        Rate(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*shown, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("scenarios", total=total)
+        yield lambda done: progress.advance(task, done)
+
+
+COMMAND = command(
+    "sweep",
+    run,
+    summary="Solve many scenarios and write a row for each.",
+    examples=(
+        "aosplan sweep campaign.toml --out results.parquet\n"
+        "aosplan sweep campaign.toml --out best.csv --where \"status = 'ok' AND samples <= 100\" \\\n"
+        "    --best -flight_time_s --per altitude"
+    ),
+    parameters=[
+        file_argument(
+            "file",
+            "TOML with a table [sweep] of options, or a CSV or Parquet with a row a scenario.",
+        ),
+        text_option("--out", "PATH", "Result: .csv, .parquet or .jsonl.", "Output"),
+        text_option("--columns", "LIST|all", "Results to write.  [the usual ones]", "Output"),
+        text_option("--where", "SQL", "Keep the rows for which this holds.", "Output"),
+        text_option(
+            "--best", "[-]COLUMN", "Keep the row with the most (-: least) of it.", "Output"
+        ),
+        TyperOption(
+            param_decls=["--per"],
+            type=str,
+            multiple=True,
+            metavar="COLUMNS",
+            help="With --best: one row for each of their values.",
+            rich_help_panel="Output",
+        ),
+        text_option("--workers", "N", "Processes.  [1]"),
+        flag_option("--resume", "Go on with an interrupted sweep.", "Options"),
+        flag_option("--yes", f"Begin even more than {MOST_SCENARIOS} scenarios.", "Options"),
+        flag_option("--force", "Overwrite an existing file, drop an interrupted sweep."),
+        flag_option("--quiet", "No bar, no message."),
+    ],
+)

@@ -1,0 +1,172 @@
+"""Blocks of scenarios as data frames: inputs, results, status and reason."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.quantities import nearest_hint
+from aosplan.sweep.columns import solve_columns
+from aosplan.sweep.rows import RESULTS, STATUSES, WHOLE, solve_row
+from aosplan.sweep.scenarios import Block, column_of, polars
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+USUAL = (
+    "baseline_m",
+    "samples",
+    "aperture_m",
+    "visibility_density",
+    "visibility_expected",
+    "visibility_normalized",
+    "visibility_contrast",
+    "camera_gsd_m",
+    "flight_length_m",
+    "flight_time_s",
+)
+"""Results that are written unless others are asked for."""
+
+
+def input_column(name: str) -> str:
+    """Column of an option: its own name, unless a result has that name."""
+    return f"request_{name}" if name in RESULTS else name
+
+
+def chosen_results(text: str | None) -> tuple[str, ...]:
+    """Results by name: the usual ones, ``all``, or a list with commas.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown.
+    """
+    if text is None:
+        return USUAL
+    if text == "all":
+        return RESULTS
+    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    for name in names:
+        if name not in RESULTS:
+            raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, RESULTS))
+    return names
+
+
+def solve_block(
+    block: Block, names: Sequence[str], results: Sequence[str], folder: str = ""
+) -> pl.DataFrame:
+    """The scenarios of a block as a frame, in order.
+
+    Parameters
+    ----------
+    block
+        The scenarios.
+    names
+        Inputs to show, of the block's columns.
+    results
+        Results to show, of `RESULTS`.
+    folder
+        Where the scenarios' file names are looked for first.
+    """
+    pl = polars()
+    numbers = {name: np.full(block.rows, np.nan) for name in results}
+    status = np.zeros(block.rows, dtype=np.uint8)
+    reasons: dict[int, str] = {}
+    for part, places in _alike(block):
+        solved = solve_columns(part)
+        holds = (
+            np.zeros(part.rows, dtype=bool)
+            if solved is None
+            else np.broadcast_to(solved.holds, part.shape).reshape(-1)
+        )
+        if solved is not None:
+            for name in results:
+                column = np.broadcast_to(solved.columns[name], part.shape).reshape(-1)
+                if places is None and holds.all():
+                    numbers[name] = column
+                else:
+                    rows = np.flatnonzero(holds)
+                    numbers[name][rows if places is None else places[rows]] = column[rows]
+        for row in np.flatnonzero(~holds).tolist():
+            place = row if places is None else int(places[row])
+            state, reason, found = solve_row(part.request_values(row), folder)
+            status[place] = STATUSES.index(state)
+            if reason:
+                reasons[place] = reason
+            for name in results:
+                numbers[name][place] = found.get(name, np.nan)
+    columns = [_input(pl, input_column(name), block.flat(name)) for name in names]
+    columns += [_result(pl, name, numbers[name]) for name in results]
+    kinds = pl.Series(list(STATUSES), dtype=pl.Enum(list(STATUSES)))
+    columns.append(
+        kinds.gather(status).alias("status") if status.any() else _same(pl, kinds, block)
+    )
+    texts: list[str | None] = [None] * block.rows if reasons else []
+    for place, reason in reasons.items():
+        texts[place] = reason
+    columns.append(
+        pl.Series("reason", texts, dtype=pl.String)
+        if reasons
+        else pl.repeat(None, block.rows, dtype=pl.String, eager=True).alias("reason")
+    )
+    return pl.DataFrame(columns)  # type: ignore[no-any-return]
+
+
+def _same(pl: Any, kinds: Any, block: Block) -> Any:
+    return pl.repeat("ok", block.rows, dtype=kinds.dtype, eager=True).alias("status")
+
+
+def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
+    """Parts of a block whose rows give the same options, and where they lie; None: everywhere."""
+    holes = {
+        name: np.array([value is None for value in column.flat])
+        for name, column in block.columns.items()
+        if column.dtype == object
+    }
+    holes = {name: hole for name, hole in holes.items() if hole.any()}
+    if not holes:
+        yield block, None
+        return
+    # Only tables have holes, and their blocks have one axis.
+    patterns, places = np.unique(np.stack(list(holes.values())), axis=1, return_inverse=True)
+    for index, pattern in enumerate(patterns.T):
+        rows = np.flatnonzero(places.reshape(-1) == index)
+        left_out = {name for name, missing in zip(holes, pattern, strict=True) if missing}
+        columns = {
+            name: _narrowed(column[rows])
+            for name, column in block.columns.items()
+            if name not in left_out
+        }
+        yield Block(block.start, (len(rows),), columns), rows
+
+
+def _narrowed(column: NDArray[Any]) -> NDArray[Any]:
+    return column_of(column.tolist()) if column.dtype == object else column
+
+
+def _input(pl: Any, name: str, values: NDArray[Any]) -> Any:
+    if values.dtype != object:
+        return pl.Series(name, values)
+    kinds = {type(value) for value in values.flat} - {type(None)}
+    if kinds <= {int, float}:
+        return pl.Series(name, values.tolist(), dtype=pl.Float64 if float in kinds else pl.Int64)
+    return pl.Series(name, [_text(value) for value in values.tolist()], dtype=pl.String)
+
+
+def _text(value: Any) -> str | None:
+    if value is None or isinstance(value, str):
+        return value
+    return ",".join(map(repr, value)) if isinstance(value, tuple) else repr(value)
+
+
+def _result(pl: Any, name: str, values: NDArray[Any]) -> Any:
+    if name in WHOLE:
+        if values.dtype == np.int64:
+            return pl.Series(name, values)
+        return pl.Series(name, values, nan_to_null=True).cast(pl.Int64)
+    return pl.Series(name, np.asarray(values, dtype=np.float64), nan_to_null=True)

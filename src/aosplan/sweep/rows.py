@@ -1,0 +1,76 @@
+"""Scenarios solved one at a time: whatever `aosplan.sweep.columns` leaves.
+
+What rows have in common, a scene and its voxels, is kept between them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.planning import plan
+from aosplan.request import PlanRequest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from aosplan.planning import Plan
+
+WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
+"""Results that are whole numbers."""
+
+RESULTS = (
+    "altitude_m",
+    "baseline_m",
+    "samples",
+    "samples_required",
+    "aperture_m",
+    "grid_rows",
+    "grid_columns",
+    "grid_extent_x_m",
+    "grid_extent_y_m",
+    "visibility_density",
+    "visibility_minimum",
+    "visibility_maximum",
+    "visibility_expected",
+    "visibility_normalized",
+    "visibility_shortfall",
+    "visibility_effective_samples",
+    "visibility_contrast",
+    "disparity_normalized",
+    "disparity_pixels",
+    "camera_gsd_m",
+    "camera_footprint_x_m",
+    "camera_footprint_y_m",
+    "flight_length_m",
+    "flight_time_s",
+)
+"""Numbers of a plan's JSON document, by place and name."""
+
+STATUSES = ("ok", "infeasible", "invalid")
+"""What became of a scenario: a plan, no plan that meets the target, or a wrong request."""
+
+
+def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[str, float]]:
+    """Status, reason and results of one scenario; a scenario that cannot be met is no error."""
+    try:
+        result = plan(PlanRequest(**values), folder=folder)
+    except InfeasibleError as error:
+        return "infeasible", error.message, {}
+    except RequestError as error:
+        return "invalid", error.message, {}
+    return "ok", "", results_of(result)
+
+
+def results_of(result: Plan) -> dict[str, float]:
+    """The numbers of a plan by the names of `RESULTS`; nan where a plan has none."""
+    document = result.document()
+    grid, camera = document["grid"], document["camera"]
+    named: dict[str, Any] = {name: document.get(name) for name in RESULTS}
+    for part in ("visibility", "disparity", "camera", "flight"):
+        named |= {f"{part}_{name}": value for name, value in document[part].items()}
+    named |= {f"grid_{name}": grid[name] for name in ("rows", "columns")}
+    named["grid_extent_x_m"], named["grid_extent_y_m"] = grid["extent_m"]
+    named["camera_footprint_x_m"], named["camera_footprint_y_m"] = camera["footprint_m"]
+    return {name: math.nan if named[name] is None else named[name] for name in RESULTS}

@@ -1,0 +1,293 @@
+"""What is swept: a crossing of lists and ranges, or a table with a scenario a row.
+
+Both hand out blocks: columns of parsed option values that broadcast against each other.  A
+crossing's columns keep an axis each, so what depends on few of them is computed few times.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import MissingExtraError, RequestError
+from aosplan.files import read_table
+from aosplan.options import BY_NAME
+from aosplan.quantities import nearest_hint, number, shown, whole
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+ROWS_A_BLOCK = 1 << 18
+"""Scenarios evaluated, and written, at a time: some tens of megabytes."""
+
+MOST_VALUES = 10_000_000
+"""Values that one range or list may have."""
+
+
+class Block(NamedTuple):
+    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`."""
+
+    start: int
+    shape: tuple[int, ...]
+    columns: dict[str, NDArray[Any]]
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return math.prod(self.shape)
+
+    def flat(self, name: str) -> NDArray[Any]:
+        """A column with a value for every scenario, in order."""
+        return np.broadcast_to(self.columns[name], self.shape).reshape(-1)
+
+    def request_values(self, row: int) -> dict[str, Any]:
+        """The options of one scenario, by name."""
+        place = np.unravel_index(row, self.shape)
+        values = {
+            name: np.broadcast_to(column, self.shape)[place]
+            for name, column in self.columns.items()
+        }
+        return {
+            name: value.item() if isinstance(value, np.generic) else value
+            for name, value in values.items()
+            if value is not None
+        }
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Every combination of the axes' values, the last axis fastest."""
+
+    values: dict[str, NDArray[Any]]
+
+    @property
+    def names(self) -> list[str]:
+        """The options that are swept, in order."""
+        return list(self.values)
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return math.prod(len(axis) for axis in self.values.values())
+
+    @cached_property
+    def _steps(self) -> list[int]:
+        """How much of each axis a block has: one of the leading ones, a cut of one, all of the rest."""
+        steps, room = [], ROWS_A_BLOCK
+        for axis in reversed(self.values.values()):
+            steps.append(min(len(axis), room))
+            room = max(room // len(axis), 1)
+        return steps[::-1]
+
+    @cached_property
+    def _cuts(self) -> tuple[int, ...]:
+        """How many blocks lie along each axis."""
+        sizes = [len(axis) for axis in self.values.values()]
+        return tuple(-(-size // step) for size, step in zip(sizes, self._steps, strict=True))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return math.prod(self._cuts)
+
+    def block(self, index: int) -> Block:
+        """A block by its place in order; together they are all scenarios, once and in order."""
+        columns, shape, start = {}, [], 0
+        for axis, (name, values) in enumerate(self.values.items()):
+            index_along = index // math.prod(self._cuts[axis + 1 :]) % self._cuts[axis]
+            low = index_along * self._steps[axis]
+            part = values[low : low + self._steps[axis]]
+            start = start * len(values) + low
+            shape.append(len(part))
+            columns[name] = part.reshape(
+                [-1 if at == axis else 1 for at in range(len(self.values))]
+            )
+        return Block(start, tuple(shape), columns)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A scenario a row: columns of the same length, None where a row leaves an option out."""
+
+    values: dict[str, NDArray[Any]]
+
+    @property
+    def names(self) -> list[str]:
+        """The options that are swept, in order."""
+        return list(self.values)
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return len(next(iter(self.values.values())))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return -(-self.rows // ROWS_A_BLOCK)
+
+    def block(self, index: int) -> Block:
+        """A block by its place in order."""
+        start = index * ROWS_A_BLOCK
+        part = slice(start, min(start + ROWS_A_BLOCK, self.rows))
+        columns = {name: values[part] for name, values in self.values.items()}
+        return Block(start, (part.stop - start,), columns)
+
+
+def read_crossing(path: str) -> Crossing:
+    """The crossing of a TOML or JSON file: its table ``sweep``, in the order written.
+
+    A value, a list of values, a range ``{ start, stop, count, spacing = "linear" or "log" }`` or
+    the values of a file, one a line, ``{ file = "altitudes.txt" }``.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown, a value wrong, or an axis has no values; the message names the
+        place.
+    """
+    table = read_table(path)
+    sweep = table.get("sweep")
+    if not isinstance(sweep, dict):
+        raise RequestError(f"'{path}' has no table [sweep]", "its keys are the options of `plan`")
+    folder = os.path.dirname(path)
+    axes = {}
+    for name, given in sweep.items():
+        place = f"'{path}': {name}"
+        if name not in BY_NAME:
+            raise RequestError(f"'{path}': unknown name '{name}'", nearest_hint(name, BY_NAME))
+        values = _values(given, place, folder, pair=BY_NAME[name].kind == "pair")
+        if not values:
+            raise RequestError(f"{place} has no values, so there are no scenarios")
+        axes[name] = column_of([BY_NAME[name].parse(value, place) for value in values])
+    return Crossing(axes)
+
+
+def read_scenarios(path: str) -> Crossing | Table:
+    """What a file sweeps: a table of scenarios (``.csv``, ``.parquet``), or a crossing."""
+    suffix = os.path.splitext(path)[1].lower()
+    return read_rows(path) if suffix in (".csv", ".parquet") else read_crossing(path)
+
+
+def read_rows(path: str) -> Table:
+    """The scenarios of a CSV or Parquet file, a row each; an empty cell leaves an option out.
+
+    Raises
+    ------
+    RequestError
+        Where a column is no option, or a cell no value of it; the message names row and column.
+    """
+    pl = polars()
+    if not os.path.isfile(path):
+        raise RequestError(f"no file '{path}'")
+    try:
+        if path.lower().endswith(".csv"):
+            frame = pl.read_csv(path, infer_schema=False)
+        else:
+            frame = pl.read_parquet(path)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise RequestError(f"'{path}' is no table of scenarios: {reason}") from None
+    if not frame.height or not frame.width:
+        raise RequestError(f"'{path}' has no rows, so there are no scenarios")
+    for name in frame.columns:
+        if name not in BY_NAME:
+            raise RequestError(
+                f"'{path}': column '{name}' is no option of plan",
+                nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens",
+            )
+    return Table({name: _parsed_column(frame, name, path) for name in frame.columns})
+
+
+def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
+    """A column's values, each distinct one parsed once."""
+    series = frame.get_column(name)
+    distinct = series.unique(maintain_order=True)
+    parsed: list[Any] = []
+    for value in distinct.to_list():
+        if value is None or value == "":
+            parsed.append(None)
+            continue
+        try:
+            parsed.append(BY_NAME[name].parse(value, f"'{path}', column '{name}'"))
+        except RequestError as error:
+            row = series.eq_missing(value).arg_max() + 1
+            raise RequestError(f"{error.message} (row {row})", error.hint) from None
+    places = series.replace_strict(distinct, list(range(len(parsed))), return_dtype=polars().UInt32)
+    column: NDArray[Any] = column_of(parsed)[places.to_numpy()]
+    return column
+
+
+def _values(given: Any, place: str, folder: str, *, pair: bool) -> list[Any]:
+    if isinstance(given, dict):
+        return _range(given, place, folder)
+    if isinstance(given, list) and not (pair and given and isinstance(given[0], (int, float))):
+        return given
+    return [given]
+
+
+def _range(given: Mapping[str, Any], place: str, folder: str) -> list[Any]:
+    known = {"file"} if "file" in given else {"start", "stop", "count", "spacing"}
+    for name in given:
+        if name not in known:
+            raise RequestError(f"{place}: unknown name '{name}'", nearest_hint(name, known))
+    if "file" in given:
+        return _lines(os.path.join(folder, str(given["file"])))
+    for name in ("start", "stop", "count"):
+        if name not in given:
+            raise RequestError(
+                f"{place}: a range lacks {name}", "{ start = 20, stop = 120, count = 50 }"
+            )
+    start, stop = (number(given[name], f"{place}.{name}") for name in ("start", "stop"))
+    count = whole(given["count"], f"{place}.count")
+    if count > MOST_VALUES:
+        raise RequestError(f"{place}.count {count} is more than {MOST_VALUES}")
+    spacing = given.get("spacing", "linear")
+    if spacing == "linear":
+        return [float(value) for value in np.linspace(start, stop, count)]
+    if spacing != "log":
+        raise RequestError(f"{place}.spacing {shown(spacing)} is neither linear nor log")
+    if start <= 0.0 or stop <= 0.0:
+        raise RequestError(f"{place}: a logarithmic range from {start:g} to {stop:g}")
+    values = np.geomspace(start, stop, count)
+    return [float(value) for value in values]
+
+
+def polars() -> Any:
+    """The columnar library.
+
+    Raises
+    ------
+    MissingExtraError
+        Where it is not installed.
+    """
+    try:
+        import polars as pl
+    except ImportError:
+        raise MissingExtraError("sweeps need polars", "pip install 'aosplan[sweep]'") from None
+    return pl
+
+
+def _lines(path: str) -> list[str]:
+    from aosplan.files import read_bytes
+
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def column_of(values: Sequence[Any]) -> NDArray[Any]:
+    """Values as an array: floats and whole numbers as such, anything else as objects."""
+    if all(type(value) is int for value in values):
+        return np.array(values, dtype=np.int64)
+    if all(isinstance(value, float) for value in values):
+        return np.array(values, dtype=np.float64)
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return column

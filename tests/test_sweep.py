@@ -1,0 +1,406 @@
+"""Sweeps: the same numbers as plan, row by row; the same bytes however they were run."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aosplan.cli.app import run as run_command
+from aosplan.errors import AosplanError
+from aosplan.planning import plan
+from aosplan.request import PlanRequest
+from aosplan.sweep import scenarios as scenarios_module
+from aosplan.sweep.columns import solve_columns
+from aosplan.sweep.rows import RESULTS, results_of
+from aosplan.sweep.scenarios import Crossing, column_of, read_scenarios
+
+pl = pytest.importorskip("polars")
+
+AXES = {
+    "altitude": st.floats(5.0, 200.0),
+    "focal_height": st.sampled_from([0.0, 1.5, 12.0]),
+    "vhat": st.sampled_from([0.0, 0.5, 0.9, "95%", 0.98, 0.999]),
+    "coverage": st.floats(0.5, 1.0),
+    "max_aperture": st.floats(1.0, 100.0),
+    "max_samples": st.integers(1, 100),
+    "samples": st.integers(1, 100),
+    "baseline": st.floats(0.5, 20.0),
+    "grid": st.sampled_from(["trimmed", "rectangle", "square", "line", "lanes"]),
+    "speed": st.floats(1.0, 15.0),
+    "acceleration": st.floats(0.5, 4.0),
+    "clearance": st.sampled_from([0.0, 2.0, 5.0]),
+    "hold": st.just(0.0) | st.floats(0.1, 3.0),
+    "optimize": st.sampled_from(["samples", "time"]),
+}
+SCENES = (
+    {"scene": st.sampled_from(["paper-forest", "conifer-forest"])},
+    {
+        "density": st.just(0.0) | st.floats(1e-9, 0.05),
+        "occluder_size": st.floats(0.05, 1.0),
+        "volume_height": st.floats(1.0, 40.0),
+        "volume_base": st.just(0.0) | st.floats(0.1, 5.0),
+    },
+    {
+        "integrated_density": st.sampled_from([0.0, 0.2, 0.567, 0.999999, 1.0]),
+        "occluder_size": st.floats(0.01, 1.0),
+        "volume_height": st.floats(1.0, 40.0),
+    },
+)
+CAMERAS = (
+    {},
+    {"camera": st.sampled_from(["dji-m3t-thermal", "dji-h20t-thermal"])},
+    {
+        "fov": st.floats(10.0, 120.0),
+        "image_width": st.integers(10, 8000),
+        "image_height": st.integers(10, 8000),
+    },
+    {
+        "focal_length": st.floats(2.0, 50.0),
+        "sensor_width": st.floats(4.0, 36.0),
+        "image_width": st.integers(10, 8000),
+        "image_height": st.integers(10, 8000),
+    },
+)
+
+
+@st.composite
+def crossings(draw):
+    strategies = {"altitude": AXES["altitude"]}
+    for name in draw(st.sets(st.sampled_from(sorted(AXES)), max_size=5)):
+        strategies[name] = AXES[name]
+    strategies |= draw(st.sampled_from(SCENES)) | draw(st.sampled_from(CAMERAS))
+    names = draw(st.permutations(sorted(strategies)))
+    axes = {
+        name: draw(st.lists(strategies[name], min_size=1, max_size=2, unique=True))
+        for name in names
+    }
+    return Crossing({name: column_of(values) for name, values in axes.items()})
+
+
+@given(crossing=crossings())
+def test_columns_have_the_numbers_of_plan(crossing):
+    block = crossing.block(0)
+    solved = solve_columns(block)
+    if solved is None:
+        assert {"optimize", "grid"} & set(crossing.names)
+        return
+    holds = np.broadcast_to(solved.holds, block.shape).reshape(-1)
+    rows = np.random.default_rng(0).permutation(block.rows)[:20]
+    for row in rows.tolist():
+        if not holds[row]:
+            continue  # one row at a time, by plan itself
+        expected = results_of(plan(PlanRequest(**block.request_values(row))))
+        for name in RESULTS:
+            found = np.broadcast_to(solved.columns[name], block.shape).reshape(-1)[row]
+            assert found == pytest.approx(expected[name], rel=1e-12, nan_ok=True), name
+
+
+def test_columns_serve_the_plain_scenarios():
+    crossing = Crossing(
+        {
+            "altitude": column_of([30.0, 60.0, 120.0]),
+            "vhat": column_of([0.9, 0.98]),
+            "max_aperture": column_of([200.0]),
+        }
+    )
+    assert solve_columns(crossing.block(0)).holds.all()
+
+
+@given(sizes=st.lists(st.integers(1, 7), min_size=1, max_size=4), room=st.integers(1, 20))
+def test_blocks_are_all_scenarios_once_and_in_order(sizes, room):
+    earlier, scenarios_module.ROWS_A_BLOCK = scenarios_module.ROWS_A_BLOCK, room
+    try:
+        names = ["altitude", "vhat", "density", "coverage"]
+        crossing = Crossing(
+            {
+                name: column_of([float(value) for value in range(size)])
+                for name, size in zip(names, sizes, strict=False)
+            }
+        )
+        blocks = [crossing.block(index) for index in range(crossing.blocks)]
+        assert all(block.rows <= room for block in blocks)
+        assert [block.start for block in blocks] == [
+            sum(block.rows for block in blocks[:index]) for index in range(len(blocks))
+        ]
+        for axis, name in enumerate(crossing.names):
+            column = np.concatenate([block.flat(name) for block in blocks])
+            whole = np.indices(sizes)[axis].reshape(-1)
+            assert column.tolist() == whole.tolist()
+    finally:
+        scenarios_module.ROWS_A_BLOCK = earlier
+
+
+# Files
+
+CAMPAIGN = """
+[sweep]
+altitude = { start = 10, stop = 120, count = 12 }
+vhat = [0.9, "98%"]
+max_aperture = [8, 40]
+density = { start = 0.001, stop = 0.02, count = 4, spacing = "log" }
+occluder_size = 0.2
+volume_height = 15
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    path = tmp_path / "campaign.toml"
+    path.write_text(CAMPAIGN, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+
+
+def sweep(*arguments):
+    return run_command(["sweep", *map(str, arguments)])
+
+
+def test_rows_are_crossed_in_the_order_written_with_the_last_fastest(campaign, tmp_path):
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out) == 0
+    frame = pl.read_csv(out)
+    assert frame.height == 12 * 2 * 2 * 4
+    assert frame["altitude"].to_list() == [10.0 + 10 * (row // 16) for row in range(192)]
+    assert frame["max_aperture"].to_list()[:8] == [8.0] * 4 + [40.0] * 4
+    assert frame["density"][:4].to_list() == pytest.approx(
+        [0.001 * 20 ** (step / 3) for step in range(4)]
+    )
+    assert set(frame["status"]) == {"ok", "infeasible", "invalid"}
+    for row in frame.iter_rows(named=True):
+        inputs = {name: row[name] for name in frame.columns[:6]}
+        if row["status"] != "ok":
+            with pytest.raises(AosplanError) as caught:
+                plan(PlanRequest(**inputs))
+            assert (row["reason"], row["samples"]) == (caught.value.message, None)
+            continue
+        expected = results_of(plan(PlanRequest(**inputs)))
+        assert row["reason"] is None
+        for name in ("samples", "baseline_m", "visibility_expected", "flight_time_s"):
+            assert row[name] == pytest.approx(expected[name], rel=1e-12)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
+@pytest.mark.parametrize("conditions", [[], ["--best", "-flight_time_s", "--per", "altitude"]])
+def test_interruptions_change_no_byte(
+    campaign, tmp_path, small_blocks, monkeypatch, suffix, conditions
+):
+    from aosplan.sweep import run as run_module
+
+    whole, broken = tmp_path / f"whole.{suffix}", tmp_path / f"broken.{suffix}"
+    assert sweep(campaign, "--out", whole, *conditions) == 0
+    solved = []
+    solve = run_module.solve_part
+
+    def interrupted(sweep, index, path):
+        if len(solved) == 3:
+            raise KeyboardInterrupt
+        solved.append(index)
+        return solve(sweep, index, path)
+
+    monkeypatch.setattr(run_module, "solve_part", interrupted)
+    assert sweep(campaign, "--out", broken, *conditions) == 130
+    assert not broken.exists()
+    assert sweep(campaign, "--out", broken, *conditions) == 2  # neither resumed nor forced
+    again = []
+
+    def counted(sweep, index, path):
+        again.append(index)
+        return solve(sweep, index, path)
+
+    monkeypatch.setattr(run_module, "solve_part", counted)
+    assert sweep(campaign, "--out", broken, "--resume", *conditions) == 0
+    assert not set(again) & set(solved)
+    assert broken.read_bytes() == whole.read_bytes()
+    assert sorted(os.listdir(tmp_path)) == sorted([whole.name, broken.name, campaign.name])
+
+
+def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkeypatch):
+    from aosplan.sweep import run as run_module
+
+    whole, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
+    assert sweep(campaign, "--out", whole) == 0
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(broken))
+
+    monkeypatch.setattr(run_module.Parts, "join", full)
+    assert sweep(campaign, "--out", broken) == 1
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    part = tmp_path / "broken.csv.parts" / "00000002.csv"
+    part.write_bytes(part.read_bytes()[:100])
+    assert sweep(campaign, "--out", broken, "--resume") == 0
+    assert broken.read_bytes() == whole.read_bytes()
+
+
+def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
+    from aosplan.sweep import run as run_module
+
+    monkeypatch.setattr(
+        run_module, "solve_part", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out) == 130
+    monkeypatch.undo()
+    campaign.write_text(CAMPAIGN.replace("0.2", "0.3"), encoding="utf-8")
+    assert sweep(campaign, "--out", out, "--resume") == 2
+    assert "parts of another sweep" in capsys.readouterr().err
+    assert sweep(campaign, "--out", out, "--force") == 0
+
+
+@pytest.mark.slow
+def test_workers_change_no_byte(tmp_path):
+    # In a process of its own: workers are started anew and import the main module.
+    many = tmp_path / "many.toml"
+    many.write_text(
+        "[sweep]\naltitude = { start = 45, stop = 120, count = 300000 }\nvhat = [0.9, 0.98]\n"
+    )
+    files = []
+    for workers in (1, 2):
+        out = tmp_path / f"{workers}.csv"
+        command = ["sweep", many, "--out", out, "--workers", workers, "--where", "altitude > 119"]
+        done = subprocess.run(
+            [sys.executable, "-m", "aosplan", *map(str, command)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        files.append(out.read_bytes())
+    assert files[0] == files[1]
+    assert files[0].count(b"\n") == 1 + 2 * 4000
+
+
+def test_the_best_rows_are_the_best(campaign, tmp_path, small_blocks):
+    every, best = tmp_path / "every.csv", tmp_path / "best.csv"
+    assert sweep(campaign, "--out", every) == 0
+    assert (
+        sweep(campaign, "--out", best, "--best", "visibility_expected", "--per", "altitude,vhat")
+        == 0
+    )
+    rows = [
+        row
+        for row in pl.read_csv(every, infer_schema_length=None).to_dicts()
+        if row["status"] == "ok"
+    ]
+    kept = pl.read_csv(best, infer_schema_length=None).to_dicts()
+    groups = {(row["altitude"], row["vhat"]) for row in rows}
+    assert len(kept) == len(groups)
+    for row in kept:
+        group = [r for r in rows if (r["altitude"], r["vhat"]) == (row["altitude"], row["vhat"])]
+        assert row == max(group, key=lambda r: r["visibility_expected"])
+
+
+def test_a_table_is_a_scenario_a_row(tmp_path):
+    path, out = tmp_path / "rows.csv", tmp_path / "r.jsonl"
+    path.write_text("altitude,vhat,grid,samples\n40,0.9,,\n50,98%,square,\n60,0.9,,64\n10,,,\n")
+    assert sweep(path, "--out", out) == 0
+    rows = [json.loads(line) for line in out.read_text().splitlines()]
+    assert [row["samples"] for row in rows] == [10, 64, 64, None]
+    assert [row["request_samples"] for row in rows] == [None, None, 64, None]
+    assert [row["status"] for row in rows] == ["ok", "ok", "ok", "invalid"]
+    # A Parquet with the same rows gives the same.
+    frame = pl.DataFrame(
+        {
+            "altitude": [40.0, 50, 60, 10],
+            "vhat": ["0.9", "98%", "0.9", None],
+            "grid": [None, "square", None, None],
+            "samples": [None, None, 64, None],
+        }
+    )
+    frame.write_parquet(tmp_path / "rows.parquet")
+    assert sweep(tmp_path / "rows.parquet", "--out", tmp_path / "p.jsonl") == 0
+    assert (tmp_path / "p.jsonl").read_bytes() == out.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("[sweep]\naltitud = 40\n", ["unknown name 'altitud'", "altitude"]),
+        ("[sweep]\naltitude = []\n", ["altitude has no values"]),
+        ("[sweep]\naltitude = [40, 'x']\n", ["altitude 'x'"]),
+        ("[sweep]\naltitude = { start = 1, stop = 2 }\n", ["lacks count"]),
+        ("[sweep]\naltitude = { start = 0, stop = 2, count = 3, spacing = 'log' }\n", ["logarithmic"]),
+        ("[sweep]\naltitude = { start = 1, stop = 2, count = 3, step = 1 }\n", ["'step'"]),
+        ("[sweep]\naltitude = { start = 1, stop = 2, count = 1e12 }\n", ["count 1000000000000"]),
+        ("[sweep]\naltitude = { file = 'none.txt' }\n", ["no file"]),
+        ("altitude = 40\n", ["no table [sweep]"]),
+        ("[sweep]\naltitude = { start = 20, stop = 90, count = 1000000 }\n"
+         "vhat = { start = 0.1, stop = 0.9, count = 1000000 }\n", ["1000000000000 scenarios", "--where", "--yes"]),
+    ],
+)  # fmt: skip
+def test_wrong_sweeps_are_errors(tmp_path, capsys, content, words):
+    path = tmp_path / "s.toml"
+    path.write_text(content, encoding="utf-8")
+    assert sweep(path, "--out", tmp_path / "r.csv") == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert all(word in error for word in words), error
+    assert os.listdir(tmp_path) == ["s.toml"]
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("altitude,samples\n40,10\n50,6x4\n", ["column 'samples'", "6x4", "row 2"]),
+        ("altitude,sample\n40,10\n", ["'sample'", "samples"]),
+        ("altitude\n", ["no rows"]),
+        ("", ["no table"]),
+    ],
+)
+def test_wrong_tables_are_errors(tmp_path, capsys, content, words):
+    path = tmp_path / "rows.csv"
+    path.write_text(content, encoding="utf-8")
+    assert sweep(path, "--out", tmp_path / "r.csv") == 2
+    error = capsys.readouterr().err
+    assert all(word in error for word in words), error
+
+
+def test_a_parquet_from_elsewhere_is_an_error(tmp_path, capsys):
+    path = tmp_path / "rows.parquet"
+    path.write_bytes(b"PAR1 not really")
+    assert sweep(path, "--out", tmp_path / "r.csv") == 2
+    assert "no table of scenarios" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--where", "sampels < 3"], ["sampels", "columns: "]),
+        (["--where", "samples"], ["--where samples"]),
+        (["--best", "samplse"], ["samplse", "samples"]),
+        (["--per", "altitude"], ["--per without --best"]),
+        (["--columns", "samples,foo"], ["'foo'"]),
+        (["--workers", "0"], ["--workers '0'"]),
+    ],
+)
+def test_wrong_conditions_are_errors_before_anything_is_solved(
+    campaign, tmp_path, capsys, arguments, words
+):
+    assert sweep(campaign, "--out", tmp_path / "r.csv", *arguments) == 2
+    error = capsys.readouterr().err
+    assert all(word in error for word in words), error
+    assert os.listdir(tmp_path) == [campaign.name]
+
+
+def test_values_of_a_file_are_read_beside_it(tmp_path):
+    (tmp_path / "altitudes.txt").write_text("40\n\n50 m\n")
+    path = tmp_path / "s.toml"
+    path.write_text("[sweep]\naltitude = { file = 'altitudes.txt' }\n")
+    assert read_scenarios(str(path)).values["altitude"].tolist() == [40.0, 50.0]
+
+
+def test_numbers_that_a_plan_does_not_have_are_nan():
+    clear = PlanRequest(altitude=40, integrated_density=0, occluder_size=1, volume_height=9)
+    assert math.isnan(results_of(plan(clear))["visibility_normalized"])
