@@ -84,6 +84,15 @@ def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[Typ
     ]
 
 
+def defaults_option() -> TyperOption:
+    """``--defaults``."""
+    return text_option(
+        "--defaults",
+        "FILE|none",
+        "Your own defaults.  [aosplan/defaults.toml in the folder for settings]",
+    )
+
+
 def output_options() -> list[TyperOption]:
     """The options of commands that write waypoints."""
     return [

@@ -5,7 +5,13 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from aosplan.cli.options import command, file_argument, output_options, request_options, text_option
+from aosplan.cli.options import (
+    command,
+    defaults_option,
+    file_argument,
+    output_options,
+    request_options,
+)
 from aosplan.cli.output import (
     chosen_outputs,
     print_json,
@@ -70,12 +76,7 @@ COMMAND = command(
             required=False,
         ),
         *request_options(),
-        text_option(
-            "--defaults",
-            "FILE|none",
-            "Your own defaults.  [aosplan/defaults.toml in the folder for settings]",
-            "Output",
-        ),
+        defaults_option(),
         *output_options(),
     ],
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan import quantities as q
 from aosplan.cli.options import (
     command,
+    defaults_option,
     file_argument,
     flag_option,
     json_option,
@@ -16,9 +17,9 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
+from aosplan.defaults import request_of
 from aosplan.errors import RequestError
 from aosplan.planning import plan
-from aosplan.request import request_from
 from aosplan.resolve import CLOUD_SUFFIXES, VOXEL_SUFFIX
 
 if TYPE_CHECKING:
@@ -40,15 +41,11 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    defaults: str | None,
     **flags: Any,
 ) -> None:
     """Fly a plan over a forest in the computer, and hold its prediction against what is seen."""
-    values: dict[str, Any] = {}
-    if request is not None:
-        from aosplan.documents import read_request
-
-        values = read_request(request)
-    wanted = request_from(values, overrides=flags, where=request or "")
+    wanted = request_of(request, flags, defaults=defaults)
     chosen = _settings(wanted, seed, precision, forest, max_targets)
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
@@ -169,6 +166,7 @@ COMMAND = command(
             required=False,
         ),
         *request_options(),
+        defaults_option(),
         text_option("--seed", "N", "Of everything random.  [1]", "Simulation"),
         text_option(
             "--precision",
