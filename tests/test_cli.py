@@ -706,6 +706,7 @@ plan --altitude 40 --trigger time
 plan --altitude 40 --max-blur 1
 plan --altitude 40 --exposure-time 0.01
 plan --altitude 40 --trigger distance --max-blur 0
+plan --altitude 40 --trigger distance --acceleration 1e-9
 plan --altitude 40 --trigger distance --exposure-time 5ms
 plan --altitude 40 --trigger distance --photo-interval -1
 plan --altitude 40 --wind-speed 5

@@ -384,9 +384,18 @@ def test_heights_in_an_unknown_unit(folder):
 
 def test_a_file_that_is_no_raster(folder):
     (folder / "text.tif").write_text("no raster")
-    assert "not a raster" in refused(folder / "text.tif").message
+    assert "not a GeoTIFF" in refused(folder / "text.tif").message
     assert "no file" in refused(folder / "missing.tif").message
     assert "is a folder" in refused(folder).message
+
+
+def test_a_raster_that_points_elsewhere_is_not_followed(folder, sloped):
+    (folder / "points.tif").write_text(
+        '<VRTDataset rasterXSize="9" rasterYSize="9"><VRTRasterBand dataType="Float32" band="1">'
+        f"<SimpleSource><SourceFilename>{sloped}</SourceFilename><SourceBand>1</SourceBand>"
+        "</SimpleSource></VRTRasterBand></VRTDataset>"
+    )
+    assert "not a GeoTIFF" in refused(folder / "points.tif").message
 
 
 def test_a_raster_cut_short(folder, sloped):

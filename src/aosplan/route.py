@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+LONGEST_RUN_IN_M = 1000.0
+"""Nobody flies farther only to be at speed."""
+
 
 class Route(NamedTuple):
     """Waypoints in flight order, how they are flown, and the flights they are split into.
@@ -116,6 +119,12 @@ def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
     bounds.append(Bound(blown.speed_mps, "against the wind the drone is no faster"))
     _, ruling = slowest(asked, bounds)
+    if blown.run_in_m > LONGEST_RUN_IN_M:
+        raise RequestError(
+            f"--trigger distance at {blown.speed_mps:.4g} m/s and {timing.acceleration_mps2:.4g} "
+            f"m/s² takes a run-in of {blown.run_in_m:.4g} m to each line",
+            "give a smaller --speed or a larger --acceleration, or --trigger stop",
+        )
     if timing.fly_through and ruling is None:
         ruling = Limit(
             "speed_mps", asked, asked, "photos are taken in passing at the speed asked for"

@@ -39,7 +39,7 @@ class Terrain:
     Parameters
     ----------
     path
-        A GeoTIFF, or any raster with a coordinate system that GDAL reads; its first band counts.
+        A GeoTIFF; its first band counts.
 
     Raises
     ------
@@ -66,11 +66,11 @@ class Terrain:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
-                self._raster = rasterio.open(path)
+                self._raster = rasterio.open(path, driver="GTiff")
         except RasterioError:
             raise RequestError(
-                f"terrain '{path}' is not a raster that can be read",
-                "a GeoTIFF of heights is meant",
+                f"terrain '{path}' is not a GeoTIFF that can be read",
+                "a raster of ground heights is meant",
             ) from None
         try:
             crs = self._coordinate_system()
