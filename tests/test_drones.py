@@ -6,6 +6,7 @@ import pytest
 
 from aosplan.cli.app import run
 from aosplan.planning import plan
+from aosplan.presets import dji
 from aosplan.presets.cameras import CAMERAS
 from aosplan.presets.drones import DRONES
 from aosplan.request import PlanRequest
@@ -39,7 +40,12 @@ def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
     assert (own.camera, own.speed, own.acceleration, own.climb) == ("dji-m3t-wide", 1, 1, 1)
     lens = PlanRequest(altitude=40, drone=name, fov=60, image_width=640, image_height=512)
     assert lens.camera is None
-    assert plan(request).conduct.drone == name
+    conduct = plan(request).conduct
+    assert (conduct.drone, conduct.most_waypoints) == (name, drone.most_waypoints)
+
+
+def test_every_drone_that_flies_dji_files_is_listed():
+    assert set(dji.DRONES) <= set(DRONES)
 
 
 def test_a_drone_flies_no_faster_than_it_can():

@@ -195,12 +195,16 @@ def flown_track(pattern, baseline, timing):
     speed=speeds,
     through=st.booleans(),
     interval=st.sampled_from([0.0, 0.7, 2.0]),
+    least=st.sampled_from([0.0, 1.0]),
     wind=st.sampled_from([(0.0, 0.0), (0.0, 9.0), (-7.0, 3.0), (8.5, 0.0)]),
 )
-def test_a_path_is_what_its_waypoints_are(grid, samples, baseline, speed, through, interval, wind):
+def test_a_path_is_what_its_waypoints_are(
+    grid, samples, baseline, speed, through, interval, least, wind
+):
     pattern = pattern_for(grid, samples)
     timing = Timing(speed, 2.0, 0.0 if through else 1.5, fly_through=through)
     timing = timing._replace(interval_s=interval, wind=wind, airspeed_mps=10.0)
+    timing = timing._replace(least_run_in_m=least)
     flown = timing.at(baseline)
     if through and wind != (0.0, 0.0):
         courses = [(1.0, 0.0), (-1.0, 0.0)] if len(list(pattern.sites())) > 1 else [(1.0, 0.0)]
@@ -242,10 +246,11 @@ def test_no_path_beats_the_shortest(grid, samples, baseline, speed, through, int
     [
         Timing(5.0, 2.0, 0.0, fly_through=True),
         Timing(9.0, 3.0, 0.0, fly_through=True, interval_s=0.7),
+        Timing(9.0, 3.0, 0.0, fly_through=True, interval_s=3.0, least_run_in_m=1.0),
         Timing(5.0, 2.0, 0.5, wind=(6.0, -5.0), airspeed_mps=9.0),
         Timing(5.0, 2.0, 0.0, fly_through=True, wind=(6.0, -5.0), airspeed_mps=9.0),
     ],
-    ids=["through", "camera", "wind", "through wind"],
+    ids=["through", "camera", "slow camera", "wind", "through wind"],
 )
 def test_the_least_time_is_the_least_of_all_counts(grid, timing):
     model = UniformModel(0.5, 0.5, 4.0)

@@ -66,7 +66,8 @@ class Timing(NamedTuple):
 
     `wind` is where the wind blows to in the axes of the path, `airspeed_mps` the fastest the
     drone flies through the air.  `climb_mps` bounds climbs and descents.  Flying through, a photo
-    is taken at most each `interval_s`, which bounds the speed by the baseline.
+    is taken at most each `interval_s`, which bounds the speed by the baseline, and no run-in is
+    shorter than `least_run_in_m`.
     """
 
     speed_mps: float = 5.0
@@ -77,11 +78,13 @@ class Timing(NamedTuple):
     interval_s: float = 0.0
     wind: tuple[float, float] = (0.0, 0.0)
     airspeed_mps: float = math.inf
+    least_run_in_m: float = 0.0
 
     @property
     def run_in_m(self) -> float:
-        """Length over which the drone reaches its speed, or loses it; nothing where it stops."""
-        return 0.5 * self.speed_mps**2 / self.acceleration_mps2 if self.fly_through else 0.0
+        """Length before a line in which the drone reaches its speed; nothing where it stops."""
+        ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
+        return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
 
     def at(self, baseline_m: float) -> Timing:
         """The same with the speed that photos a baseline apart leave to the camera."""
@@ -179,9 +182,10 @@ class Path(NamedTuple):
         if not timing.fly_through:
             return self.samples * flown.hold_s + math.fsum(legs)
         turns = sum(count for _, count in self.legs)
-        ramps = 2.0 * turns * flown.speed_mps / flown.acceleration_mps2
+        # From a stop to its speed a drone takes v/2a longer than at that speed all the way.
+        ramp = run / flown.speed_mps + 0.5 * flown.speed_mps / flown.acceleration_mps2
         lines = (length * baseline_m / flown.speed_mps * count for length, count in self.lines)
-        return math.fsum([*legs, *lines, ramps])
+        return math.fsum([*legs, *lines, 2.0 * turns * ramp])
 
 
 def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:

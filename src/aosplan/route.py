@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+LEAST_RUN_IN_M = 1.0
+"""Autopilots take no shorter legs: half a metre, says DJI."""
+
 LONGEST_RUN_IN_M = 1000.0
 """Nobody flies farther only to be at speed."""
 
@@ -92,6 +95,7 @@ def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Limit | None]
         climb_mps=request.climb,
         fly_through=through,
         interval_s=(request.photo_interval or 0.0) if through else 0.0,
+        least_run_in_m=LEAST_RUN_IN_M,
     )
     if request.wind_speed:
         assert request.wind_from is not None  # the request has checked it

@@ -174,7 +174,9 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
 
 def _least_time(problem: Problem) -> Solution:
     timing = problem.timing
-    calm = timing._replace(wind=(0.0, 0.0))
+    # Without a least run-in the time rises with the baseline, and bounds what is flown.
+    rising = timing._replace(least_run_in_m=0.0)
+    calm = rising._replace(wind=(0.0, 0.0))
     best: tuple[float, Pattern, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
@@ -193,7 +195,7 @@ def _least_time(problem: Problem) -> Solution:
             path = path_of(pattern, timing)
             if best is not None:
                 # One look at the widest baseline that is still faster spares most searches.
-                allowed = _widest_within(path, timing, best[0], problem.widest_m(frame.side))
+                allowed = _widest_within(path, rising, best[0], problem.widest_m(frame.side))
                 if allowed is None or not problem.meets(pattern, allowed):
                     continue
             baseline = problem.smallest_baseline_m(pattern)

@@ -2,8 +2,8 @@
 
 Three things bound the speed besides the wish: motion blur (the ground moves v t / GSD pixels
 during an exposure of t), the camera (no two photos within its shortest interval, so v <= b / T),
-and the drone.  Before the first site of a line the drone runs in over v² / 2a, after the last it
-runs out over as much, so that every photo is taken at steady speed; it stops at both ends, and
+and the drone.  Before the first site of a line the drone runs in over v² / 2a and at least a
+metre, after the last it runs out over as much, so that every photo is taken at steady speed; it stops at both ends, and
 the way from the one to the next is flown from stop to stop.
 """
 
