@@ -23,7 +23,7 @@ from aosplan.pattern import GRIDS, pattern_for
 from aosplan.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solve import solve
 from aosplan.track import Track
-from aosplan.trigger import with_turns
+from aosplan.trigger import Sites, with_turns
 
 speeds = st.floats(0.5, 20.0)
 accelerations = st.floats(0.3, 6.0)
@@ -77,6 +77,10 @@ def track_of(points, photo=None):
     return Track(*map(list, zip(*points, strict=True)), photo or [True] * len(points))
 
 
+def all_photos(east, north):
+    return Sites(list(east), list(north), [True] * len(east))
+
+
 SLOPED = [(0, 0, 40), (3, 0, 41), (6, 0, 44), (6, 9, 44), (6, 9, 60), (-20, 9, 45.5)]
 
 
@@ -107,7 +111,9 @@ def test_flying_through_takes_what_its_motion_takes(speed, grid):
     pattern = pattern_for(grid, 20)
     east = [2.8 * column for _, column in pattern.sites()]
     north = [2.8 * row * pattern.row_pitch for row, _ in pattern.sites()]
-    sites = with_turns(east, north, spacing_m=2.8, run_in_m=timing.run_in_m, heading_deg=90.0)
+    sites = with_turns(
+        all_photos(east, north), spacing_m=2.8, run_in_m=timing.run_in_m, heading_deg=90.0
+    )
     points = list(zip(sites.east_m, sites.north_m, [40.0] * len(sites.photo), strict=True))
     track = track_of(points, sites.photo)
     turning = [place for place, photo in enumerate(sites.photo) if not photo]
@@ -120,8 +126,7 @@ def test_flying_through_takes_what_its_motion_takes(speed, grid):
 def test_photos_in_passing_are_taken_at_steady_speed(speed):
     timing = Timing(speed, 2.0, 0.0, fly_through=True)
     sites = with_turns(
-        [0.0] * 8,
-        [3.0 * k for k in range(8)],
+        all_photos([0.0] * 8, [3.0 * k for k in range(8)]),
         spacing_m=3.0,
         run_in_m=timing.run_in_m,
         heading_deg=0.0,
@@ -182,7 +187,7 @@ def flown_track(pattern, baseline, timing):
     if timing.fly_through:
         # East and north with a heading of 90 degrees: x along it.
         x, y, photo = with_turns(
-            x, y, spacing_m=baseline, run_in_m=timing.run_in_m, heading_deg=90.0
+            all_photos(x, y), spacing_m=baseline, run_in_m=timing.run_in_m, heading_deg=90.0
         )
     return Track(x, y, [0.0] * len(x), photo)
 

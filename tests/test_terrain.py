@@ -284,12 +284,26 @@ def test_the_takeoff_lies_where_it_is(sloped):
     assert to_local(LINZ, [lat], [lon])[0][0] == pytest.approx(east, abs=1e-6)
 
 
+def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
+    result = planned(terrain=hilly, flight_time=2)
+    first = result.waypoints[0]
+    (warning,) = [w.message for w in result.warnings if w.code == "takeoff_assumed"]
+    assert f"{first.ground_m:.1f} m" in warning
+    # Every flight's file says the same take-off, and so heights that mean the same.
+    for mission in result.missions():
+        place = mission.conduct.takeoff_latitude, mission.conduct.takeoff_longitude
+        assert place == pytest.approx((first.latitude, first.longitude), abs=1e-9)
+        assert mission.conduct.takeoff_ground_m == first.ground_m
+    assert planned().conduct.takeoff_latitude is None
+
+
 def test_a_hill_on_the_way_from_the_takeoff_is_warned_of(folder):
     ridge = surface(lambda x, y: 300.0 + 45.0 * np.exp(-(((x - 100.0) / 10.0) ** 2)) + 0.0 * y)
     path = saved(folder / "ridge.tif", ridge)
     (lat,), (lon,) = to_wgs84(LINZ, [170.0], [0.0])
     codes = {w.code: w.message for w in planned(terrain=path, takeoff=(lat, lon)).warnings}
     assert "low_way" in codes
+    assert "takeoff_assumed" not in codes
     near = planned(terrain=path, takeoff=LINZ)
     assert "low_way" not in {warning.code for warning in near.warnings}
     with Terrain(path) as terrain:

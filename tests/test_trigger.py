@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from aosplan.pattern import GRIDS
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
-from aosplan.trigger import with_turns
+from aosplan.trigger import Sites, with_turns
 
 
 def passing(**values):
@@ -103,7 +103,8 @@ def test_a_trigger_by_distance_meets_every_site_of_a_line():
 
 
 def test_one_site_alone_is_flown_through_along_the_heading():
-    sites = with_turns([3.0], [4.0], spacing_m=0.0, run_in_m=2.0, heading_deg=90.0)
+    alone = Sites([3.0], [4.0], [True])
+    sites = with_turns(alone, spacing_m=0.0, run_in_m=2.0, heading_deg=90.0)
     assert sites.east_m == pytest.approx([1.0, 3.0, 5.0])
     assert sites.north_m == pytest.approx([4.0, 4.0, 4.0])
     assert sites.photo == [False, True, False]
@@ -126,3 +127,12 @@ def test_stopping_says_nothing_of_blur():
 
 def test_flying_through_saves_time_where_the_camera_is_quick():
     assert passing().route.time_s < 0.5 * plan(PlanRequest(altitude=40)).route.time_s
+
+
+def test_points_without_a_photo_stay_between_the_lines():
+    east, north = [0.0, 2.0, 5.0, 2.0, 0.0], [0.0, 0.0, 3.0, 6.0, 6.0]
+    way = Sites(east, north, [True, True, False, True, True])
+    found = with_turns(way, spacing_m=2.0, run_in_m=1.0, heading_deg=90.0)
+    assert found.east_m == pytest.approx([-1, 0, 2, 3, 5, 3, 2, 0, -1])
+    assert found.north_m == pytest.approx([0, 0, 0, 0, 3, 6, 6, 6, 6])
+    assert [place for place, photo in enumerate(found.photo) if photo] == [1, 2, 6, 7]

@@ -139,6 +139,12 @@ def _flying(plan: Plan) -> Iterator[Message]:
             f"a flight takes {longest:.3g} min, and a new battery of this drone lasts "
             f"{endurance:g} min in still air: --flight-time MIN splits it",
         )
+    if route.takeoff_ground_m is not None and request.takeoff is None:
+        yield Message(
+            "takeoff_assumed",
+            "heights count from the take-off, taken to lie below the first waypoint, on ground "
+            f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
+        )
     highest = plan.altitude_m + request.focal_height + route.dip_m
     if highest > HIGHEST_M:
         yield Message(

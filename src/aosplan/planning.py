@@ -18,6 +18,7 @@ from aosplan.request import find_drone
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.route import Route, lay, timing_of
 from aosplan.solve import solve
+from aosplan.trigger import Sites
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -114,7 +115,7 @@ class Plan:
     def conduct(self) -> Conduct:
         """How the waypoints are flown."""
         request, timing = self.request, self.route.timing
-        latitude, longitude = request.takeoff or (None, None)
+        latitude, longitude = self.route.takeoff or (None, None)
         return Conduct(
             trigger=request.trigger,
             speed_mps=timing.speed_mps,
@@ -239,9 +240,11 @@ def plan(
         else:
             model = _model(model_name, above, altitude, camera, coverage)
             solution = solve(_problem(request, model, gsd))
+    east, north = local_sites(solution.pattern, solution.baseline_m, request.heading)
     route = lay(
         request,
-        *local_sites(solution.pattern, solution.baseline_m, request.heading),
+        Sites(east, north, [True] * len(east)),
+        origin=request.origin,
         altitude_m=altitude + request.focal_height,
         gsd_m=gsd,
         baseline_m=solution.baseline_m,

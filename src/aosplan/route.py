@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from aosplan.batteries import Flight, Home, flights_of
 from aosplan.errors import RequestError
 from aosplan.flight import Timing, steady, wind_mps
+from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.mission import Waypoints, placed
 from aosplan.problem import Limit
 from aosplan.request import find_drone
@@ -43,7 +44,7 @@ class Route(NamedTuple):
     `hump_m` and `dip_m` say how much nearer to the ground, and farther from it, the ways between
     waypoints come than their ends, and `lowest_way_m` how near the ways from the take-off and back
     come to it, on the level of the waypoint where they end.  Heights of the ground count from
-    `datum`.
+    `datum`.  The take-off is None where nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -52,6 +53,7 @@ class Route(NamedTuple):
     length_m: float
     time_s: float
     limits: tuple[Limit, ...] = ()
+    takeoff: tuple[float, float] | None = None
     takeoff_ground_m: float | None = None
     hump_m: float = 0.0
     dip_m: float = 0.0
@@ -142,9 +144,9 @@ def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing
 
 def lay(
     request: PlanRequest,
-    east_m: Sequence[float],
-    north_m: Sequence[float],
+    sites: Sites,
     *,
+    origin: tuple[float, float] | None,
     altitude_m: float,
     gsd_m: float,
     baseline_m: float,
@@ -157,8 +159,10 @@ def lay(
     ----------
     request
         How to fly.
-    east_m, north_m
-        Sites in flight order, from the origin.
+    sites
+        In flight order, from the origin.
+    origin
+        Latitude and longitude [deg], or None without a place.
     altitude_m
         Of every site above the ground.
     gsd_m, baseline_m
@@ -177,12 +181,14 @@ def lay(
     """
     timing, limit = flown(request, gsd_m, baseline_m)
 
-    def sites_from(first: int) -> Sites:
-        east, north = list(east_m[first:]), list(north_m[first:])
+    def sites_from(photo: int) -> Sites:
+        """The way from a photo on, with the points at which it turns."""
+        first = [place for place, taken in enumerate(sites.photo) if taken][photo] if photo else 0
+        left = Sites(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
-            return Sites(east, north, [True] * len(east))
+            return left
         run_in, heading = timing.run_in_m, request.heading
-        return with_turns(east, north, spacing_m=baseline_m, run_in_m=run_in, heading_deg=heading)
+        return with_turns(left, spacing_m=baseline_m, run_in_m=run_in, heading_deg=heading)
 
     terrain = None
     if request.terrain is not None:
@@ -194,22 +200,28 @@ def lay(
         tolerance = min(
             request.terrain_tolerance or 0.0, altitude_m - canopy_top_m - request.clearance
         )
-        ground = _grounded(request, sites_from(0), terrain, tolerance)
-        takeoff = _takeoff(request, ground, terrain)
+        ground = _grounded(sites_from(0), terrain, origin, tolerance)
+        takeoff = _takeoff(request, ground, terrain, origin)
         if request.resume_at:
             done = _photos_before(ground.sites, request.resume_at)
-            ground = _grounded(request, sites_from(done), terrain, tolerance)
+            ground = _grounded(sites_from(done), terrain, origin, tolerance)
         up = [altitude_m + height for height in ground.heights_m]
         track = Track(ground.sites.east_m, ground.sites.north_m, up, ground.sites.photo)
         battery_s = math.inf if request.flight_time is None else 60.0 * request.flight_time
         flights = flights_of(track, timing, takeoff, battery_s)
-        lowest = _lowest_way_m(request, track, flights, takeoff, terrain)
+        lowest = _lowest_way_m(track, flights, takeoff, terrain, origin)
+        # Where heights or several flights depend on the take-off, it is said where that is.
+        known = request.takeoff
+        if known is None and origin is not None and (terrain or len(flights) > 1):
+            (latitude,), (longitude,) = to_wgs84(origin, [takeoff.east_m], [takeoff.north_m])
+            known = latitude, longitude
     return Route(
-        _waypoints(request, ground, altitude_m, flights),
+        placed(_waypoints(ground, altitude_m, flights, known=terrain is not None), origin),
         timing,
         _counted(flights),
         *_first_photo_to_last(track, timing),
         limits=(limit,) if limit else (),
+        takeoff=known,
         takeoff_ground_m=takeoff.up_m if terrain else None,
         hump_m=ground.hump_m,
         dip_m=ground.dip_m,
@@ -219,25 +231,31 @@ def lay(
 
 
 def _grounded(
-    request: PlanRequest, sites: Sites, terrain: Terrain | None, tolerance_m: float
+    sites: Sites,
+    terrain: Terrain | None,
+    origin: tuple[float, float] | None,
+    tolerance_m: float,
 ) -> Ground:
     if terrain is None:
         return Ground(sites, [0.0] * len(sites.photo))
     from aosplan.terrain import follow
 
-    assert request.origin is not None  # the request has checked that terrain has a place
-    return follow(terrain, sites, request.origin, tolerance_m=tolerance_m)
+    assert origin is not None  # the request has checked that terrain has a place
+    return follow(terrain, sites, origin, tolerance_m=tolerance_m)
 
 
-def _takeoff(request: PlanRequest, ground: Ground, terrain: Terrain | None) -> Home:
+def _takeoff(
+    request: PlanRequest,
+    ground: Ground,
+    terrain: Terrain | None,
+    origin: tuple[float, float] | None,
+) -> Home:
     """The take-off, or the ground below the first waypoint of the whole plan."""
     if request.takeoff is None:
         return Home(ground.sites.east_m[0], ground.sites.north_m[0], ground.heights_m[0])
-    from aosplan.geodesy import FARTHEST_M, to_local
-
-    assert request.origin is not None  # the request has checked that a take-off has a place
+    assert origin is not None  # the request has checked that a take-off has a place
     latitude, longitude = request.takeoff
-    (east,), (north,) = to_local(request.origin, [latitude], [longitude])
+    (east,), (north,) = to_local(origin, [latitude], [longitude])
     if math.hypot(east, north) > FARTHEST_M:
         raise RequestError(
             f"--takeoff {latitude:g},{longitude:g} is {math.hypot(east, north) / 1000.0:.4g} km "
@@ -247,7 +265,7 @@ def _takeoff(request: PlanRequest, ground: Ground, terrain: Terrain | None) -> H
         return Home(east, north, 0.0)
     from aosplan.terrain import heights_at
 
-    return Home(east, north, float(heights_at(terrain, request.origin, [east], [north])[0]))
+    return Home(east, north, float(heights_at(terrain, origin, [east], [north])[0]))
 
 
 def _photos_before(sites: Sites, waypoint: int) -> int:
@@ -262,23 +280,23 @@ def _photos_before(sites: Sites, waypoint: int) -> int:
 
 
 def _lowest_way_m(
-    request: PlanRequest,
     track: Track,
     flights: Sequence[Flight],
     takeoff: Home,
     terrain: Terrain | None,
+    origin: tuple[float, float] | None,
 ) -> float | None:
     """Least height above ground on the ways from the take-off to the flights and back."""
     if terrain is None:
         return None
     from aosplan.terrain import highest_m
 
-    assert request.origin is not None
+    assert origin is not None  # as above
     return min(
         track.up_m[place]
         - highest_m(
             terrain,
-            request.origin,
+            origin,
             (takeoff.east_m, takeoff.north_m),
             (track.east_m[place], track.north_m[place]),
         )
@@ -288,24 +306,21 @@ def _lowest_way_m(
 
 
 def _waypoints(
-    request: PlanRequest, ground: Ground, altitude_m: float, flights: Sequence[Flight]
+    ground: Ground, altitude_m: float, flights: Sequence[Flight], *, known: bool
 ) -> Waypoints:
-    """The waypoints that belong to a flight."""
+    """The waypoints that belong to a flight, with the ground's height where that is known."""
     kept = [place for flight in flights for place in range(flight.first, flight.last + 1)]
 
     def column(values: Sequence[T]) -> list[T]:
         return list(values) if len(kept) == len(values) else [values[place] for place in kept]
 
     photo = column(ground.sites.photo)
-    return placed(
-        Waypoints(
-            column(ground.sites.east_m),
-            column(ground.sites.north_m),
-            [altitude_m] * len(kept),
-            ground_m=column(ground.heights_m) if request.terrain else None,
-            photo=None if all(photo) else photo,
-        ),
-        request.origin,
+    return Waypoints(
+        column(ground.sites.east_m),
+        column(ground.sites.north_m),
+        [altitude_m] * len(kept),
+        ground_m=column(ground.heights_m) if known else None,
+        photo=None if all(photo) else photo,
     )
 
 

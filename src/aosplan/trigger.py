@@ -10,6 +10,8 @@ the way from the one to the next is flown from stop to stop.
 from __future__ import annotations
 
 import math
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight import lines_of
@@ -69,25 +71,24 @@ class Ground(NamedTuple):
     dip_m: float = 0.0
 
 
-def with_turns(
-    east_m: Sequence[float],
-    north_m: Sequence[float],
-    *,
-    spacing_m: float,
-    run_in_m: float,
-    heading_deg: float,
-) -> Sites:
-    """Sites with the points before and after each line at which the drone turns."""
+def with_turns(sites: Sites, *, spacing_m: float, run_in_m: float, heading_deg: float) -> Sites:
+    """Sites with the points before and after each line at which the drone turns.
+
+    Points without a photo stay where they are, between lines.
+    """
     heading = math.radians(math.fmod(heading_deg, 360.0))
     along = math.sin(heading), math.cos(heading)
-    sites = list(zip(east_m, north_m, strict=True))
 
-    def points() -> Iterator[tuple[float, float, bool]]:
-        for first, last, x, y in lines_of(sites, spacing_m, along):
-            east, north = sites[first]
+    def line(points: list[tuple[float, float]]) -> Iterator[tuple[float, float, bool]]:
+        for first, last, x, y in lines_of(points, spacing_m, along):
+            east, north = points[first]
             yield east - x * run_in_m + 0.0, north - y * run_in_m + 0.0, False
-            yield from ((*site, True) for site in sites[first : last + 1])
-            east, north = sites[last]
+            yield from ((*point, True) for point in points[first : last + 1])
+            east, north = points[last]
             yield east + x * run_in_m + 0.0, north + y * run_in_m + 0.0, False
 
-    return Sites(*map(list, zip(*points(), strict=True)))
+    found: list[tuple[float, float, bool]] = []
+    for photo, group in groupby(zip(*sites, strict=True), key=itemgetter(2)):
+        points = list(group)
+        found += line([point[:2] for point in points]) if photo else points
+    return Sites(*map(list, zip(*found, strict=True)))
