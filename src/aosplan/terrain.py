@@ -249,11 +249,16 @@ def follow(
     at_north = _between(north[leg], north[leg + 1], shares)
     below = heights_at(terrain, origin, at_east, at_north)
 
+    rises = below - _between(ground[leg], ground[leg + 1], shares)
+    humped = np.zeros(len(counts), dtype=bool)
+    humped[leg[rises > tolerance_m]] = True
+    plain = rises[~humped[leg]]
+    hump, dip = float(plain.max(initial=0.0)), float((-plain).max(initial=0.0))
     found: list[tuple[float, float, bool, float]] = []
-    hump = dip = 0.0
-    for place, photo in enumerate(sites.photo):
-        found.append((sites.east_m[place], sites.north_m[place], photo, float(ground[place])))
-        if place == len(counts) or not counts[place]:
+    points = zip(sites.east_m, sites.north_m, sites.photo, ground.tolist(), strict=True)
+    for place, point in enumerate(points):
+        found.append(point)
+        if place == len(counts) or not humped[place]:
             continue
         part = slice(starts[place], starts[place + 1])
         profile = np.concatenate([[ground[place]], below[part], [ground[place + 1]]])
