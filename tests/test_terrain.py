@@ -136,6 +136,38 @@ def test_heights_in_feet_are_metres_in_the_end(folder, unit, metres):
         assert terrain.heights_m([LINZ[0]], [LINZ[1]])[0] == pytest.approx(300 * metres, abs=1e-3)
 
 
+def test_scaled_whole_numbers_are_heights(folder):
+    heights = np.round((surface(slope) - 100.0) * 10.0).astype(np.int16)
+    path = saved(folder / "scaled.tif", heights, nodata=-32768)
+    with rasterio.open(path, "r+") as raster:
+        raster.scales, raster.offsets = [0.1], [100.0]
+    with Terrain(path) as terrain:
+        assert terrain.heights_m([LINZ[0]], [LINZ[1]])[0] == pytest.approx(300.0, abs=0.06)
+
+
+@pytest.mark.parametrize("west", [179.95, -180.05])
+def test_a_raster_across_the_antimeridian(folder, west):
+    rows, columns = np.mgrid[0:200, 0:200]
+    heights = (500.0 + 0.5 * columns + 0.0 * rows).astype(np.float32)
+    path = saved(
+        folder / "fiji.tif",
+        heights,
+        crs="EPSG:4326",
+        transform=from_origin(west, -16.45, 5e-4, 5e-4),
+    )
+    with Terrain(path) as terrain:
+        # Column 100 begins at 180 degrees.
+        found = terrain.heights_m([-16.5] * 3, [179.99975, -179.99975, 180.0])
+        assert found == pytest.approx([549.5, 550.0, 549.75], abs=1e-3)
+    result = planned(origin=(-16.5, 180.0), terrain=path)
+    assert all(549.0 < height < 550.5 for height in result.waypoints.ground_m)
+
+
+def test_complex_numbers_are_no_heights(folder):
+    path = saved(folder / "complex.tif", surface(slope).astype(np.complex64))
+    assert "complex" in refused(path).message
+
+
 def test_a_raster_with_a_vertical_datum_names_it(folder):
     path = saved(folder / "datum.tif", surface(slope), crs="EPSG:32633+5773")
     with Terrain(path) as terrain:

@@ -77,7 +77,9 @@ class Terrain:
             self._unit_m = self._height_unit_m(crs)
             self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
             self._transform = self._raster.transform[:6]
-            a, b, _, d, e, _ = self._transform
+            a, b, left, d, e, _ = self._transform
+            self._turn = 360.0 if crs.is_geographic else 0.0
+            self._middle = left + 0.5 * (a * self._raster.width + b * self._raster.height)
             self._area = a * e - b * d
             if not (math.isfinite(self._area) and self._area):
                 raise_unplaced(path)
@@ -109,6 +111,8 @@ class Terrain:
 
     def _height_unit_m(self, crs: CRS) -> float:
         """Metres in the unit of the heights: from the band, or the vertical axis, or metres."""
+        if self._raster.dtypes[0].startswith("complex"):
+            raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
         named = (self._raster.units[0] or "").strip().lower()
         if named in {"ft", "foot", "feet", "international foot"}:
             return 0.3048
@@ -134,7 +138,10 @@ class Terrain:
         lat, lon = np.asarray(latitudes, dtype=float), np.asarray(longitudes, dtype=float)
         x, y = self._to_raster.transform(lon, lat)
         a, b, left, d, e, top = self._transform
-        along, down = np.asarray(x) - left, np.asarray(y) - top
+        x = np.asarray(x)
+        if self._turn:  # longitudes may count from 0 or from -180, and the raster may lie across
+            x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
+        along, down = x - left, np.asarray(y) - top
         columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
         inside = (columns >= 0) & (columns <= self._raster.width)
         inside &= (rows >= 0) & (rows <= self._raster.height)  # a nan is not inside
@@ -177,6 +184,7 @@ class Terrain:
         except RasterioError:
             raise RequestError(f"terrain '{self.path}' is damaged") from None
         pixels = np.ma.filled(band.astype(float), np.nan)
+        pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
         pixels[~np.isfinite(pixels)] = np.nan
         column, row = x.astype(int) - left, y.astype(int) - top
         u, v = x - x.astype(int), y - y.astype(int)
