@@ -13,7 +13,7 @@ from PIL import Image
 from aosplan.cli.app import run
 from aosplan.documents import json_schema
 
-QUICK = ["--altitude", "60", "--vhat", "0.85", "--camera", "dji-m3t-wide", "--density", "0.05"]
+QUICK = ["--altitude", "60", "--vhat", "0.85", "--density", "0.05"]
 QUICK += ["--occluder-size", "0.5", "--volume-height", "8", "--samples", "9", "--baseline", "16"]
 COARSE = ["--precision", "0.1"]
 

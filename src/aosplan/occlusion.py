@@ -193,8 +193,9 @@ class Occlusion:
         steps = self._meetings(offsets)
         lows = steps.min(axis=(1, 2))
         steps -= lows[:, np.newaxis, np.newaxis]
-        if (steps.max(axis=(0, 1, 2), initial=0) >= (self.columns, self.rows)).any():
-            steps %= (self.columns, self.rows)  # the plot wraps
+        around = self._plot[::-1]
+        if (steps.max(axis=(0, 1, 2), initial=0) >= around).any():
+            steps %= around  # the plot wraps
         span_x, span_y = steps.max(axis=(0, 1, 2), initial=0).tolist()
         # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
         # it drags along beyond the band's own rows is thrown away in the end.
@@ -248,6 +249,10 @@ class Occlusion:
             x = self._voxels(face, x_m, across, first_x, 8 * self._width)
             x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
             y = self._voxels(face, y_m, along, first_y, self.rows)
+            if 2 * self.rows < along:  # most of the plot's rows are not met
+                met_rows, places = np.unique(y, return_inverse=True)
+                y = places.reshape(y.shape).astype(np.int32)
+                above, around = above[met_rows], around[met_rows]
             above_bits, around_bits = _column_bits(above), _column_bits(around)
             for views, met, beside in zip(abreast, x, x_beside, strict=True):
                 octets = _picked(around_bits, met) | _picked(above_bits, beside)

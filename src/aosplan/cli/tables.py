@@ -232,8 +232,10 @@ def print_simulation(
         if math.isnan(value):
             continue
         models = (plan.solution.prediction, simulation.predicted)
-        shown = [_percent(getattr(model, name)) for model in models]
-        table.add_row(symbol, *shown, _percent(value), f"{100 * error:.2f} %")
+        numbers = [*(getattr(model, name) for model in models), value]
+        # Rounding around 0 is no minus.
+        shown = [_percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
+        table.add_row(symbol, *shown, f"{100 * error:.2f} %")
     verdict = ["They agree."] if simulation.agree else ["They disagree:"]
     verdict += [f"  {difference}" for difference in simulation.differences]
     if similar:

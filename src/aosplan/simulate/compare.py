@@ -339,16 +339,10 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
         positions = _sites(plan, 0.0)
         area = _target_area(plan, settings.view)
         size = min(layer.occluder_size_m for layer in above.slices())
-        experiment = ForestExperiment(
-            settings.seed,
-            _maker(above, str(settings.forest)),
-            positions,
-            h,
-            above.canopy_top_m,
-            size,
-            settings.view,
-            area,
-        )
+        make = _maker(above, str(settings.forest))
+        flown = positions, h, above.canopy_top_m
+        experiment = ForestExperiment(settings.seed, make, *flown, size, settings.view, area)
+        experiment.check()
     if plan.model == "measured":
         return experiment, _measured(plan, settings.view)
     return experiment, slanted(

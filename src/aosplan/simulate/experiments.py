@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from aosplan.errors import RequestError
 from aosplan.occlusion import Window
-from aosplan.simulate.forests import VOXELS_AN_OCCLUDER, generator
+from aosplan.simulate.forests import MOST_VOXELS, VOXELS_AN_OCCLUDER, generator
 from aosplan.simulate.noise import blocked_views, counts_of
 from aosplan.simulate.voxels import VoxelViews, blocks
 
@@ -54,6 +55,9 @@ FEWEST_SAMPLES = 16
 
 PICTURE_PX = 300
 """Targets along the shorter side of a picture, which wants more of them than counts do."""
+
+STEEPEST = 1.0
+"""Largest slope of a ray along either axis: it is to meet one more voxel a slice, not more."""
 
 PLOT_BLOCKS = 4
 """Blocks along either side of a real plot, whose scatter is its standard error."""
@@ -140,6 +144,32 @@ class ForestExperiment(NamedTuple):
         views, positions = self._sample(0, least_px=PICTURE_PX)
         middle = middle_of(self.positions_m)
         return views.blocked_views(positions), views.blocked_views(positions[[middle]])
+
+    def check(self) -> None:
+        """Refuse what volumes of voxels cannot show.
+
+        Raises
+        ------
+        RequestError
+            Where rays are more oblique than voxels are, or occluders too small for any volume.
+        """
+        aside = self.area_m if self.view == "perspective" else (0.0, 0.0)
+        steepest = max(
+            (np.abs(self.positions_m).max(axis=0) + 0.5 * np.array(aside)) / self.altitude_m
+        )
+        if steepest > STEEPEST:
+            raise RequestError(
+                f"rays are up to {math.degrees(math.atan(steepest)):.0f} degrees off nadir, and no "
+                "more than 45 are simulated",
+                "a smaller aperture, or --forest noise",
+            )
+        width, depth = (self._plot_m(axis, side) for axis, side in enumerate(self.patch_m))
+        if width * depth * self.top_m > MOST_VOXELS * self.occluder_size_m**3:
+            raise RequestError(
+                f"occluders of {self.occluder_size_m:g} m are too small for a volume of "
+                f"{width:.4g} x {depth:.4g} x {self.top_m:.4g} m",
+                "a smaller aperture, or --forest noise",
+            )
 
     @property
     def patch_m(self) -> tuple[float, float]:

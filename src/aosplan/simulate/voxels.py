@@ -7,7 +7,6 @@ grows with neither.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,9 +121,8 @@ class VoxelViews:
 
 
 def tiles(window: Window, most_targets: int) -> Iterator[Window]:
-    """Parts of a window, about square, each of no more targets than that, row by row."""
-    side = max(math.isqrt(most_targets), 1)
-    columns = min(window.columns, max(side // 64, 1) * 64)
+    """Parts of a window, of whole rows where they fit, each of no more targets than that."""
+    columns = min(window.columns, max(most_targets // 64, 1) * 64)
     rows = min(window.rows, max(most_targets // columns, 1))
     for row in range(0, window.rows, rows):
         for column in range(0, window.columns, columns):
