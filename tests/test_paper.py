@@ -20,6 +20,7 @@ def table(name, folder=PAPER / "results"):
 
 def figure_script(name, monkeypatch, folder):
     """A figure's script, writing elsewhere."""
+    pytest.importorskip("matplotlib")
     monkeypatch.syspath_prepend(str(PAPER))
     for module in ("common", *(f"figure_{each}" for each in FIGURES)):
         monkeypatch.delitem(sys.modules, module, raising=False)
