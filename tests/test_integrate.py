@@ -375,6 +375,19 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
     assert part in refused(command, *recorded, "--out", "i.png")
 
 
+BEYOND_A_SCHEMA = {"no rotation", "rotation", "not a finite number", "farther", "given twice",
+                   "its camera 100 x 120", "no image '../000.tif'", "zero"}  # fmt: skip
+
+
+@pytest.mark.parametrize("part", CHANGES)
+def test_the_schema_of_poses_refuses_what_has_the_wrong_shape(recorded, folder, part):
+    validator = Draft202012Validator(json_schema("poses"))
+    assert validator.is_valid(json.loads((folder / "poses.json").read_text()))
+    edit(folder, CHANGES[part])
+    document = json.loads((folder / "poses.json").read_text())
+    assert validator.is_valid(document) == (part in BEYOND_A_SCHEMA)
+
+
 def damaged(path, how):
     content = path.read_bytes()
     if how == "gone":
