@@ -289,6 +289,9 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--out", "no/i.png"], "no"),
         (["--out", "i.png", "--focal-height", "40"], "below the focal plane"),
         (["--out", "i.png", "--focal-height", "nan"], "--focal-height"),
+        (["--out", "i.png", "--focal-height=-1e300"], "farther than 1e+09 m"),
+        (["--out", "i.png", "--extent=-1e300,-1e300,1e300,1e300"], "farther than 1e+09 m"),
+        (["--out", "i.png", "--out", "./i.png"], "given twice"),
         (["--out", "i.png", "--focal-height", "9ft"], "--focal-height"),
         (["--out", "i.png", "--up", "x"], "--up 'x'"),
         (["--out", "i.png", "--up=-z"], "below the focal plane"),
@@ -370,6 +373,19 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
     edit(folder, CHANGES[part])
     part = "no name" if part == "zero" else part
     assert part in refused(command, *recorded, "--out", "i.png")
+
+
+BEYOND_A_SCHEMA = {"no rotation", "rotation", "not a finite number", "farther", "given twice",
+                   "its camera 100 x 120", "no image '../000.tif'", "zero"}  # fmt: skip
+
+
+@pytest.mark.parametrize("part", CHANGES)
+def test_the_schema_of_poses_refuses_what_has_the_wrong_shape(recorded, folder, part):
+    validator = Draft202012Validator(json_schema("poses"))
+    assert validator.is_valid(json.loads((folder / "poses.json").read_text()))
+    edit(folder, CHANGES[part])
+    document = json.loads((folder / "poses.json").read_text())
+    assert validator.is_valid(document) == (part in BEYOND_A_SCHEMA)
 
 
 def damaged(path, how):

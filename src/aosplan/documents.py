@@ -284,6 +284,36 @@ class CalculatorDocument(OpenDocument):
     visibility: VisibilityDocument
 
 
+class IntrinsicsDocument(Document):
+    """A pinhole camera in pixels, counted from the outer corner of the first one."""
+
+    width: Pixels
+    height: Pixels
+    fx: Annotated[Finite, Field(gt=0)]
+    fy: Annotated[Finite, Field(gt=0)]
+    cx: Finite
+    cy: Finite
+
+
+PoseRow = Annotated[list[Finite | str], Field(min_length=4, max_length=4)]
+"""Four numbers of a pose, some of which the AOS project writes as text."""
+
+
+class ViewDocument(OpenDocument):
+    """An image of a recording and its pose, [R|t] from the world to the camera, in metres."""
+
+    imagefile: str
+    M3x4: Annotated[list[PoseRow], Field(min_length=3, max_length=3)]
+    camera: IntrinsicsDocument | None = None
+
+
+class PosesDocument(OpenDocument):
+    """Poses of a recording, as the AOS project publishes them; the camera is an addition of ours."""
+
+    images: Annotated[list[ViewDocument], Field(min_length=1)]
+    camera: IntrinsicsDocument | None = None
+
+
 class CoverageDocument(OpenDocument):
     """How many views see the pixels of an integral image."""
 
@@ -331,6 +361,7 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "camera": CameraDocument,
     "statistics": StatisticsDocument,
     "visibility": CalculatorDocument,
+    "poses": PosesDocument,
     "integral": IntegralDocument,
 }
 

@@ -80,17 +80,7 @@ def worst(checks: Iterable[Check]) -> dict[tuple[str, str], Worst]:
 
 def every_check() -> Iterator[Check]:
     """All corners of all models."""
-    for part in (
-        eq1,
-        eq2,
-        eq4_and_5,
-        uniform,
-        coverage_rule,
-        layered,
-        sites,
-        measured,
-        correlation,
-    ):
+    for part in PARTS:
         yield from part()
 
 
@@ -177,6 +167,31 @@ def eq4_and_5() -> Iterator[Check]:
             yield Check("equations", "a (Eq. 5)", f"N = {n}, b = {b:g}", aosplan.aperture(n, b), a)
 
 
+def inverses() -> Iterator[Check]:
+    """Eq. 1, 3 and 5 solved for D, N and b."""
+    with mpmath.workdps(80):
+        for p, height, o in itertools.product(DENSITIES[1:-1], (0.2, 17.54, 1e9), (0.2, 1.0)):
+            log_t = mpmath.log1p(-mpmath.mpf(p)) * mpmath.mpf(o) / mpmath.mpf(height)
+            d = of_digits(-mpmath.expm1(log_t))
+            got = equations.slice_density(p, height, o)
+            yield Check("equations", "D (Eq. 1)", f"p = {p!r}, l = {height:g}, o = {o:g}", got, d)
+        for n, a in itertools.product((2, 3, 50, 10**6, 10**12), BASELINES_M):
+            b = of_digits(mpmath.mpf(a) / (mpmath.sqrt(n) - 1))
+            got = equations.baseline_for_aperture(a, n)
+            yield Check("equations", "b (Eq. 5)", f"N = {n}, a = {a:g}", got, b)
+    for p, n in itertools.product((1e-9, 0.25, 0.567, 1 - 1e-9), (2, 3, 50, 10**6)):
+        # Just below the visibility of n samples n will do, just above it takes more.
+        v = float(exact.visibility(p, Fraction(1, n)))
+        for target in (math.nextafter(v, 0.0), v, math.nextafter(v, 1.0)):
+            room = exact.visibility(p, Fraction(0)) - Fraction(target)
+            if Fraction(target) <= 1 - Fraction(p) or room <= 0:
+                continue
+            need = math.ceil(Fraction(p) * (1 - Fraction(p)) / room)
+            got = equations.required_samples_for_visibility(target, p)
+            corner = f"p = {p!r}, V = {target!r}"
+            yield Check("equations", "N (Eq. 3)", corner, float(got or -1), Fraction(need))
+
+
 # --- The uniform model -----------------------------------------------------------------------
 
 
@@ -246,6 +261,29 @@ def coverage_rule() -> Iterator[Check]:
                 d /= (Fraction(h) - Fraction(top)) * Fraction(h)
                 shift = geometry.disparity_px(b, top, h, focal)
                 yield Check("coverage rule", "disparity [px]", f"{corner}, b = {b:g}", shift, d)
+
+
+def plans() -> Iterator[Check]:
+    """Whole plans of the uniform model from 1 mm above the canopy, and at absurd baselines."""
+    preset = aosplan.plan(aosplan.PlanRequest(altitude=50)).scene
+    (slab,) = preset.slabs()
+    depth = Fraction(slab.top_m) - Fraction(slab.bottom_m)
+    height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth  # of the 2 % lowest
+    p = 1 - Fraction(preset.transparency)
+    fixed: list[dict[str, float]] = [{}, {"baseline": 1e-9}, {"baseline": 1e9}, {"baseline": 0.7}]
+    for above, more in itertools.product((1e-3, 30.0), fixed):
+        samples = {"samples": 49} if more else {}
+        h = slab.top_m + above
+        made = aosplan.plan(aosplan.PlanRequest(altitude=h, clearance=0, **more, **samples))
+        b, pattern = made.solution.baseline_m, made.solution.pattern
+        gap = (Fraction(h) - height) / Fraction(made.camera.focal_length_px)
+        unit = max(Fraction(slab.occluder_size_m), gap) * Fraction(h) / height
+        corner = f"h = {h!r} over {slab.top_m:g} m, N = {pattern.samples}, b = {b!r}"
+        if not more:
+            yield Check("uniform plan", "b", corner, b, unit)
+        # At its own rule's baseline a plan means d̂ = 1.
+        k = exact.lattice_pair_sum(pattern.sites(), Fraction(b) / unit if more else Fraction(1))
+        yield from _prediction("uniform plan", corner, made.solution.prediction, p, k)
 
 
 # --- The layered model -----------------------------------------------------------------------
@@ -398,3 +436,9 @@ def correlation() -> Iterator[Check]:
             yield Check("correlogram", "p", corner, got.density, share[name])
             yield Check("correlogram", "1 - p", corner, got.transparency, 1 - share[name])
             yield Check("correlogram", "1 - V̂", corner, got.shortfall, Fraction(1))
+
+
+PARTS = (
+    eq1, eq2, eq4_and_5, inverses, uniform, coverage_rule, plans, layered, sites, measured,
+    correlation,
+)  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -52,8 +53,10 @@ def run(
     from aosplan.recordings.recording import Recording, least_views
 
     _check_endings(out)
-    for path in out:
+    for index, path in enumerate(out):
         check_output(path, force=force)
+        if os.path.realpath(path) in map(os.path.realpath, out[:index]):
+            raise RequestError(f"output '{path}' is given twice")
     choice = choice_of(pitch, aperture, views)
     reference = None if compare is None else read_choice(compare, "--compare")
     if not out and reference is None:
@@ -64,7 +67,7 @@ def run(
     recording = Recording(
         poses,
         images,
-        focal_height_m=0.0 if focal_height is None else number(focal_height, "--focal-height", "m"),
+        focal_height_m=0.0 if focal_height is None else _place(focal_height, "--focal-height"),
         up=up,
         camera=_camera(camera, fov),
     )
@@ -104,7 +107,7 @@ def run(
             print(f"warning: {warning['message']}", file=sys.stderr)
     if as_json:
         print_json(document)
-    elif not quiet and "-" not in out:
+    elif not quiet:
         _show(document, out)
 
 
@@ -127,7 +130,17 @@ def _extent(text: str | None) -> str | list[float]:
         raise RequestError(
             f"--extent '{text}' is not XMIN,YMIN,XMAX,YMAX", f"or one of {', '.join(EXTENTS)}"
         )
-    return [number(part, "--extent", "m") for part in parts]
+    return [_place(part, "--extent") for part in parts]
+
+
+def _place(text: str, name: str) -> float:
+    """A coordinate [m] that leaves room for digits below the metre."""
+    from aosplan.recordings.poses import FARTHEST_M
+
+    place = number(text, name, "m")
+    if abs(place) > FARTHEST_M:
+        raise RequestError(f"{name} {place:g} is farther than {FARTHEST_M:g} m")
+    return place
 
 
 def _camera(camera: str | None, fov: str | None) -> Callable[[int, int], Intrinsics] | None:
@@ -250,7 +263,7 @@ def _show(document: dict[str, Any], out: tuple[str, ...]) -> None:
         ("Image", f"{columns} x {rows} pixels of {100 * document['gsd_m']:.3g} cm"),
         (
             "Coverage",
-            f"{100 * coverage['share']:.1f} % seen by at least {coverage['least_views']} views, "
+            f"{100 * coverage['share']:.1f} % seen by at least {coverage['least_views']} of them, "
             f"{coverage['mean_views']:.4g} on average",
         ),
     ]

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0)}
 """Directions of the world that may be up, by name."""
 
-MOST_PIXELS = 200_000_000
-"""Largest integral image."""
+MOST_PIXELS = 64_000_000
+"""Largest integral image: in colour, its sums take 2 GB."""
 
 
 class Plane(NamedTuple):
