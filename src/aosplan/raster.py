@@ -89,7 +89,7 @@ def read_canopy(
             f"not enough memory for raster {path}", "use larger voxels"
         ) from error
     except (RasterioError, ValueError, OSError) as error:
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error.__cause__ or error).split())
         raise RequestError(f"raster {path} is damaged or truncated: {reason}") from error
 
 
@@ -120,6 +120,11 @@ def _volume(
             "cut the stand out, and check the raster's coordinate system",
         )
     edge_m = min(cell_m) if voxel_m is None else voxel_m
+    if edge_m > min(size_m):
+        raise RequestError(
+            f"voxels of {edge_m:g} m are larger than raster {path}, which measures "
+            f"{size_m[0]:.4g} x {size_m[1]:.4g} m"
+        )
     if not fits((*size_m, 0.0), edge_m):
         raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
     # Rows of the volume run north, those of a raster mostly south.
@@ -145,6 +150,8 @@ def _volume(
             "give heights above ground in metres: surface less terrain",
         )
     occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
+    if not occupied.any():
+        doubts.append(("no_vegetation", f"nowhere is the raster {min_height_m:g} m high or more"))
     corner = (
         min(place.c, place.c + place.a * raster.width),
         min(place.f, place.f + place.e * raster.height),
