@@ -231,6 +231,21 @@ def test_what_a_correlogram_does_not_know_is_refused(saved, given):
     assert ".npz" in caught.value.hint
 
 
+def test_what_has_no_voxels_is_not_simulated(saved, capsys):
+    wanted = [
+        "--altitude",
+        "40",
+        "--scene",
+        str(saved["toml"]),
+        "--samples",
+        "9",
+        "--baseline",
+        "1",
+    ]
+    assert run(["simulate", *wanted, "--quiet"]) == 2
+    assert "no voxels to simulate" in capsys.readouterr().err
+
+
 def test_statistics_printed_or_saved_again_are_the_same(saved, tmp_path, capsys):
     printed = {}
     for kind in ("laz", "toml", "npz"):
