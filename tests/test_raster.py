@@ -275,7 +275,10 @@ def test_a_truncated_raster_is_named(raster, tmp_path, share):
 
 
 def test_a_missing_raster_and_a_folder_are_named(tmp_path):
-    assert "does not exist" in refusal(tmp_path / "none.tif").message
+    assert "no raster" in refusal(tmp_path / "none.tif").message
+    assert "is a folder" in refusal(tmp_path).message
+    with pytest.raises(RequestError):
+        read_canopy("a\0.tif")
 
 
 def test_without_the_extra_it_is_named(raster, monkeypatch):

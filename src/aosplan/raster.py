@@ -97,8 +97,10 @@ def _check_file(path: str) -> None:
     try:
         with open(path, "rb") as file:
             head = file.read(4)
-    except (FileNotFoundError, NotADirectoryError):
-        raise RequestError(f"raster {path} does not exist") from None
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        raise RequestError(f"no raster {path!r}") from None
+    except IsADirectoryError:
+        raise RequestError(f"{path} is a folder, not a raster") from None
     except OSError as error:
         raise SurroundingsError(f"cannot read raster {path}: {error.strerror or error}") from None
     if head not in MAGIC:
