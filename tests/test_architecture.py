@@ -136,6 +136,14 @@ def test_a_request_file_loads_pydantic_and_nothing_else_that_is_heavy(tmp_path):
     assert not found & (HEAVY - {"pydantic"})
 
 
+def test_a_scene_file_loads_nothing_heavy(tmp_path):
+    place, text = tmp_path / "s.toml", 'name = "s"\ndensity = 0.01\noccluder_size_m = 0.2\n'
+    place.write_text(text + "volume_base_m = 2.0\nvolume_height_m = 9\n")
+    assert (
+        not packages(command("plan", "--altitude", "40", "--scene", str(place), "--json")) & HEAVY
+    )
+
+
 def test_an_error_loads_nothing_heavy():
     code = "from aosplan.cli.app import run\nassert run(['plan', '--altitude', '10']) == 2"
     assert not packages(code) & (HEAVY | RICH)

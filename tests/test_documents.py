@@ -26,7 +26,8 @@ from aosplan.presets.scenes import SCENES
 from aosplan.request import PlanRequest, request_from
 from aosplan.resolve import find_camera, find_preset_scene
 from aosplan.scene import LayeredScene, UniformScene
-from aosplan.scene_document import read_scene_file
+from aosplan.scene_document import is_sound, read_scene_file
+from aosplan.scene_schema import SceneDocument
 
 CAMERA = {
     "name": "own",
@@ -257,6 +258,36 @@ def test_what_scene_prints_is_a_scene_file(tmp_path, capsys):
     printed, preset = read_scene(str(path)), find_preset_scene("paper-forest")
     assert printed.slices() == preset.slices()
     assert printed.integrated_density == pytest.approx(preset.integrated_density, rel=1e-12)
+
+
+MUTANTS = [None, True, 1, 2.5, -1, 10**400, math.inf, "1", [], [1.0], [[0.5]], {}, [{}], [LAYER]]
+RELATIONS = {"lags": [0.1], "directions_deg": [0.0], "rho": [[0.5]], "reach": 0.3}
+SEEDS = [UNIFORM, LAYERED, LAYERED | {"correlogram": RELATIONS, "density_by_offset": [[0.4]]}]
+
+
+@given(st.data())
+def test_what_is_sound_at_first_sight_is_sound_to_pydantic_too(data):
+    table = json.loads(json.dumps(data.draw(st.sampled_from(SEEDS))))
+    for _ in range(data.draw(st.integers(0, 2))):
+        inner = [table, *table.get("layers", [])[:1], table.get("correlogram", table)]
+        place = data.draw(st.sampled_from([part for part in inner if isinstance(part, dict)]))
+        names = [*place, *SceneDocument.model_fields, "titel", "schema"]
+        place[data.draw(st.sampled_from(names))] = data.draw(st.sampled_from(MUTANTS))
+        table = {name: value for name, value in table.items() if value is not None}
+        if not isinstance(table.get("layers", []), list):
+            break
+        if not all(isinstance(layer, dict) for layer in table.get("layers", [])):
+            break
+    if is_sound(table):
+        assert SceneDocument.model_validate(table).model_dump(exclude_none=True) == table | {
+            word: table.get(word, "") for word in ("title", "source", "assumed")
+        }
+
+
+@pytest.mark.parametrize("table", SEEDS)
+def test_plain_scene_files_are_sound_at_first_sight(table):
+    assert is_sound(table)
+    assert not is_sound(table | {"titel": "x"})
 
 
 # Requests

@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forests import STANDS, clumped_forest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.estimate import integral_range, layered_scene
+from aosplan.estimate import densities_off_nadir, integral_range, layered_scene
 from aosplan.geometry import coverage_baseline
+from aosplan.models.correlogram import correlogram
 from aosplan.voxels import VoxelVolume
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
@@ -141,3 +143,23 @@ def test_the_coverage_rule_on_a_real_plot_is_at_the_mercy_of_low_vegetation(cut,
     scene = layered_scene(read_voxels(path, min_height_m=cut), "UAS")
     rule = coverage_baseline(scene.slabs(), 50.0, 1e5, 0.98)
     assert rule.baseline_m == pytest.approx(baseline, rel=0.04)
+
+
+# --- Off nadir ---
+
+
+def test_densities_off_nadir_are_those_of_the_correlogram(monkeypatch):
+    stand = clumped_forest(STANDS["beech"], side_m=12.0)
+    pairs = densities_off_nadir(stand)
+    assert pairs[0] == [0.0, stand.column_occupancy]
+    table = correlogram(stand)
+    for angle, density in pairs[1:]:
+        lag, around = np.full(180, np.tan(np.radians(angle))), np.arange(180.0)
+        assert density == pytest.approx(table.density_at(lag, around).mean(), abs=0.01)
+    monkeypatch.setattr("aosplan.estimate.FINE_CELLS", 0)
+    for coarse, fine in zip(densities_off_nadir(stand), pairs, strict=True):
+        assert coarse == pytest.approx(fine, abs=0.015)
+
+
+def test_bare_ground_hides_nothing_off_nadir():
+    assert densities_off_nadir(volume(np.zeros((0, 3, 3))))[-1] == [40.0, 0.0]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from aosplan.errors import InfeasibleError
 from aosplan.geometry import (
+    baseline_curve,
     baseline_for_disparity_px,
     coverage_baseline,
     coverage_share,
@@ -306,3 +307,13 @@ def test_without_a_baseline_nothing_is_covered():
     assert coverage_share(slab, 50.0, SHARP, 0.0) == 0.0
     assert coverage_share(slab, 50.0, SHARP, 1e-3) == 0.0
     assert coverage_share(slab, 50.0, SHARP, 1e9) == 1.0
+
+
+def test_the_curve_of_very_many_slabs_has_some_of_its_knots(monkeypatch):
+    slabs = [Slab(2.0 + 0.1 * i, 2.1 + 0.1 * i, 0.2, 1.0) for i in range(100)]
+    whole = baseline_curve(slabs)
+    monkeypatch.setattr("aosplan.geometry.MOST_SHARES", 1500)
+    some = baseline_curve(slabs)
+    assert 10 <= len(some) <= 16
+    assert set(some) <= set(whole)
+    assert some[-1] == whole[-1]

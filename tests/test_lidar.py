@@ -245,6 +245,16 @@ def test_ground_below_thinned_vertices_still_follows_the_slope(tmp_path, monkeyp
     assert differing.sum() < 0.02 * found[inside].sum()
 
 
+def test_a_part_of_very_many_ground_points_is_enough(tmp_path, monkeypatch):
+    xyz, kind = stand(count=80_000)
+    path = write_cloud(tmp_path / "a.laz", xyz, kind)
+    whole = read_voxels(path).occupied
+    monkeypatch.setattr(lidar, "ENOUGH_GROUND_POINTS", 4000)
+    part = read_voxels(path).occupied
+    both = np.s_[: min(len(part), len(whole)), 4:-4, 4:-4]
+    assert (part[both] ^ whole[both]).sum() < 0.01 * whole[both].sum()
+
+
 def test_normalised_heights_are_recognised_and_said(tmp_path):
     xyz, kind = stand()
     flat = xyz - [[0], [0], [1]] * slope(*xyz[:2])

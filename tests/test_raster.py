@@ -158,8 +158,10 @@ def test_a_raster_without_a_system_is_taken_for_metres_and_that_is_said(raster):
     assert [code for code, _ in volume.warnings] == ["units_assumed"]
 
 
-def test_bare_ground_has_no_slices(raster):
-    assert read_canopy(raster(np.zeros((4, 5), np.float32))).occupied.shape == (0, 4, 5)
+def test_bare_ground_has_no_slices_and_is_said(raster):
+    bare = read_canopy(raster(np.zeros((4, 5), np.float32)))
+    assert bare.occupied.shape == (0, 4, 5)
+    assert [code for code, _ in bare.warnings] == ["no_vegetation"]
     assert read_canopy(raster(np.full((4, 5), -3.0)), min_height_m=0.0).occupied.shape[0] == 0
 
 
@@ -215,6 +217,11 @@ def test_heights_that_are_none_are_named(raster, heights, said):
     assert said in refusal(raster(heights)).message
 
 
+def test_voxels_larger_than_the_raster_are_refused(raster):
+    assert "larger than raster" in refusal(raster(trees()), voxel_m=21.0).message
+    assert read_canopy(raster(trees()), voxel_m=20.0).occupied.shape[1:] == (1, 1)
+
+
 def test_a_huge_raster_is_refused_before_it_is_read(raster, monkeypatch):
     path = raster(trees())
     monkeypatch.setattr("aosplan.raster.MOST_PIXELS", 2000)
@@ -268,7 +275,10 @@ def test_a_truncated_raster_is_named(raster, tmp_path, share):
 
 
 def test_a_missing_raster_and_a_folder_are_named(tmp_path):
-    assert "does not exist" in refusal(tmp_path / "none.tif").message
+    assert "no raster" in refusal(tmp_path / "none.tif").message
+    assert "is a folder" in refusal(tmp_path).message
+    with pytest.raises(RequestError):
+        read_canopy("a\0.tif")
 
 
 def test_without_the_extra_it_is_named(raster, monkeypatch):

@@ -16,6 +16,8 @@ from aosplan.planning import plan
 from aosplan.request import PlanRequest
 from aosplan.resolve import cloud_files, scene_of
 from aosplan.scene_document import read_scene_file
+from aosplan.voxel_file import Stand, stand_npz
+from aosplan.voxels import VoxelVolume
 
 pytest.importorskip("lazrs")
 
@@ -231,6 +233,21 @@ def test_what_a_correlogram_does_not_know_is_refused(saved, given):
     assert ".npz" in caught.value.hint
 
 
+def test_what_has_no_voxels_is_not_simulated(saved, capsys):
+    wanted = [
+        "--altitude",
+        "40",
+        "--scene",
+        str(saved["toml"]),
+        "--samples",
+        "9",
+        "--baseline",
+        "1",
+    ]
+    assert run(["simulate", *wanted, "--quiet"]) == 2
+    assert "no voxels to simulate" in capsys.readouterr().err
+
+
 def test_statistics_printed_or_saved_again_are_the_same(saved, tmp_path, capsys):
     printed = {}
     for kind in ("laz", "toml", "npz"):
@@ -331,3 +348,35 @@ def test_a_correlogram_without_its_densities_is_named(tmp_path, change, said):
     with pytest.raises(RequestError) as caught:
         read_scene_file(str(path)).correlogram()
     assert said in caught.value.message
+
+
+# --- What a measured plan says of itself ---
+
+
+def codes(result):
+    return [warning.code for warning in result.warnings]
+
+
+@pytest.mark.parametrize("kind", ["npz", "toml"])
+def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
+    # Half the plot's 12.25 m at the canopy's top: an aperture of 6.1 m h / 9 m.
+    top = resolved(saved["npz"]).scene.canopy_top_m
+    widest = 0.5 * 12.25 * 40.0 / top
+    within = planned(saved[kind], samples=9, baseline=0.49 * widest)
+    beyond = planned(saved[kind], samples=9, baseline=0.52 * widest)
+    if kind == "npz":  # a correlogram ends at its last lag, which may be nearer
+        assert "small_plot" not in codes(within)
+    assert "small_plot" in codes(beyond)
+    assert "twice the shear" in {w.code: w.message for w in beyond.warnings}["small_plot"]
+
+
+def test_views_that_see_almost_nothing_are_said(tmp_path):
+    occupied = np.random.default_rng(3).random((40, 40, 40)) < 0.09
+    occupied[:8] = False
+    path = tmp_path / "dense.npz"
+    path.write_bytes(stand_npz(Stand.of(VoxelVolume(occupied, 0.25))))
+    assert resolved(path).scene.integrated_density < 0.96
+    assert "saturated" not in codes(planned(path, samples=4, baseline=0.5))
+    wide = planned(path, samples=25, baseline=5.0)
+    assert wide.solution.prediction.density > 0.98
+    assert "saturated" in codes(wide)

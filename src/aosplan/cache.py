@@ -36,7 +36,7 @@ MOST_OCTETS = 512 * 1024 * 1024
 _LARGEST_SHARE = 8
 """One entry alone may have the eighth part of it."""
 
-ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-\w+")
+ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
 """Names of entries, and of those whose writing was cut short: nothing else is ever dropped."""
 
 

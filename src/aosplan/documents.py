@@ -17,7 +17,7 @@ from aosplan.files import read_table
 from aosplan.mission import Conduct, Mission, Waypoint, Waypoints, split
 from aosplan.options import OPTIONS
 from aosplan.quantities import nearest_hint
-from aosplan.scene_document import CorrelogramDocument, LayerDocument, SceneDocument
+from aosplan.scene_schema import CorrelogramDocument, LayerDocument, SceneDocument
 from aosplan.summary import SCHEMA
 
 

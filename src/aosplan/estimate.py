@@ -21,6 +21,12 @@ if TYPE_CHECKING:
     from aosplan.voxels import VoxelVolume
 
 
+ANGLES_DEG = (10.0, 20.0, 30.0, 40.0)
+VIEWS_AN_ANGLE = 8
+FINE_CELLS = 1_000_000
+"""Cells of a plot up to which each has 4 x 4 targets; on a larger one, one a cell is enough."""
+
+
 def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
     """Describe a volume by a layer for each slice that holds anything.
 
@@ -59,6 +65,25 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
         voxel_m=voxel,
         source=volume.source,
     )
+
+
+def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
+    """Density of views off nadir: pairs of an angle [deg] and p, the mean over directions.
+
+    A few views only; the correlogram (`aosplan.models.correlogram`) has many.
+    """
+    from aosplan.occlusion import Occlusion, popcount
+
+    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
+    per_voxel = 4 if volume.occupied[:1].size <= FINE_CELLS else 1
+    occlusion = Occlusion(volume, altitude_m, targets_per_voxel=per_voxel)
+    turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
+    unit = np.column_stack([np.sin(turns), np.cos(turns)])
+    pairs = [[0.0, volume.column_occupancy]]
+    for angle in ANGLES_DEG:
+        hidden = popcount(occlusion.masks(altitude_m * np.tan(np.radians(angle)) * unit))
+        pairs.append([angle, float(hidden.mean()) / occlusion.targets])
+    return pairs
 
 
 def integral_range(mask: NDArray[np.bool_]) -> float:

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from aosplan.scene import Slab
 
 
+MOST_SHARES = 4_000_000
+"""Slabs times knots of a baseline curve."""
+
+
 def occluder_px(
     occluder_size_m: float, height_m: float, altitude_m: float, focal_length_px: float
 ) -> float:
@@ -132,7 +136,8 @@ def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
     """Baseline over altitude, and the share of the occluders with d̂ >= 1 there.
 
     One knot for each end of a slab, by rising baseline; occluders on the focal plane itself
-    never have d̂ >= 1 and have no knot.  Pixels are not considered.
+    never have d̂ >= 1 and have no knot.  Of very many slabs only some of the ends have one, evenly
+    chosen, the widest among them.  Pixels are not considered.
     """
     ends = {
         slab.occluder_size_m / height
@@ -140,7 +145,9 @@ def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
         for height in (slab.bottom_m, slab.top_m)
         if height > 0.0
     }
-    return [(knot, coverage_share(slabs, 1.0, math.inf, knot)) for knot in sorted(ends)]
+    every = -(-len(ends) * len(slabs) // MOST_SHARES)
+    knots = sorted(ends, reverse=True)[:: max(every, 1)]
+    return [(knot, coverage_share(slabs, 1.0, math.inf, knot)) for knot in reversed(knots)]
 
 
 def _covering_baseline_m(

@@ -22,7 +22,7 @@ from typing import IO, TYPE_CHECKING, Literal, NamedTuple, Self, get_args
 import numpy as np
 
 from aosplan.errors import RequestError, SurroundingsError
-from aosplan.ground import filtered, is_level_zero, lowest, surface, vertices
+from aosplan.ground import MAX_VERTICES, filtered, is_level_zero, lowest, surface, vertices
 from aosplan.las import PointFile, not_metric
 from aosplan.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
@@ -42,6 +42,9 @@ GROUND_CLASS = 2
 
 # Small enough for the dozen arrays of a block to stay in a processor's cache.
 BLOCK_POINTS = 1 << 16
+
+# Fifty for each vertex of the ground; of more, each has a mean that is sure enough.
+ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 
 MAX_EXTENT_M = 100_000.0
 FEWEST_GROUND_POINTS_PER_M2 = 0.04
@@ -187,9 +190,12 @@ class _Spool:
         self.finest_m = min(self.finest_m, file.scales_m[0])
 
     def blocks(
-        self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False
+        self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False, every: int = 1
     ) -> Iterator[Floats]:
-        """Yield points, shape (3, n), counted from an origin in multiples of a length."""
+        """Yield points, or every second, third ..., as shape (3, n).
+
+        They count from an origin in multiples of a length.
+        """
         position = 0
         for piece in self._pieces:
             with _disk():
@@ -198,7 +204,7 @@ class _Spool:
             position += len(data)
             raw = np.frombuffer(data, np.int32).reshape(3, piece.points)
             if ground_only:
-                raw = raw[:, : piece.ground_points]
+                raw = raw[:, : piece.ground_points : every]
             scale = (piece.file.scales_m / unit_m)[:, np.newaxis]
             shift = ((piece.file.offsets_m - origin_m) / unit_m)[:, np.newaxis]
             for start in range(0, raw.shape[1], BLOCK_POINTS):
@@ -307,8 +313,9 @@ def _find_ground(
     if method in ("auto", "class"):
         fewest = 1 if method == "class" else max(3, FEWEST_GROUND_POINTS_PER_M2 * size[0] * size[1])
         if cloud.ground_count >= fewest:
-            blocks = cloud.blocks(origin, ground_only=True)
-            return "class", plot.surface(vertices(blocks, cloud.ground_count, size))
+            every = max(cloud.ground_count // ENOUGH_GROUND_POINTS, 1)
+            blocks = cloud.blocks(origin, ground_only=True, every=every)
+            return "class", plot.surface(vertices(blocks, cloud.ground_count // every, size))
         if method == "class":
             raise RequestError(
                 f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",

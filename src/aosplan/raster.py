@@ -89,7 +89,7 @@ def read_canopy(
             f"not enough memory for raster {path}", "use larger voxels"
         ) from error
     except (RasterioError, ValueError, OSError) as error:
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error.__cause__ or error).split())
         raise RequestError(f"raster {path} is damaged or truncated: {reason}") from error
 
 
@@ -97,8 +97,10 @@ def _check_file(path: str) -> None:
     try:
         with open(path, "rb") as file:
             head = file.read(4)
-    except (FileNotFoundError, NotADirectoryError):
-        raise RequestError(f"raster {path} does not exist") from None
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        raise RequestError(f"no raster {path!r}") from None
+    except IsADirectoryError:
+        raise RequestError(f"{path} is a folder, not a raster") from None
     except OSError as error:
         raise SurroundingsError(f"cannot read raster {path}: {error.strerror or error}") from None
     if head not in MAGIC:
@@ -120,6 +122,11 @@ def _volume(
             "cut the stand out, and check the raster's coordinate system",
         )
     edge_m = min(cell_m) if voxel_m is None else voxel_m
+    if edge_m > min(size_m):
+        raise RequestError(
+            f"voxels of {edge_m:g} m are larger than raster {path}, which measures "
+            f"{size_m[0]:.4g} x {size_m[1]:.4g} m"
+        )
     if not fits((*size_m, 0.0), edge_m):
         raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
     # Rows of the volume run north, those of a raster mostly south.
@@ -145,6 +152,8 @@ def _volume(
             "give heights above ground in metres: surface less terrain",
         )
     occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
+    if not occupied.any():
+        doubts.append(("no_vegetation", f"nowhere is the raster {min_height_m:g} m high or more"))
     corner = (
         min(place.c, place.c + place.a * raster.width),
         min(place.f, place.f + place.e * raster.height),

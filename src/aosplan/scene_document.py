@@ -1,85 +1,31 @@
 """Scene files: TOML or JSON tables that become scenes.
 
-Apart from the other documents, so that a plan from a saved scene pays for nothing else.
+A table that is sound at first sight becomes one at once.  Only of others pydantic says what is
+wrong with them (`aosplan.scene_schema`): importing it takes as long as a plan.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import Field
-
-from aosplan.checked import Document, Finite, checked
 from aosplan.errors import RequestError
 from aosplan.files import read_table
 from aosplan.scene import Layer, LayeredScene, Scene, UniformScene
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from aosplan.models.correlogram import Correlogram
 
+    Table = Mapping[str, Any]
+
+WORDS = ("name", "title", "source", "assumed")
 UNIFORM = ("density", "occluder_size_m", "volume_base_m", "volume_height_m")
 STEMS = ("stems_per_hectare", "crown_diameter_m", "leaf_area_index")
-
-
-class LayerDocument(Document):
-    """One slice of a scene."""
-
-    bottom_m: Finite
-    top_m: Finite
-    density: Finite
-    occluder_size_m: Finite
-
-
-class CorrelogramDocument(Document):
-    """Correlation of two views by direction and lag (camera offset over altitude)."""
-
-    lags: list[Finite]
-    directions_deg: list[Finite]
-    rho: list[list[Finite]]
-    reach: Finite
-
-
-class SceneDocument(Document):
-    """A scene file: one uniform volume, layers, or the numbers of an inventory.
-
-    What `aosplan scene --json` prints is one too: what follows from the rest is not read.
-    """
-
-    name: str
-    title: str = ""
-    source: str = ""
-    assumed: str = ""
-    density: Finite | None = None
-    integrated_density: Finite | None = None
-    occluder_size_m: Finite | None = None
-    volume_base_m: Finite | None = None
-    volume_height_m: Finite | None = None
-    stems_per_hectare: Finite | None = None
-    crown_diameter_m: Finite | None = None
-    leaf_area_index: Finite | None = None
-    voxel_m: Finite | None = None
-    layers: list[LayerDocument] | None = None
-    correlogram: CorrelogramDocument | None = None
-    density_by_offset: list[list[Finite]] | None = None
-
-    # Of the statistics, not read.
-    schema_: Any = Field(default=None, alias="schema")
-    version: Any = None
-    kind: Any = None
-    mean_density: Any = None
-    canopy_top_m: Any = None
-    baseline_curve: Any = None
-    density_by_angle: Any = None
-    edges: Any = None
-    ground: Any = None
-    min_height_m: Any = None
-    points: Any = None
-    points_per_m2: Any = None
-    plot_m: Any = None
-    warnings: Any = None
+NUMBERS = (*UNIFORM, *STEMS, "integrated_density", "voxel_m")
+TABLES = ("layers", "correlogram", "density_by_offset")
 
 
 class SceneFile(NamedTuple):
@@ -106,51 +52,99 @@ def read_scene_file(path: str) -> SceneFile:
     RequestError
         Where the file is not a scene.
     """
-    document = checked(SceneDocument, read_table(path), path)
-    return SceneFile(_scene(document, path), _table(document), path)
+    table: Table = read_table(path)
+    if not is_sound(table):
+        from aosplan.checked import checked
+        from aosplan.scene_schema import SceneDocument
+
+        table = checked(SceneDocument, table, path).model_dump(exclude_none=True)
+    return SceneFile(_scene(table, path), _correlogram(table), path)
 
 
-def _scene(document: SceneDocument, path: str) -> Scene:
-    words = {word: getattr(document, word) for word in ("name", "title", "source", "assumed")}
-    if document.layers is not None:
-        _check_alone(document, path, "layers", (*STEMS, *UNIFORM))
+def is_sound(table: Table) -> bool:
+    """Whether a table has the names and kinds of values of a scene file beyond doubt."""
+    layers, correlogram = table.get("layers", []), table.get("correlogram", _NONE)
+    return (
+        isinstance(table.get("name"), str)
+        and table.keys() <= {*WORDS, *NUMBERS, *TABLES}
+        and all(isinstance(table.get(word, ""), str) for word in WORDS)
+        and all(_is_number(table.get(name, 0)) for name in NUMBERS)
+        and isinstance(layers, list)
+        and all(isinstance(layer, dict) and layer.keys() == _LAYER for layer in layers)
+        and all(_is_number(number) for layer in layers for number in layer.values())
+        and isinstance(correlogram, dict)
+        and correlogram.keys() == _NONE.keys()
+        and _are_numbers(correlogram["lags"])
+        and _are_numbers(correlogram["directions_deg"])
+        and _are_rows(correlogram["rho"])
+        and _is_number(correlogram["reach"])
+        and _are_rows(table.get("density_by_offset", []))
+    )
+
+
+_LAYER = set(Layer._fields)
+_NONE: dict[str, Any] = {"lags": [], "directions_deg": [], "rho": [], "reach": 0}
+
+
+def _is_number(value: Any) -> bool:
+    # Booleans are integers, and integers may be larger than any float.
+    return (type(value) is float and math.isfinite(value)) or (
+        type(value) is int and abs(value) < 2**53
+    )
+
+
+def _are_numbers(values: Any) -> bool:
+    return isinstance(values, list) and all(_is_number(value) for value in values)
+
+
+def _are_rows(rows: Any) -> bool:
+    return isinstance(rows, list) and all(_are_numbers(row) for row in rows)
+
+
+def _scene(table: Table, path: str) -> Scene:
+    words = {word: table.get(word, "") for word in WORDS}
+    numbers = {name: float(table[name]) for name in NUMBERS if name in table}
+    if "layers" in table:
+        _check_alone(table, path, "layers", (*STEMS, *UNIFORM))
         return LayeredScene(
-            layers=tuple(Layer(**layer.model_dump()) for layer in document.layers),
-            measured_density=document.integrated_density,
-            voxel_m=document.voxel_m,
+            layers=tuple(
+                Layer(**{name: float(number) for name, number in layer.items()})
+                for layer in table["layers"]
+            ),
+            measured_density=numbers.get("integrated_density"),
+            voxel_m=numbers.get("voxel_m"),
             **words,
         )
-    if any(getattr(document, name) is not None for name in STEMS):
-        _check_alone(document, path, "stems and crowns", ("density", "integrated_density"))
-        numbers = _numbers(document, path, (*STEMS, "volume_base_m", "volume_height_m"))
+    if any(name in table for name in STEMS):
+        _check_alone(table, path, "stems and crowns", ("density", "integrated_density"))
+        needed = _picked(numbers, path, (*STEMS, "volume_base_m", "volume_height_m"))
         from aosplan.inventory import inventory_scene
 
-        scene = inventory_scene(document.name, occluder_size_m=document.occluder_size_m, **numbers)
+        size = numbers.get("occluder_size_m")
+        scene = inventory_scene(words["name"], occluder_size_m=size, **needed)
         return replace(scene, **{word: text for word, text in words.items() if text})
-    numbers = _numbers(document, path, ("occluder_size_m", "volume_base_m", "volume_height_m"))
-    if document.density is None and document.integrated_density is None:
+    needed = _picked(numbers, path, ("occluder_size_m", "volume_base_m", "volume_height_m"))
+    if "density" not in numbers and "integrated_density" not in numbers:
         raise _lacking(path, "density")
     return UniformScene(
-        density=document.density,
-        given_integrated_density=document.integrated_density,
-        **numbers,
+        density=numbers.get("density"),
+        given_integrated_density=numbers.get("integrated_density"),
+        **needed,
         **words,
     )
 
 
-def _table(document: SceneDocument) -> dict[str, Any] | None:
+def _correlogram(table: Table) -> dict[str, Any] | None:
     """A correlogram with the densities that stand beside it."""
-    if document.correlogram is None:
+    if "correlogram" not in table:
         return None
-    table = document.correlogram.model_dump() | {
-        "density": document.integrated_density,
-        "density_by_offset": document.density_by_offset,
-    }
-    return {name: value for name, value in table.items() if value is not None}
+    beside = {"density": "integrated_density", "density_by_offset": "density_by_offset"}
+    found = {name: table[there] for name, there in beside.items() if there in table}
+    return {**table["correlogram"], **found}
 
 
-def _check_alone(document: SceneDocument, path: str, kind: str, others: Iterable[str]) -> None:
-    both = [name for name in others if getattr(document, name) is not None]
+def _check_alone(table: Table, path: str, kind: str, others: Iterable[str]) -> None:
+    both = [name for name in others if name in table]
     if both:
         raise RequestError(
             f"scene file '{path}' has {kind} and {' and '.join(both)}",
@@ -158,12 +152,11 @@ def _check_alone(document: SceneDocument, path: str, kind: str, others: Iterable
         )
 
 
-def _numbers(document: SceneDocument, path: str, names: Iterable[str]) -> dict[str, Any]:
-    numbers = {name: getattr(document, name) for name in names}
-    missing = [name for name, number in numbers.items() if number is None]
+def _picked(numbers: dict[str, float], path: str, names: Iterable[str]) -> dict[str, Any]:
+    missing = [name for name in names if name not in numbers]
     if missing:
         raise _lacking(path, ", ".join(missing))
-    return numbers
+    return {name: numbers[name] for name in names}
 
 
 def _lacking(path: str, what: str) -> RequestError:

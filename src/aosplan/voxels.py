@@ -32,6 +32,10 @@ FACE = 1e-6
 class VoxelVolume:
     """Which voxels above a plot hold something.
 
+    The plot wraps: beyond each edge stands what stands inside the opposite one, so that every
+    target has a canopy whatever the ray; a plot is to be wider than twice what the widest ray
+    crosses of it.
+
     Parameters
     ----------
     occupied

@@ -57,7 +57,11 @@ def run(
         print(
             "note: read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)", file=sys.stderr
         )
-    table = _correlogram(resolved)
+    table = resolved.correlogram
+    if table is None and resolved.volume is not None and (as_json or save is not None):
+        from aosplan.models.correlogram import correlogram
+
+        table = correlogram(resolved.volume)
     if save is not None:
         write_all({save: _scene_bytes(resolved, table, save)}, force=force)
     document = statistics_document(resolved.scene, resolved.warnings, resolved.volume, table)
@@ -66,16 +70,12 @@ def run(
     elif not quiet:
         from aosplan.cli.tables import print_scene
 
+        if resolved.volume is not None and table is None:
+            from aosplan.estimate import densities_off_nadir
+
+            document["density_by_angle"] = densities_off_nadir(resolved.volume)
+
         print_scene(document)
-
-
-def _correlogram(resolved: ResolvedScene) -> Correlogram | None:
-    """The scene's correlogram: the one that it holds, or measured from its voxels."""
-    if resolved.correlogram is not None or resolved.volume is None:
-        return resolved.correlogram
-    from aosplan.models.correlogram import correlogram
-
-    return correlogram(resolved.volume)
 
 
 def _scene_bytes(resolved: ResolvedScene, table: Correlogram | None, path: str) -> bytes:

@@ -304,6 +304,11 @@ def _worst(found: Estimate) -> float:
 
 def _forest(plan: Plan, settings: Settings) -> str:
     """The forest to simulate on, if it goes with the scene."""
+    if plan.approximation is not None:
+        raise RequestError(
+            f"scene '{plan.request.scene}' holds a correlogram, and no voxels to simulate",
+            "simulate its point cloud or .npz, or plan with --model layered",
+        )
     kind = "cloud" if plan.volume is not None else plan.scene.kind
     forest = settings.forest or FOREST_OF[kind]
     if forest == "cloud" and plan.volume is None:
