@@ -460,8 +460,8 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
     [
         ("mine", {}, "needs to know the drone", "--drone"),
         ("mine", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "--payload"),
-        ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3"),
-        ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "dji-m3t"),
+        ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3t"),
+        ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "litchi:"),
         ("dji-h20t-thermal", {}, "needs to know the drone", "dji-m350"),
         (None, {}, "needs to know the drone", "--drone"),
     ],
@@ -588,6 +588,18 @@ def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, w
         files([grid(**values)], formats()[name], "grid")
     assert words in caught.value.message
     assert caught.value.hint
+
+
+def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least_length():
+    east = [-0.4, 0.0, 3.0, 6.0, 6.3, 9.0, 9.4]
+    photo = [False, True, True, True, False, True, False]
+    ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
+    mission = grid(trigger="distance")._replace(waypoints=ways)
+    for name, form in formats().items():
+        (content,) = files([mission], form, "g").values()
+        found = [place[0] for place in positions_of(name, [content])]
+        short = form.limits[0].leg_m[0] > 0.4
+        assert found == pytest.approx([0.0, 3.0, 6.0, 9.0] if short else east, abs=1e-6), name
 
 
 def test_one_waypoint_is_enough_elsewhere():

@@ -14,6 +14,7 @@ from aosplan.models.equations import aperture
 from aosplan.models.uniform import UniformModel
 from aosplan.problem import Bounds, GridKind, Limit, Problem, Requirement, Solution
 from aosplan.quantities import exact_share
+from aosplan.request import find_drone
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.route import Route, lay, timing_of
 from aosplan.solve import solve
@@ -126,6 +127,7 @@ class Plan:
             takeoff_latitude=latitude,
             takeoff_longitude=longitude,
             takeoff_ground_m=self.route.takeoff_ground_m,
+            most_waypoints=find_drone(request.drone).most_waypoints if request.drone else None,
         )
 
     def document(self) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from aosplan.limits import Limits
 from aosplan.markup import xml_text
 from aosplan.mission import photo_lines
 from aosplan.presets.dji import DRONES, PAYLOADS
-from aosplan.quantities import nearest_hint
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -182,7 +181,7 @@ def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
     if name not in known:
         raise RequestError(
             f"{FORMAT.title} has no number for the {kind} '{name}'",
-            nearest_hint(name, known) or f"it has those of {', '.join(known)}",
+            f"it has those of {', '.join(known)}; for other drones write litchi:grid.csv",
         )
     return known[name]
 
