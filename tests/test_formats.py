@@ -126,10 +126,12 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     rows = commands_of(written(mission, "waypoints").decode())
     switches = [(row[4], row[6]) for row in rows if row[3] == 206]
     assert switches == [(2.5, 1.0), (0.0, 0.0)] * 3
-    assert not [row for row in rows if row[3] == 203]
+    # Where nothing runs out beyond a line, its last photo is one of its own.
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203] * 3
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
-    assert {item["params"][0] for item in items if item["command"] == 16} == {0.0}
+    holds = [item["params"][0] for item in items if item["command"] == 16]
+    assert holds == [0.0, 0.0, 0.0, 1.0] * 3
     waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
     groups = [
         (
@@ -155,6 +157,12 @@ def test_turning_points_take_no_photo_in_flight():
     ways = Waypoints(east, north, [40.0] * 10, east, north, photo=photo)
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(1, 3), (6, 8)]
+    codes = [row[3] for row in commands_of(written(mission, "waypoints").decode())[4:-1]]
+    one = [115, 16, 115, 16, 206, 115, 16, 115, 16, 115, 16, 206]
+    assert codes == one * 2  # on at the first site, off at the turn beyond the last
+    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    stops = ["Stop" in mode for mode in texts(waylines, "waypointTurnMode")]
+    assert stops == [True, False, False, False, True] * 2
 
 
 @given(mission=missions)
@@ -175,7 +183,7 @@ def test_sites_off_any_line_take_single_photos():
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(0, 1), (2, 2), (3, 3)]
     rows = commands_of(written(mission, "waypoints").decode())
-    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203, 203]
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203, 203, 203]
 
 
 # QGroundControl: the rules of its own loader (PlanMasterController, MissionController, MissionItem,
@@ -527,12 +535,20 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
         assert len(sizes) == -(-count // most)
 
 
+def pairs(count):
+    """A mission of many lines of two photos each, which takes the most commands."""
+    east = [3.0 * (index % 2) for index in range(count)]
+    north = [3.0 * (index // 2) for index in range(count)]
+    where = ([1e-5 * value for value in north], [1e-5 * value for value in east])
+    return grid()._replace(waypoints=Waypoints(east, north, [40.0] * count, *where))
+
+
 def test_ardupilot_files_keep_within_its_718_commands():
-    for trigger in ("stop", "distance"):
-        mission = grid(711, kind="lanes", trigger=trigger)
+    for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
+        mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
+        mission = mission._replace(conduct=mission.conduct._replace(trigger=trigger))
         for content in files([mission], formats()["waypoints"], "g.waypoints").values():
             assert len(commands_of(content.decode())) <= 718
-        mission = grid(711, trigger=trigger, autopilot="px4")
         for content in files([mission], formats()["qgc_plan"], "g.plan").values():
             assert len(json.loads(content)["mission"]["items"]) <= 500
 

@@ -81,14 +81,18 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             if firing:
                 shot.add(len(places) - 1)
         elif command in {mav.SHOOT, mav.CAPTURE, mav.BY_DISTANCE}:
-            off = command == mav.BY_DISTANCE and not number(params[0], f"{where} distance") > 0.0
-            firing = command == mav.BY_DISTANCE and not off
-            if places and not off:
+            if command == mav.BY_DISTANCE:
+                firing = number(params[0], f"{where} distance") > 0.0
+            if command != mav.BY_DISTANCE or firing:
                 shot.add(len(places) - 1)
+            else:
+                # A line runs out to here; if it has a photo, that is a command of its own.
+                shot.discard(len(places) - 1)
         elif command not in {mav.TAKEOFF, mav.SPEED, mav.GIMBAL, mav.YAW, mav.RETURN}:
             continue  # what else a mission does is no position
     if not places:
         raise RequestError(f"'{path}' holds no waypoints")
+    shot.discard(-1)  # before the first waypoint
     return [place for index, place in enumerate(places) if not shot or index in shot]
 
 

@@ -13,7 +13,7 @@ from aosplan.errors import RequestError
 from aosplan.export import Format
 from aosplan.limits import Limits
 from aosplan.markup import xml_text
-from aosplan.mission import photo_lines
+from aosplan.mission import photo_lines, runs_out
 from aosplan.presets.dji import DRONES, PAYLOADS
 
 if TYPE_CHECKING:
@@ -268,7 +268,10 @@ def _actions(mission: Mission) -> tuple[dict[int, str], set[int]]:
         groups = [(0, 0, None, aim)]
         for first, last in photo_lines(mission):
             groups.append((first, last, conduct.spacing_m if last > first else None, [_SHOOT]))
-            passed |= set(range(first + 1, last))
+            run_in = int(first > 0 and photo is not None and not photo[first - 1])
+            run_out = int(runs_out(mission, last))
+            if last > first:
+                passed |= set(range(first + 1 - run_in, last + run_out))
     texts: dict[int, str] = {}
     for number, (first, last, spacing_m, actions) in enumerate(groups):
         texts[first] = texts.get(first, "") + _group(number, first, last, spacing_m, actions)
