@@ -26,16 +26,11 @@ LIMIT = 5.0
 
 
 def mission_of(count: int):
-    from aosplan.mission import Conduct, Mission, waypoints_of
+    from aosplan.mission import Conduct, Mission, Waypoints, local_sites, placed
     from aosplan.pattern import pattern_for
 
-    ways = waypoints_of(
-        pattern_for("rectangle", count),
-        2.8,
-        heading_deg=30.0,
-        altitude_m=40.0,
-        origin=(48.3358, 14.3261),
-    )
+    east, north = local_sites(pattern_for("rectangle", count), 2.8, 30.0)
+    ways = placed(Waypoints(east, north, [40.0] * len(east)), (48.3358, 14.3261))
     return Mission(ways[:count], {"camera": {"name": "dji-m3t-thermal"}}, Conduct())
 
 

@@ -112,7 +112,7 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
     assert [
         texts(mark, "actionActuatorFunc")[-2:] == ["hover", "takePhoto"] for mark in marks
     ] == shot
-    assert set(texts(waylines, "hoverTime")) == {"1.25"}
+    assert set(texts(waylines, "hoverTime")) == {"1.250"}
     for line, yes in zip(written(mission, "litchi").decode().splitlines()[1:], shot, strict=True):
         pairs = line.split(",")[8:38]
         assert pairs[:6] == (
@@ -471,6 +471,9 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
         ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3t"),
         ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "litchi:"),
         ("dji-h20t-thermal", {}, "needs to know the drone", "dji-m350"),
+        ("dji-m3t-thermal", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "dji-h20t"),
+        ("dji-m3t-wide", {"payload": "dji-h20t"}, "the drone dji-m3t does not carry", "--drone"),
+        ("x", {"drone": "dji-m300", "payload": "dji-m3t"}, "does not carry dji-m3t", "--payload"),
         (None, {}, "needs to know the drone", "--drone"),
     ],
 )
@@ -733,7 +736,8 @@ def test_autopilot_and_payload_reach_the_files(tmp_path):
     out = str(tmp_path / "g.plan")
     assert run([*PLAN, "--autopilot", "ardupilot", "--out", out]) == 0
     assert json.loads((tmp_path / "g.plan").read_text())["mission"]["firmwareType"] == 3
-    assert run([*PLAN, "--payload", "dji-h20t", "--out", str(tmp_path / "g.kmz")]) == 0
+    drone = ["--drone", "dji-m350", "--payload", "dji-h20t"]
+    assert run([*PLAN, *drone, "--out", str(tmp_path / "g.kmz")]) == 0
     waylines = documents_of((tmp_path / "g.kmz").read_bytes())["waylines.wpml"]
     assert texts(waylines, "payloadEnumValue") == ["43"]
 
