@@ -253,6 +253,15 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
         assert ({203, 2000} & set(codes)) <= {203 if autopilot == "ardupilot" else 2000}
 
 
+@pytest.mark.parametrize("yaw", [-30.0, 330.0, 1050.0, -1e6 * 360.0 - 30.0])
+def test_headings_are_those_of_a_compass(yaw):
+    mission = grid()._replace(conduct=grid().conduct._replace(yaw_deg=yaw))
+    rows = commands_of(written(mission, "waypoints").decode())
+    assert {row[4] for row in rows if row[3] == 115} == {330.0}
+    items = plan_of(mission)["mission"]["items"]
+    assert {item["params"][3] for item in items if item["command"] == 16} == {330.0}
+
+
 def test_px4_reaches_each_site_with_its_nose_along_the_heading():
     for item in plan_of(grid(heading_deg=-30.0))["mission"]["items"]:
         if item["command"] == 16:
@@ -526,16 +535,18 @@ def limit_cases():
 @pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))
 def test_no_file_holds_more_than_its_target_takes(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
-    if most > 1000:
-        pytest.skip("see the million of the benchmarks")
-    for count in (most, most + 1, 2 * most, 2 * most + 1):
+    for count in (most, most + 1, 2 * most + 1):
         mission = grid(count, kind="line", autopilot=autopilot)
-        needed = files([mission], formats()[name], f"a/grid.b{formats()[name].suffixes[:1]}")
-        sizes = [len(READERS[name](content)) for content in needed.values()]
-        assert sum(sizes) == count
+        pieces = parts(mission, formats()[name])
+        sizes = [len(piece.waypoints) for piece in pieces]
         assert max(sizes) <= most
         assert max(sizes) - min(sizes) <= 1
         assert len(sizes) == -(-count // most)
+        flown = [east for piece in pieces for east in piece.waypoints.east_m]
+        assert flown == mission.waypoints.east_m
+        if most < 1000:
+            contents = files([mission], formats()[name], "a/grid.b").values()
+            assert [len(READERS[name](content)) for content in contents] == sizes
 
 
 def pairs(count):
@@ -742,13 +753,30 @@ def test_autopilot_and_payload_reach_the_files(tmp_path):
     assert texts(waylines, "payloadEnumValue") == ["43"]
 
 
-def test_a_saved_plan_with_a_strange_autopilot_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("autopilot", "hal"),
+        ("takeoff_latitude", 9000),
+        ("takeoff_longitude", -180.5),
+        ("speed_mps", -1),
+        ("speed_mps", 0),
+        ("hold_s", -0.1),
+        ("spacing_m", -1),
+        ("gimbal_pitch_deg", 1e9),
+        ("altitude_frame", "sea"),
+        ("most_waypoints", 1),
+        ("trigger", "time"),
+    ],
+)
+def test_a_saved_plan_flown_in_strange_ways_is_refused(tmp_path, capsys, name, value):
     assert run([*[a for a in PLAN if a != "--quiet"], "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    document["flight"] |= {"autopilot": "hal", "takeoff_latitude": 9000}
+    document["flight"][name] = value
     (tmp_path / "plan.json").write_text(json.dumps(document))
     assert run(["export", str(tmp_path / "plan.json"), "--out", str(tmp_path / "g.plan")]) == 2
-    assert "flight." in capsys.readouterr().err
+    assert f"flight.{name}" in capsys.readouterr().err
+    assert not (tmp_path / "g.plan").exists()
 
 
 def test_formats_are_listed_with_what_they_need_and_hold(capsys):

@@ -74,10 +74,10 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
     for index, (latitude, longitude, height) in enumerate(sites):
         if own_yaw:
-            lead = (REACHED_M, 0.0, conduct.yaw_deg)
+            lead = (REACHED_M, 0.0, conduct.yaw_deg % 360.0)
         else:
             # ArduPilot turns to the next waypoint at each one, unless it is told again.
-            yield _plain(YAW, conduct.yaw_deg)
+            yield _plain(YAW, conduct.yaw_deg % 360.0)
             lead = (0.0, 0.0, 0.0)
         shot = follow.get(index, ())
         stay = hold if shoot in shot else 0.0
