@@ -87,13 +87,14 @@ def documents(mission: Mission) -> dict[str, Iterator[str]]:
     conduct = mission.conduct
     speed = f"{conduct.speed_mps:.2f}"
     config = _config(mission)
+    name, *_ = machine(mission)
     turn = "toPointAndStopWithDiscontinuityCurvature"
     heading = _heading(conduct.yaw_deg)
     template = f"""
 {_wrap("author", "aosplan")}
 {config}
 <Folder>
-<name>{xml_text(mission.title)}, altitudes above the take-off</name>
+<name>{xml_text(mission.title)}, for {name}, altitudes above the take-off</name>
 <wpml:templateType>waypoint</wpml:templateType>
 <wpml:templateId>0</wpml:templateId>
 <wpml:waylineCoordinateSysParam>
@@ -153,7 +154,7 @@ def _wrap(name: str, *inner: object) -> str:
 def _config(mission: Mission) -> str:
     """Where the drone goes before and after, and what it is."""
     conduct = mission.conduct
-    drone, payload = machine(mission)
+    _, drone, payload = machine(mission)
     height = f"{mission.climb_m():.2f}"
     reference = ""
     if conduct.takeoff_latitude is not None:
@@ -175,8 +176,8 @@ def _config(mission: Mission) -> str:
 </wpml:missionConfig>"""
 
 
-def machine(mission: Mission) -> tuple[Drone, int]:
-    """The drone, and the number of the camera that it carries.
+def machine(mission: Mission) -> tuple[str, Drone, int]:
+    """The drone's name and numbers, and the number of the camera that it carries.
 
     A drone or payload that is not named is the one that the planned camera belongs to.
     """
@@ -203,7 +204,7 @@ def machine(mission: Mission) -> tuple[Drone, int]:
             if drone.payload is None
             else "leave --payload out, or give another --drone",
         )
-    return drone, _known(payload, PAYLOADS, "payload")
+    return name, drone, _known(payload, PAYLOADS, "payload")
 
 
 def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
