@@ -129,6 +129,15 @@ def test_a_place_loads_pyproj_and_nothing_else_that_is_heavy():
     assert not found & (HEAVY - {"pyproj"})
 
 
+@pytest.mark.parametrize(
+    "name", ["csv", "geojson", "kml", "litchi", "qgc_plan", "waypoints", "wpml"]
+)
+def test_small_missions_are_written_without_numpy(name, tmp_path):
+    line = ("plan", "--altitude", "40", "--origin", "48,14", "--quiet")
+    found = packages(command(*line, "--out", f"{name}:{tmp_path / 'grid'}"))
+    assert not found & ((HEAVY | RICH) - {"pyproj"})
+
+
 def test_a_request_file_loads_pydantic_and_nothing_else_that_is_heavy(tmp_path):
     (tmp_path / "r.toml").write_text("altitude = 40\n")
     found = packages(command("plan", str(tmp_path / "r.toml"), "--json"))

@@ -69,7 +69,7 @@ def test_pymavlink_loads_waypoints(mavutil, tmp_path, name):
     assert {site.frame for site in sites} == {mavutil.mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT}
     photos = [i for i in items if i.command == mavutil.mavlink.MAV_CMD_DO_DIGICAM_CONTROL]
     switches = [i for i in items if i.command == mavutil.mavlink.MAV_CMD_DO_SET_CAM_TRIGG_DIST]
-    assert (len(photos), len(switches)) == ((0, 2) if name == "through" else (len(sites), 0))
+    assert (len(photos), len(switches)) == ((1, 2) if name == "through" else (len(sites), 0))
 
 
 # It leaves files open that it does not understand.

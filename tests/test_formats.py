@@ -112,7 +112,7 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
     assert [
         texts(mark, "actionActuatorFunc")[-2:] == ["hover", "takePhoto"] for mark in marks
     ] == shot
-    assert set(texts(waylines, "hoverTime")) == {"1.25"}
+    assert set(texts(waylines, "hoverTime")) == {"1.250"}
     for line, yes in zip(written(mission, "litchi").decode().splitlines()[1:], shot, strict=True):
         pairs = line.split(",")[8:38]
         assert pairs[:6] == (
@@ -126,10 +126,12 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     rows = commands_of(written(mission, "waypoints").decode())
     switches = [(row[4], row[6]) for row in rows if row[3] == 206]
     assert switches == [(2.5, 1.0), (0.0, 0.0)] * 3
-    assert not [row for row in rows if row[3] == 203]
+    # Where nothing runs out beyond a line, its last photo is one of its own.
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203] * 3
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
-    assert {item["params"][0] for item in items if item["command"] == 16} == {0.0}
+    holds = [item["params"][0] for item in items if item["command"] == 16]
+    assert holds == [0.0, 0.0, 0.0, 1.0] * 3
     waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
     groups = [
         (
@@ -155,6 +157,12 @@ def test_turning_points_take_no_photo_in_flight():
     ways = Waypoints(east, north, [40.0] * 10, east, north, photo=photo)
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(1, 3), (6, 8)]
+    codes = [row[3] for row in commands_of(written(mission, "waypoints").decode())[4:-1]]
+    one = [115, 16, 115, 16, 206, 115, 16, 115, 16, 115, 16, 206]
+    assert codes == one * 2  # on at the first site, off at the turn beyond the last
+    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    stops = ["Stop" in mode for mode in texts(waylines, "waypointTurnMode")]
+    assert stops == [True, False, False, False, True] * 2
 
 
 @given(mission=missions)
@@ -175,7 +183,7 @@ def test_sites_off_any_line_take_single_photos():
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(0, 1), (2, 2), (3, 3)]
     rows = commands_of(written(mission, "waypoints").decode())
-    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203, 203]
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203, 203, 203]
 
 
 # QGroundControl: the rules of its own loader (PlanMasterController, MissionController, MissionItem,
@@ -243,6 +251,15 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
         assert codes[-1] == 20
         # Cameras: 2000 for PX4, and 203 for ArduPilot, which refuses 2000 before 4.4.
         assert ({203, 2000} & set(codes)) <= {203 if autopilot == "ardupilot" else 2000}
+
+
+@pytest.mark.parametrize("yaw", [-30.0, 330.0, 1050.0, -1e6 * 360.0 - 30.0])
+def test_headings_are_those_of_a_compass(yaw):
+    mission = grid()._replace(conduct=grid().conduct._replace(yaw_deg=yaw))
+    rows = commands_of(written(mission, "waypoints").decode())
+    assert {row[4] for row in rows if row[3] == 115} == {330.0}
+    items = plan_of(mission)["mission"]["items"]
+    assert {item["params"][3] for item in items if item["command"] == 16} == {330.0}
 
 
 def test_px4_reaches_each_site_with_its_nose_along_the_heading():
@@ -460,9 +477,12 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
     [
         ("mine", {}, "needs to know the drone", "--drone"),
         ("mine", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "--payload"),
-        ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3"),
-        ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "dji-m3t"),
+        ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3t"),
+        ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "litchi:"),
         ("dji-h20t-thermal", {}, "needs to know the drone", "dji-m350"),
+        ("dji-m3t-thermal", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "dji-h20t"),
+        ("dji-m3t-wide", {"payload": "dji-h20t"}, "the drone dji-m3t does not carry", "--drone"),
+        ("x", {"drone": "dji-m300", "payload": "dji-m3t"}, "does not carry dji-m3t", "--payload"),
         (None, {}, "needs to know the drone", "--drone"),
     ],
 )
@@ -515,24 +535,34 @@ def limit_cases():
 @pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))
 def test_no_file_holds_more_than_its_target_takes(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
-    if most > 1000:
-        pytest.skip("see the million of the benchmarks")
-    for count in (most, most + 1, 2 * most, 2 * most + 1):
+    for count in (most, most + 1, 2 * most + 1):
         mission = grid(count, kind="line", autopilot=autopilot)
-        needed = files([mission], formats()[name], f"a/grid.b{formats()[name].suffixes[:1]}")
-        sizes = [len(READERS[name](content)) for content in needed.values()]
-        assert sum(sizes) == count
+        pieces = parts(mission, formats()[name])
+        sizes = [len(piece.waypoints) for piece in pieces]
         assert max(sizes) <= most
         assert max(sizes) - min(sizes) <= 1
         assert len(sizes) == -(-count // most)
+        flown = [east for piece in pieces for east in piece.waypoints.east_m]
+        assert flown == mission.waypoints.east_m
+        if most < 1000:
+            contents = files([mission], formats()[name], "a/grid.b").values()
+            assert [len(READERS[name](content)) for content in contents] == sizes
+
+
+def pairs(count):
+    """A mission of many lines of two photos each, which takes the most commands."""
+    east = [3.0 * (index % 2) for index in range(count)]
+    north = [3.0 * (index // 2) for index in range(count)]
+    where = ([1e-5 * value for value in north], [1e-5 * value for value in east])
+    return grid()._replace(waypoints=Waypoints(east, north, [40.0] * count, *where))
 
 
 def test_ardupilot_files_keep_within_its_718_commands():
-    for trigger in ("stop", "distance"):
-        mission = grid(711, kind="lanes", trigger=trigger)
+    for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
+        mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
+        mission = mission._replace(conduct=mission.conduct._replace(trigger=trigger))
         for content in files([mission], formats()["waypoints"], "g.waypoints").values():
             assert len(commands_of(content.decode())) <= 718
-        mission = grid(711, trigger=trigger, autopilot="px4")
         for content in files([mission], formats()["qgc_plan"], "g.plan").values():
             assert len(json.loads(content)["mission"]["items"]) <= 500
 
@@ -588,6 +618,18 @@ def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, w
         files([grid(**values)], formats()[name], "grid")
     assert words in caught.value.message
     assert caught.value.hint
+
+
+def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least_length():
+    east = [-0.4, 0.0, 3.0, 6.0, 6.3, 9.0, 9.4]
+    photo = [False, True, True, True, False, True, False]
+    ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
+    mission = grid(trigger="distance")._replace(waypoints=ways)
+    for name, form in formats().items():
+        (content,) = files([mission], form, "g").values()
+        found = [place[0] for place in positions_of(name, [content])]
+        short = form.limits[0].leg_m[0] > 0.4
+        assert found == pytest.approx([0.0, 3.0, 6.0, 9.0] if short else east, abs=1e-6), name
 
 
 def test_one_waypoint_is_enough_elsewhere():
@@ -705,18 +747,36 @@ def test_autopilot_and_payload_reach_the_files(tmp_path):
     out = str(tmp_path / "g.plan")
     assert run([*PLAN, "--autopilot", "ardupilot", "--out", out]) == 0
     assert json.loads((tmp_path / "g.plan").read_text())["mission"]["firmwareType"] == 3
-    assert run([*PLAN, "--payload", "dji-h20t", "--out", str(tmp_path / "g.kmz")]) == 0
+    drone = ["--drone", "dji-m350", "--payload", "dji-h20t"]
+    assert run([*PLAN, *drone, "--out", str(tmp_path / "g.kmz")]) == 0
     waylines = documents_of((tmp_path / "g.kmz").read_bytes())["waylines.wpml"]
     assert texts(waylines, "payloadEnumValue") == ["43"]
 
 
-def test_a_saved_plan_with_a_strange_autopilot_is_refused(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("autopilot", "hal"),
+        ("takeoff_latitude", 9000),
+        ("takeoff_longitude", -180.5),
+        ("speed_mps", -1),
+        ("speed_mps", 0),
+        ("hold_s", -0.1),
+        ("spacing_m", -1),
+        ("gimbal_pitch_deg", 1e9),
+        ("altitude_frame", "sea"),
+        ("most_waypoints", 1),
+        ("trigger", "time"),
+    ],
+)
+def test_a_saved_plan_flown_in_strange_ways_is_refused(tmp_path, capsys, name, value):
     assert run([*[a for a in PLAN if a != "--quiet"], "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    document["flight"] |= {"autopilot": "hal", "takeoff_latitude": 9000}
+    document["flight"][name] = value
     (tmp_path / "plan.json").write_text(json.dumps(document))
     assert run(["export", str(tmp_path / "plan.json"), "--out", str(tmp_path / "g.plan")]) == 2
-    assert "flight." in capsys.readouterr().err
+    assert f"flight.{name}" in capsys.readouterr().err
+    assert not (tmp_path / "g.plan").exists()
 
 
 def test_formats_are_listed_with_what_they_need_and_hold(capsys):

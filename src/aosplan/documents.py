@@ -135,11 +135,11 @@ class FlightDocument(OpenDocument):
     length_m: Finite
     time_s: Finite
     trigger: Literal["stop", "distance"] = "stop"
-    speed_mps: Finite = 5.0
-    hold_s: Finite = 1.0
-    spacing_m: Finite = 0.0
+    speed_mps: Annotated[Finite, Field(gt=0)] = 5.0
+    hold_s: Annotated[Finite, Field(ge=0)] = 1.0
+    spacing_m: Annotated[Finite, Field(ge=0)] = 0.0
     yaw_deg: Finite = 0.0
-    gimbal_pitch_deg: Finite = -90.0
+    gimbal_pitch_deg: Annotated[Finite, Field(ge=-180, le=180)] = -90.0
     autopilot: Literal["px4", "ardupilot"] | None = None
     drone: str | None = None
     payload: str | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -44,12 +45,15 @@ def limits_of(mission: Mission, chosen: Format) -> Limits:
 def parts(mission: Mission, chosen: Format) -> list[Mission]:
     """The mission in pieces that the format's target takes: consecutive, gapless, equally long.
 
+    Turning points nearer to their neighbour than the target's shortest leg are left out.
+
     Raises
     ------
     RequestError
         Where it is beyond a limit that splitting does not cure; the message has the number.
     """
     limits = limits_of(mission, chosen)
+    mission = _without_short_turns(mission, limits.leg_m[0])
     count = len(mission.waypoints)
     fewest, most = limits.waypoints
     if count < fewest:
@@ -95,6 +99,28 @@ def _check(
             raise RequestError(
                 f"{name} {value:.6g} {unit}: {chosen.title} takes {shown} {unit}", hint
             )
+
+
+def _without_short_turns(mission: Mission, shortest_m: float) -> Mission:
+    """The mission without waypoints that take no photo and lie on their neighbour."""
+    ways = mission.waypoints
+    if shortest_m <= 0.0 or ways.photo is None:
+        return mission
+    heights = mission.flown_m()
+    kept: list[int] = []
+    for index, photo in enumerate(ways.photo):
+        place = (ways.east_m[index], ways.north_m[index], heights[index])
+        if kept:
+            last = kept[-1]
+            before = (ways.east_m[last], ways.north_m[last], heights[last])
+            if math.dist(place, before) < shortest_m:
+                if not photo:
+                    continue
+                if not ways.photo[last]:
+                    kept.pop()
+        kept.append(index)
+    columns = {name: [column[i] for i in kept] for name, column in ways.columns().items()}
+    return mission._replace(waypoints=replace(ways, **columns))
 
 
 def _check_legs(mission: Mission, chosen: Format, limits: Limits) -> None:

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.limits import Limits
-from aosplan.mission import photo_lines
+from aosplan.mission import photo_lines, runs_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,8 +29,9 @@ REACHED_M = 0.5
 
 ARDUPILOT = Limits(
     "ardupilot",
-    # Home, take-off, speed, gimbal and return, and three commands a waypoint.
-    waypoints=(1, (718 - 5) // 3),
+    # Home, take-off, speed, gimbal and return; and at most seven commands for two waypoints:
+    # yaw and site for each, and by distance the camera on, off and a photo.
+    waypoints=(1, (718 - 5) * 2 // 7),
     height_m=(-83_886.0, 83_886.0),
     hold_s=(0.0, 65_535.0),
     source="718 commands on small boards; heights are stored as 24 bits of centimetres",
@@ -38,8 +39,8 @@ ARDUPILOT = Limits(
 
 PX4 = Limits(
     "px4",
-    # Take-off, speed, gimbal and return, and two commands a waypoint.
-    waypoints=(1, (500 - 4) // 2),
+    # Take-off, speed, gimbal and return, and at most five commands for two waypoints.
+    waypoints=(1, (500 - 4) * 2 // 5),
     source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
 )
 
@@ -73,10 +74,10 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
     for index, (latitude, longitude, height) in enumerate(sites):
         if own_yaw:
-            lead = (REACHED_M, 0.0, conduct.yaw_deg)
+            lead = (REACHED_M, 0.0, conduct.yaw_deg % 360.0)
         else:
             # ArduPilot turns to the next waypoint at each one, unless it is told again.
-            yield _plain(YAW, conduct.yaw_deg)
+            yield _plain(YAW, conduct.yaw_deg % 360.0)
             lead = (0.0, 0.0, 0.0)
         shot = follow.get(index, ())
         stay = hold if shoot in shot else 0.0
@@ -98,7 +99,12 @@ def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:
         else:
             # Its third parameter takes the first photo at once.
             actions[first] = (_plain(BY_DISTANCE, conduct.spacing_m, 0.0, 1.0),)
-            actions[last] = (_plain(BY_DISTANCE, 0.0),)
+            off = _plain(BY_DISTANCE, 0.0)
+            if runs_out(mission, last):
+                actions[last + 1] = (off,)
+            else:
+                # The last site is reached a little early, before its photo is due.
+                actions[last] = (off, shoot)
     return actions
 
 

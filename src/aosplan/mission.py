@@ -183,8 +183,8 @@ STRAIGHT = 0.02
 def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     """First and last waypoint of each straight line along which the camera fires by distance.
 
-    Every waypoint with a photo is on one line: neighbours are as far apart as whole spacings,
-    and legs that turn are on none.  A line may be a single waypoint.
+    Every waypoint with a photo is on one line: neighbours are one spacing apart, and legs that
+    turn or are of another length are on none.  A line may be a single waypoint.
     """
     ways, spacing = mission.waypoints, mission.conduct.spacing_m
     photo = ways.photo or [True] * len(ways)
@@ -196,8 +196,7 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
         if found and found[-1][1] == index - 1:
             step = (east - ways.east_m[index - 1], north - ways.north_m[index - 1])
             length = math.hypot(*step)
-            spacings = length / spacing if spacing > 0.0 else 0.0
-            if spacings > 0.5 and abs(spacings - round(spacings)) < STRAIGHT:
+            if abs(length - spacing) < STRAIGHT * spacing:
                 course = (step[0] / length, step[1] / length)
                 if along is None or math.dist(course, along) < STRAIGHT:
                     found[-1] = (found[-1][0], index)
@@ -206,6 +205,12 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
         found.append((index, index))
         along = None
     return found
+
+
+def runs_out(mission: Mission, last: int) -> bool:
+    """Whether a line goes on beyond its last photo, to a waypoint where the drone only turns."""
+    photo = mission.waypoints.photo
+    return photo is not None and last + 1 < len(photo) and not photo[last + 1]
 
 
 def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, ...]:

@@ -142,7 +142,11 @@ def _options() -> list[Any]:
         text_option("--samples", "N", "Number of samples, on the trimmed grid."),
         text_option("--grid", "ROWSxCOLUMNS", "A whole rectangle, instead."),
         text_option("--dhat", "X", "Normalised disparity d̂ between neighbours."),
-        text_option("--positions", "FILE", "CSV with x,y or east_m,north_m in metres, instead."),
+        text_option(
+            "--positions",
+            "FILE",
+            "CSV with x,y or east_m,north_m in metres, .waypoints, .plan or .geojson, instead.",
+        ),
         text_option("--spacing", "M", "Offset at which an occluder has moved by its own size."),
         json_option(),
     ]

@@ -7,18 +7,17 @@ template.kml, waylines.wpml, common elements).
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
 from aosplan.export import Format
 from aosplan.limits import Limits
 from aosplan.markup import xml_text
-from aosplan.mission import photo_lines
+from aosplan.mission import photo_lines, runs_out
 from aosplan.presets.dji import DRONES, PAYLOADS
-from aosplan.quantities import nearest_hint
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from aosplan.mission import Mission
     from aosplan.presets.dji import Drone
@@ -44,8 +43,15 @@ FORMAT = Format(
     ),
 )
 
-_DAMPING_M = 0.2
-"""Curve at a waypoint that is flown through; two of them fit into the shortest leg."""
+_STOP = (
+    "<wpml:waypointTurnMode>toPointAndStopWithDiscontinuityCurvature</wpml:waypointTurnMode>"
+    "<wpml:waypointTurnDampingDist>0</wpml:waypointTurnDampingDist>"
+)
+_THROUGH = (
+    "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
+    # Two curves of so many metres fit into the shortest leg.
+    "<wpml:waypointTurnDampingDist>0.2</wpml:waypointTurnDampingDist>"
+)
 
 
 def render(mission: Mission) -> bytes:
@@ -60,17 +66,19 @@ def render(mission: Mission) -> bytes:
 
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in documents(mission).items():
+        for name, pieces in documents(mission).items():
             member = zipfile.ZipInfo(f"wpmz/{name}", date_time=(1980, 1, 1, 0, 0, 0))
             member.compress_type = zipfile.ZIP_DEFLATED
             member.create_system = 3
             member.external_attr = 0o644 << 16
-            archive.writestr(member, text)
+            with archive.open(member, "w") as file:
+                for piece in pieces:
+                    file.write(piece.encode())
     return buffer.getvalue()
 
 
-def documents(mission: Mission) -> dict[str, str]:
-    """The two documents by name: what Pilot 2 shows and edits, and what the drone flies."""
+def documents(mission: Mission) -> dict[str, Iterator[str]]:
+    """The two documents by name, in pieces: what Pilot 2 shows, and what the drone flies."""
     if mission.conduct.altitude_frame != "takeoff":
         raise RequestError(
             f"{FORMAT.title} holds no height above the ground over trees",
@@ -79,13 +87,14 @@ def documents(mission: Mission) -> dict[str, str]:
     conduct = mission.conduct
     speed = f"{conduct.speed_mps:.2f}"
     config = _config(mission)
+    name, *_ = machine(mission)
     turn = "toPointAndStopWithDiscontinuityCurvature"
     heading = _heading(conduct.yaw_deg)
     template = f"""
 {_wrap("author", "aosplan")}
 {config}
 <Folder>
-<name>{xml_text(mission.title)}, altitudes above the take-off</name>
+<name>{xml_text(mission.title)}, for {name}, altitudes above the take-off</name>
 <wpml:templateType>waypoint</wpml:templateType>
 <wpml:templateId>0</wpml:templateId>
 <wpml:waylineCoordinateSysParam>
@@ -111,19 +120,31 @@ def documents(mission: Mission) -> dict[str, str]:
 <wpml:waylineId>0</wpml:waylineId>
 <wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
 """
-    placed = _placemarks(mission, heading, speed)
+    pitch = f"<wpml:gimbalPitchAngle>{conduct.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
+    shown = (
+        "<wpml:ellipsoidHeight>%s</wpml:ellipsoidHeight><wpml:height>%s</wpml:height>\n"
+        "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
+        "<wpml:useGlobalSpeed>1</wpml:useGlobalSpeed>"
+        "<wpml:useGlobalHeadingParam>0</wpml:useGlobalHeadingParam>"
+        f"<wpml:useGlobalTurnParam>0</wpml:useGlobalTurnParam>\n{pitch}"
+    )
+    flown = (
+        "<wpml:executeHeight>%s</wpml:executeHeight>"
+        f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
+    )
     return {
-        "template.kml": _kml(template + "".join(shown for shown, _ in placed)),
-        "waylines.wpml": _kml(waylines + "".join(flown for _, flown in placed)),
+        "template.kml": _kml(template, _placemarks(mission, heading, shown)),
+        "waylines.wpml": _kml(waylines, _placemarks(mission, heading, flown)),
     }
 
 
-def _kml(content: str) -> str:
-    return (
+def _kml(head: str, placemarks: Iterator[str]) -> Iterator[str]:
+    yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
-        f'xmlns:wpml="http://www.dji.com/wpmz/1.0.2">\n<Document>{content}</Folder>\n'
-        "</Document>\n</kml>\n"
+        f'xmlns:wpml="http://www.dji.com/wpmz/1.0.2">\n<Document>{head}'
     )
+    yield from placemarks
+    yield "</Folder>\n</Document>\n</kml>\n"
 
 
 def _wrap(name: str, *inner: object) -> str:
@@ -133,7 +154,7 @@ def _wrap(name: str, *inner: object) -> str:
 def _config(mission: Mission) -> str:
     """Where the drone goes before and after, and what it is."""
     conduct = mission.conduct
-    drone, payload = machine(mission)
+    _, drone, payload = machine(mission)
     height = f"{mission.climb_m():.2f}"
     reference = ""
     if conduct.takeoff_latitude is not None:
@@ -155,8 +176,8 @@ def _config(mission: Mission) -> str:
 </wpml:missionConfig>"""
 
 
-def machine(mission: Mission) -> tuple[Drone, int]:
-    """The drone, and the number of the camera that it carries.
+def machine(mission: Mission) -> tuple[str, Drone, int]:
+    """The drone's name and numbers, and the number of the camera that it carries.
 
     A drone or payload that is not named is the one that the planned camera belongs to.
     """
@@ -169,20 +190,28 @@ def machine(mission: Mission) -> tuple[Drone, int]:
             f"{FORMAT.title} needs to know the drone", f"give --drone {', '.join(DRONES)}"
         )
     drone = _known(name, DRONES, "drone")
-    payload = conduct.payload or drone.payload or (built_in if built_in in PAYLOADS else None)
+    carried = built_in if built_in in PAYLOADS and built_in not in DRONES else None
+    payload = conduct.payload or drone.payload or carried
     if payload is None:
         raise RequestError(
             f"{FORMAT.title} needs to know what the drone {name} carries",
             f"give --payload {', '.join(PAYLOADS)}",
         )
-    return drone, _known(payload, PAYLOADS, "payload")
+    if payload != drone.payload and (drone.payload is not None or payload in DRONES):
+        raise RequestError(
+            f"the drone {name} does not carry {payload}",
+            "give another --payload"
+            if drone.payload is None
+            else "leave --payload out, or give another --drone",
+        )
+    return name, drone, _known(payload, PAYLOADS, "payload")
 
 
 def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
     if name not in known:
         raise RequestError(
             f"{FORMAT.title} has no number for the {kind} '{name}'",
-            nearest_hint(name, known) or f"it has those of {', '.join(known)}",
+            f"it has those of {', '.join(known)}; for other drones write litchi:grid.csv",
         )
     return known[name]
 
@@ -206,77 +235,65 @@ def _heading(yaw_deg: float) -> str:
     )
 
 
-def _placemarks(mission: Mission, heading: str, speed: str) -> list[tuple[str, str]]:
-    """Each waypoint in both documents."""
+def _placemarks(mission: Mission, heading: str, own: str) -> Iterator[str]:
+    """Each waypoint; `own` is what one of the documents alone says, with %s for heights."""
     ways = mission.waypoints
     assert ways.latitude is not None  # the format needs a place
     assert ways.longitude is not None
     groups, passed = _actions(mission)
-    placed = []
-    heights = mission.flown_m()
-    pitch = f"{mission.conduct.gimbal_pitch_deg:g}"
-    stop = "<wpml:waypointTurnMode>toPointAndStopWithDiscontinuityCurvature</wpml:waypointTurnMode>"
-    stop += "<wpml:waypointTurnDampingDist>0</wpml:waypointTurnDampingDist>"
-    through = "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
-    through += f"<wpml:waypointTurnDampingDist>{_DAMPING_M}</wpml:waypointTurnDampingDist>"
-    for index, (latitude, longitude, height) in enumerate(
-        zip(ways.latitude, ways.longitude, heights, strict=True)
-    ):
-        up = f"{height:.4f}"
-        place = (
+    places = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
+    for index, (latitude, longitude, height) in enumerate(places):
+        yield (
             f"<Placemark>\n<Point><coordinates>{longitude:.10f},{latitude:.10f}</coordinates>"
-            f"</Point>\n<wpml:index>{index}</wpml:index>\n"
-        )
-        turn = (
+            f"</Point>\n<wpml:index>{index}</wpml:index>\n{own.replace('%s', f'{height:.4f}')}"
             f"<wpml:waypointHeadingParam>{heading}</wpml:waypointHeadingParam>\n"
-            f"<wpml:waypointTurnParam>{through if index in passed else stop}"
+            f"<wpml:waypointTurnParam>{_THROUGH if index in passed else _STOP}"
             "</wpml:waypointTurnParam>\n<wpml:useStraightLine>1</wpml:useStraightLine>\n"
         )
-        end = f"{groups.get(index, '')}</Placemark>\n"
-        shown = (
-            f"<wpml:ellipsoidHeight>{up}</wpml:ellipsoidHeight><wpml:height>{up}</wpml:height>\n"
-            "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
-            "<wpml:useGlobalSpeed>1</wpml:useGlobalSpeed>"
-            "<wpml:useGlobalHeadingParam>0</wpml:useGlobalHeadingParam>"
-            "<wpml:useGlobalTurnParam>0</wpml:useGlobalTurnParam>\n"
-            f"<wpml:gimbalPitchAngle>{pitch}</wpml:gimbalPitchAngle>\n"
-        )
-        flown = (
-            f"<wpml:executeHeight>{up}</wpml:executeHeight>"
-            f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
-        )
-        placed.append((place + shown + turn + end, place + flown + turn + end))
-    return placed
+        yield from (_group(*group) for group in groups.get(index, ()))
+        yield "</Placemark>\n"
 
 
-def _actions(mission: Mission) -> tuple[dict[int, str], set[int]]:
+class Group(NamedTuple):
+    """Actions at a waypoint, or by distance from it to another one."""
+
+    number: int
+    first: int
+    last: int
+    spacing_m: float | None
+    actions: tuple[str, ...]
+
+
+def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
     """Action groups by waypoint, and the waypoints that are flown through without a stop."""
     conduct, photo = mission.conduct, mission.waypoints.photo
-    count = len(mission.waypoints)
-    aim = [_gimbal(conduct.gimbal_pitch_deg)]
-    hover = [_action("hover", _wrap("hoverTime", f"{conduct.hold_s:g}"))] if conduct.hold_s else []
-    groups: list[tuple[int, int, float | None, list[str]]] = []
+    aim = _gimbal(conduct.gimbal_pitch_deg)
+    wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
     passed: set[int] = set()
     if conduct.trigger == "stop":
-        groups = [
-            (index, index, None, [*(() if index else aim), *hover, _SHOOT])
-            for index in range(count)
-            if photo is None or photo[index]
-        ]
-        if not groups or groups[0][0] > 0:
-            groups.insert(0, (0, 0, None, aim))
+        hold = f"{conduct.hold_s:.3f}"
+        hover = (_action("hover", _wrap("hoverTime", hold)),) if float(hold) else ()
+        site = (*hover, _SHOOT)
+        sites = [i for i in range(len(mission.waypoints)) if photo is None or photo[i]]
+        if sites[:1] == [0]:
+            wanted = [(0, 0, None, (aim, *site))]
+            del sites[0]
+        wanted += [(index, index, None, site) for index in sites]
     else:
-        groups = [(0, 0, None, aim)]
         for first, last in photo_lines(mission):
-            groups.append((first, last, conduct.spacing_m if last > first else None, [_SHOOT]))
-            passed |= set(range(first + 1, last))
-    texts: dict[int, str] = {}
-    for number, (first, last, spacing_m, actions) in enumerate(groups):
-        texts[first] = texts.get(first, "") + _group(number, first, last, spacing_m, actions)
-    return texts, passed
+            wanted.append((first, last, conduct.spacing_m if last > first else None, (_SHOOT,)))
+            run_in = int(first > 0 and photo is not None and not photo[first - 1])
+            if last > first:
+                passed |= set(range(first + 1 - run_in, last + runs_out(mission, last)))
+    groups: dict[int, list[Group]] = {}
+    for number, group in enumerate(wanted):
+        groups.setdefault(group[0], []).append(Group(number, *group))
+    return groups, passed
 
 
-def _group(number: int, first: int, last: int, spacing_m: float | None, actions: list[str]) -> str:
+def _group(
+    number: int, first: int, last: int, spacing_m: float | None, actions: tuple[str, ...]
+) -> str:
     trigger = _wrap("actionTriggerType", "reachPoint")
     if spacing_m is not None:
         trigger = _wrap("actionTriggerType", "multipleDistance")
