@@ -35,6 +35,9 @@ HEADING_STEP_DEG = 5.0
 HEADINGS_JUDGED, HEADINGS_APART_DEG = 3, 15.0
 """How many of them the model judges, and how far apart they are."""
 
+FIRST_HEADINGS_DEG = (0.0, 90.0, 45.0, 135.0)
+"""Where a search for the best heading begins; farther on only where a target is out of reach."""
+
 HEADING_MATTERS = 0.03
 """Gain of normalised visibility from which another heading is worth a word."""
 
@@ -237,14 +240,29 @@ def other_heading(chosen: Choice) -> str:
 def solve_best_heading(
     problems: Sequence[Problem], *, footprint_m: tuple[float, float] = (math.inf, math.inf)
 ) -> Choice:
-    """The best of the problems, each at the headings that the sketch rates highest.
+    """The best of the problems at the best heading.
 
-    The sketch rates the solution due north at all headings; the model then solves for the best
-    few, and for north, and the objective decides.
+    What is best at the first of `FIRST_HEADINGS_DEG` that has a solution, the sketch rates at all
+    headings; the model then solves that kind of grid at those it rates highest, and the objective
+    decides.
     """
-    north = solve_best([problem.turned(0.0) for problem in problems], footprint_m=footprint_m)
-    if not hasattr(north.problem.model, "heading_deg") or north.solution.pattern.samples == 1:
-        return north
-    headings = [heading for heading, _ in headings_worth_a_look(north.problem, north.solution)]
-    turned = [north.problem.turned(heading) for heading in dict.fromkeys([0.0, *headings])]
+    first = _first_heading(problems, footprint_m)
+    if not hasattr(first.problem.model, "heading_deg") or first.solution.pattern.samples == 1:
+        return first
+    here: float = first.problem.model.heading_deg
+    others = [heading for heading, _ in headings_worth_a_look(first.problem, first.solution)]
+    turned = [first.problem.turned(heading) for heading in dict.fromkeys([here, *others])]
     return solve_best(turned, footprint_m=footprint_m)
+
+
+def _first_heading(problems: Sequence[Problem], footprint_m: tuple[float, float]) -> Choice:
+    """The best of the problems at the first heading at which any has a solution."""
+    failed: list[InfeasibleError] = []
+    for heading in FIRST_HEADINGS_DEG:
+        try:
+            return solve_best([each.turned(heading) for each in problems], footprint_m=footprint_m)
+        except InfeasibleError as error:
+            failed.append(error)
+            if not hasattr(problems[0].model, "heading_deg"):
+                break
+    raise failed[0]
