@@ -19,7 +19,7 @@ from aosplan.flight import (
     wind_mps,
 )
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import GRIDS, pattern_for
+from aosplan.pattern import LATTICES, pattern_for
 from aosplan.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solve import solve
 from aosplan.track import Track
@@ -194,7 +194,7 @@ def flown_track(pattern, baseline, timing):
 
 @settings(max_examples=150)
 @given(
-    grid=st.sampled_from(GRIDS),
+    grid=st.sampled_from(LATTICES),
     samples=st.integers(1, 80),
     baseline=st.floats(0.1, 30.0),
     speed=speeds,
@@ -231,7 +231,7 @@ def test_a_path_is_what_its_waypoints_are(
 
 
 @given(
-    grid=st.sampled_from(GRIDS),
+    grid=st.sampled_from(LATTICES),
     samples=st.integers(1, 60),
     baseline=st.floats(0.1, 30.0),
     speed=speeds,
@@ -278,7 +278,7 @@ def test_the_least_time_is_the_least_of_all_counts(grid, timing):
     assert problem.meets(found.pattern, found.baseline_m)
 
 
-@given(grid=st.sampled_from(GRIDS), samples=st.integers(1, 120))
+@given(grid=st.sampled_from(LATTICES), samples=st.integers(1, 120))
 def test_lines_take_every_site_once_and_meet_each_at_the_spacing(grid, samples):
     pattern = pattern_for(grid, samples)
     sites = [(2.0 * c, 2.0 * r * pattern.row_pitch) for r, c in pattern.sites()]

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from aosplan.answer import rounded_up
+from aosplan.choose import Choice, kinds, other_heading, solve_best, solve_best_heading
 from aosplan.errors import RequestError
 from aosplan.geometry import CoverageBaseline, coverage_baseline
 from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
@@ -17,7 +18,6 @@ from aosplan.quantities import exact_share
 from aosplan.request import find_drone
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.route import Route, lay, timing_of
-from aosplan.solve import solve
 from aosplan.trigger import Sites
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
+    from aosplan.tradeoff import Row
     from aosplan.voxels import VoxelVolume
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
@@ -53,6 +54,11 @@ class Plan:
         Name of the visibility model.
     solution
         Pattern, baseline, prediction and what bound them.
+    grid, heading_deg
+        Kind of the grid, and direction of its flight lines clockwise from true north: those that
+        were asked for, or the best.
+    problem
+        What was solved; None for a scene without occluders.
     coverage
         The coverage rule's baseline and deciding occluder; None for a scene without occluders.
     route
@@ -71,6 +77,9 @@ class Plan:
     altitude_m: float
     model: str
     solution: Solution
+    grid: GridKind
+    heading_deg: float
+    problem: Problem | None
     coverage: CoverageBaseline | None
     route: Route
     notices: tuple[Message, ...]
@@ -121,7 +130,7 @@ class Plan:
             speed_mps=timing.speed_mps,
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
-            yaw_deg=request.heading % 360.0,
+            yaw_deg=self.heading_deg % 360.0,
             autopilot=request.autopilot,
             drone=request.drone,
             payload=request.payload,
@@ -136,6 +145,21 @@ class Plan:
         from aosplan.summary import plan_document
 
         return plan_document(self)
+
+    def tradeoff(self) -> list[Row]:
+        """What each number of samples takes and gives, for every kind of grid asked for.
+
+        Raises
+        ------
+        RequestError
+            Where nothing stands above the focal plane: there is nothing to trade.
+        """
+        from aosplan.tradeoff import tradeoff
+
+        if self.problem is None:
+            raise RequestError("nothing stands above the focal plane: one photo shows everything")
+        problems = [self.problem._replace(grid=kind) for kind in _kinds_of(self.request)]
+        return tradeoff(problems, self.problem, self.solution)
 
     def mission(self) -> Mission:
         """The plan as formats take it."""
@@ -227,7 +251,8 @@ def plan(
     if scene.integrated_density > 0.0:
         _check_altitude(scene, altitude, request)
     if above is None or density == 0.0:
-        coverage, solution = None, _clear_view(request)
+        coverage, grid, solution = None, *_clear_view(request)
+        problem, heading = None, request.heading_deg
     else:
         _check_density(above, density, request)
         coverage = coverage_baseline(
@@ -235,14 +260,18 @@ def plan(
         )
         if model_name == "measured":
             problem = _measured_problem(request, found, altitude, gsd)
-            solution = solve(problem)
-            notices += tuple(_doubts(found, problem, solution, altitude))
         else:
             model = _model(model_name, above, altitude, camera, coverage)
-            solution = solve(_problem(request, model, gsd))
-    east, north = local_sites(solution.pattern, solution.baseline_m, request.heading)
+            problem = _problem(request, model, gsd)
+        problem, solution = chosen = _chosen(request, problem, camera.footprint_m(altitude))
+        grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
+        if model_name == "measured":
+            notices += tuple(_doubts(found, problem, solution, altitude))
+            if request.heading != "best" and (word := other_heading(chosen)):
+                notices += (Message("heading", word),)
+    east, north = local_sites(solution.pattern, solution.baseline_m, heading)
     route = lay(
-        request,
+        replace(request, heading=heading),
         Sites(east, north, [True] * len(east)),
         origin=request.origin,
         altitude_m=altitude + request.focal_height,
@@ -258,6 +287,9 @@ def plan(
         altitude_m=altitude,
         model=model_name,
         solution=solution,
+        grid=grid,
+        heading_deg=heading,
+        problem=problem,
         coverage=coverage,
         route=route,
         notices=notices,
@@ -346,21 +378,44 @@ def _measured_problem(
                 "plane nor the view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
-        quick = CorrelogramModel(table, altitude_m, heading_deg=request.heading)
+        quick = CorrelogramModel(table, altitude_m, heading_deg=request.heading_deg)
         return _problem(request, quick, gsd_m)
     model = MeasuredModel(
         found.volume,
         altitude_m,
-        heading_deg=request.heading,
+        heading_deg=request.heading_deg,
         view="perspective" if request.view == "perspective" else "telecentric",
         focal_height_m=focal_height,
     )
     problem = _problem(request, model, gsd_m)
-    if model.view == "perspective" or None not in (request.baseline, request.samples):
-        return problem  # the correlogram is telecentric; and with both fixed nothing is searched
+    if None not in (request.baseline, request.samples) and request.heading != "best":
+        return problem  # nothing is searched
+    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
+        sparse = MeasuredModel(
+            found.volume,
+            altitude_m,
+            heading_deg=model.heading_deg,
+            view=model.view,
+            targets_per_voxel=1,
+            focal_height_m=focal_height,
+        )
+        return problem._replace(sketch=sparse)
     if table is None or focal_height > 0.0:
         table = correlogram(found.volume, focal_height_m=focal_height)
-    return problem._replace(sketch=CorrelogramModel(table, altitude_m, heading_deg=request.heading))
+    return problem._replace(
+        sketch=CorrelogramModel(table, altitude_m, heading_deg=model.heading_deg)
+    )
+
+
+def _chosen(request: PlanRequest, problem: Problem, footprint_m: tuple[float, float]) -> Choice:
+    """The best of the grids and headings that the request leaves open."""
+    problems = [problem._replace(grid=kind) for kind in _kinds_of(request)]
+    best = solve_best_heading if request.heading == "best" else solve_best
+    return best(problems, footprint_m=footprint_m)
+
+
+def _kinds_of(request: PlanRequest) -> tuple[GridKind, ...]:
+    return kinds(request.grid, request.lanes, request.lane_pitch)
 
 
 def _doubts(
@@ -396,7 +451,7 @@ def _problem(request: PlanRequest, model: VisibilityModel, gsd_m: float) -> Prob
     return Problem(
         model=model,
         requirement=requirement_of(request),
-        grid=_grid_of(request),
+        grid=_kinds_of(request)[0],
         bounds=Bounds(
             max_aperture_m=request.max_aperture,
             max_samples=request.max_samples,
@@ -408,14 +463,11 @@ def _problem(request: PlanRequest, model: VisibilityModel, gsd_m: float) -> Prob
     )
 
 
-def _grid_of(request: PlanRequest) -> GridKind:
-    return GridKind(request.grid, request.lanes or 3, request.lane_pitch or 4.0)
-
-
-def _clear_view(request: PlanRequest) -> Solution:
+def _clear_view(request: PlanRequest) -> tuple[GridKind, Solution]:
     """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
-    pattern = _grid_of(request).pattern(request.samples or 1)
-    return Solution(
+    grid = _kinds_of(request)[0]
+    pattern = grid.pattern(request.samples or 1)
+    return grid, Solution(
         pattern=pattern,
         baseline_m=request.baseline or 0.0,
         prediction=Prediction(0.0, 1.0, 1.0 / pattern.samples),

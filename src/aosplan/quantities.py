@@ -120,6 +120,15 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
     return parse
 
 
+def or_best(parse: Callable[[Any, str], Any]) -> Callable[[Any, str], Any]:
+    """A parser that also takes the word ``best``: whichever value proves the best."""
+
+    def parsed(value: Any, name: str) -> Any:
+        return "best" if value == "best" else parse(value, name)
+
+    return parsed
+
+
 def word(value: Any, name: str) -> str:
     """Text that is not empty."""
     if not isinstance(value, str) or not value.strip():

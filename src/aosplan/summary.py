@@ -36,11 +36,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         "samples_required": solution.samples_required,
         "aperture_m": plan.aperture_m,
         "grid": {
-            "kind": plan.request.grid,
+            "kind": plan.grid.name,
             "rows": pattern.rows,
             "columns": pattern.columns,
             "extent_m": list(plan.extent_m),
-            "pitch_m": [baseline, baseline * pattern.row_pitch],
+            "heading_deg": plan.heading_deg,
+            "pitch_m": [baseline * pitch for pitch in pattern.pitch],
         },
         "visibility": prediction_document(solution.prediction)
         | {

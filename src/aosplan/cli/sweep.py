@@ -123,7 +123,7 @@ COMMAND = command(
     summary="Solve many scenarios and write a row for each.",
     examples=(
         "aosplan sweep campaign.toml --out results.parquet\n"
-        "aosplan sweep campaign.toml --out best.csv --where \"status = 'ok' AND samples <= 100\" \\\n"
+        'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
         "    --best -flight_time_s --per altitude"
     ),
     parameters=[

@@ -22,7 +22,8 @@ import numpy as np
 
 from aosplan.models import Prediction
 from aosplan.models.sites import offset_counts
-from aosplan.pattern import Pattern
+from aosplan.pattern import Pattern, Sites
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -88,9 +89,17 @@ class LayeredModel:
         """Baseline at which even the lowest slice's occluders have d̂ = 1."""
         return float(self._reach_m.max(initial=0.0))
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
+        if isinstance(pattern, Spiral):
+            apart = baseline_m * pattern.nearest >= reach * (1.0 - 1e-15)
+            shortfall = (
+                1.0 / pattern.samples
+                if apart
+                else self.positions_shortfall(baseline_m * np.array(list(pattern.offsets())))
+            )
+            return Prediction(self.density, self.transparency, shortfall)
         baseline_m = min(baseline_m, 1e300)  # infinity times no offset would be nan
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
@@ -104,14 +113,14 @@ class LayeredModel:
     def positions_shortfall(self, positions: ArrayLike) -> float:
         """Shortfall 1 - V̂ of samples at any positions, shape (N, 2), metres; costs N²."""
         points = np.asarray(positions, dtype=np.float64)
-        block = max(1, TERMS_AT_ONCE // (len(points) * max(len(self._odds), 1)))
-        total = 0.0
-        for start in range(0, len(points), block):
-            apart = np.abs(points[start : start + block, None, :] - points[None, :, :])
-            total += float(
-                self._pair_covariance(apart[..., 0].ravel(), apart[..., 1].ravel()).sum()
-            )
-        return total / len(points) ** 2
+        count, reach = len(points), self.independent_baseline_m
+        block = max(1, TERMS_AT_ONCE // count)
+        pairs = 0.0
+        for start in range(0, count, block):
+            x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
+            near = np.triu((x < reach) & (y < reach), 1)  # each pair once, the later site second
+            pairs += float(self._pair_covariance(x[near], y[near]).sum())
+        return (count + 2.0 * pairs) / count**2
 
     def _covariance(self, offsets_x: NDArray[Any], offsets_y: NDArray[Any]) -> NDArray[np.float64]:
         """Cov/(p T) at every crossing of the offsets, shape (y, x)."""

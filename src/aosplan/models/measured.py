@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.occlusion import ViewKind, Words
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
     from aosplan.voxels import VoxelVolume
 
 CACHE_OCTETS = 1 << 28
@@ -121,7 +121,7 @@ class MeasuredModel:
         """The same distance: no two sites of a grid are to be farther apart along an axis."""
         return self._widest_m
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline: exact for its sites."""
         return self.predict_positions(
             np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))

@@ -9,7 +9,7 @@ from aosplan.models import Prediction
 from aosplan.models.sites import pattern_shortfall
 
 if TYPE_CHECKING:
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 
 class UniformModel(NamedTuple):
@@ -48,7 +48,7 @@ class UniformModel(NamedTuple):
         """The paper's optimal baseline: wider ones gain nothing."""
         return self.unit_baseline_m
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         dhat = baseline_m / self.unit_baseline_m
         return Prediction(self.density, self.transparency, pattern_shortfall(pattern, dhat))
