@@ -7,6 +7,8 @@ template.kml, waylines.wpml, common elements).
 from __future__ import annotations
 
 import io
+from functools import lru_cache
+from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
@@ -72,8 +74,8 @@ def render(mission: Mission) -> bytes:
             member.create_system = 3
             member.external_attr = 0o644 << 16
             with archive.open(member, "w") as file:
-                for piece in pieces:
-                    file.write(piece.encode())
+                while some := "".join(islice(pieces, 1000)):
+                    file.write(some.encode())
     return buffer.getvalue()
 
 
@@ -294,6 +296,16 @@ def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
 def _group(
     number: int, first: int, last: int, spacing_m: float | None, actions: tuple[str, ...]
 ) -> str:
+    return (
+        f"<wpml:actionGroup><wpml:actionGroupId>{number}</wpml:actionGroupId>"
+        f"<wpml:actionGroupStartIndex>{first}</wpml:actionGroupStartIndex>"
+        f"<wpml:actionGroupEndIndex>{last}</wpml:actionGroupEndIndex>{_work(spacing_m, actions)}"
+    )
+
+
+@lru_cache(maxsize=8)
+def _work(spacing_m: float | None, actions: tuple[str, ...]) -> str:
+    """What a group does, and when; a mission has few kinds of groups."""
     trigger = _wrap("actionTriggerType", "reachPoint")
     if spacing_m is not None:
         trigger = _wrap("actionTriggerType", "multipleDistance")
@@ -303,8 +315,6 @@ def _group(
         for place, action in enumerate(actions)
     ]
     return (
-        f"<wpml:actionGroup>{_wrap('actionGroupId', number)}"
-        f"{_wrap('actionGroupStartIndex', first)}{_wrap('actionGroupEndIndex', last)}"
         f"{_wrap('actionGroupMode', 'sequence')}{_wrap('actionTrigger', trigger)}\n"
         + "\n".join(numbered)
         + "</wpml:actionGroup>\n"
