@@ -136,3 +136,11 @@ def test_points_without_a_photo_stay_between_the_lines():
     assert found.east_m == pytest.approx([-1, 0, 2, 3, 5, 3, 2, 0, -1])
     assert found.north_m == pytest.approx([0, 0, 0, 0, 3, 6, 6, 6, 6])
     assert [place for place, photo in enumerate(found.photo) if photo] == [1, 2, 6, 7]
+
+
+def test_a_grid_without_lines_is_a_warning():
+    alone = passing(grid="lanes", samples=3, vhat=0.6)
+    assert alone.solution.pattern.columns == 1
+    assert "photos_alone" in {warning.code for warning in alone.warnings}
+    for other in (passing(grid="lanes"), plan(PlanRequest(altitude=40, grid="lanes"))):
+        assert "photos_alone" not in {warning.code for warning in other.warnings}

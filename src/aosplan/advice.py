@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from aosplan.answer import BEST
@@ -130,6 +131,13 @@ def _flying(plan: Plan) -> Iterator[Message]:
             "photo_interval",
             f"photos follow each other within {pace:.3g} s and the camera takes one each "
             f"{interval:g} s: hold {timing.hold_s + interval - pace:.3g} s at each site",
+        )
+    photo = plan.waypoints.photo or ()
+    if sum(photo) > 1 and not any(one and other for one, other in pairwise(photo)):
+        yield Message(
+            "photos_alone",
+            "no two sites lie on one line along the heading, so each photo in passing takes a "
+            "run-in and a run-out of its own: --trigger stop suits this grid",
         )
     endurance = find_drone(request.drone).endurance_min if request.drone else None
     longest = max(flight.time_s for flight in route.flights) / 60.0

@@ -55,7 +55,7 @@ class Terrain:
         except ImportError:
             raise MissingExtraError(f"terrain '{path}'", "raster") from None
         from pyproj import Transformer
-        from rasterio.errors import NotGeoreferencedWarning, RasterioError
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
 
         self.path = path
         # A raster must not send GDAL over the network or into archives.
@@ -67,7 +67,7 @@ class Terrain:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
                 self._raster = rasterio.open(path, driver="GTiff")
-        except RasterioError:
+        except (RasterioError, RasterioIOError):
             raise RequestError(
                 f"terrain '{path}' is not a GeoTIFF that can be read",
                 "a raster of ground heights is meant",
@@ -136,7 +136,7 @@ class Terrain:
         import numpy as np
 
         lat, lon = np.asarray(latitudes, dtype=float), np.asarray(longitudes, dtype=float)
-        x, y = self._to_raster.transform(lon, lat)
+        x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
         a, b, left, d, e, top = self._transform
         x = np.asarray(x)
         if self._turn:  # longitudes may count from 0 or from -180, and the raster may lie across
@@ -166,7 +166,7 @@ class Terrain:
     ) -> None:
         """Heights of a part of the points; parts that spread too far are halved."""
         import numpy as np
-        from rasterio.errors import RasterioError
+        from rasterio.errors import RasterioError, RasterioIOError
         from rasterio.windows import Window
 
         x = np.clip(columns[part], 0, self._raster.width - 1)
@@ -181,7 +181,7 @@ class Terrain:
             return
         try:
             band = self._raster.read(1, window=Window(left, top, width, height), masked=True)
-        except RasterioError:
+        except (RasterioError, RasterioIOError):
             raise RequestError(f"terrain '{self.path}' is damaged") from None
         pixels = np.ma.filled(band.astype(float), np.nan)
         pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
