@@ -75,8 +75,8 @@ def main():
     write_csv("figure_7", ("panel", "dhat", "N", "a", "vhat", "standard_error"), rows)
 
     beside("7a", "aperture for V̂ = 98 % at d̂ = 1", 6.1, aperture(SAMPLES, 1.0))
-    beside("7a", "aperture of 49 samples 2.8 m apart, in its section III", 19.6, aperture(49, 2.8),
-           "the paper's text counts √N pitches, Eq. 5 and its Fig. 7 one fewer")  # fmt: skip
+    beside("7a", "aperture [m] of 25 samples 2.8 m apart, in its section III", 14, aperture(25, 2.8),
+           "the paper's text has √N pitches there, its Eq. 5 and Fig. 7 one fewer")  # fmt: skip
     pattern = pattern_for("trimmed", SAMPLES)
     sites = np.column_stack(local_sites(pattern, BASELINE_M, 0.0))
     for name, seen in SEEN.items():
