@@ -61,6 +61,14 @@ def _limits(
             model.independent_baseline_m,
             "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
         )
+    elif baseline_m >= model.sharp_baseline_m * (1 - 1e-9) and problem.bounds.samples is None:
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            baseline_m,
+            "neighbouring sites share no occluder; a wider baseline gains only what the hold error "
+            "takes",
+        )
     elif problem.objective in BEST:
         yield Limit(
             "baseline_m", baseline_m, baseline_m, f"the baseline of {BEST[problem.objective]}"

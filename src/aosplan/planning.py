@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.answer import rounded_up
+from aosplan.doubts import Doubts, doubts_of
 from aosplan.errors import RequestError
 from aosplan.geometry import CoverageBaseline, coverage_baseline
 from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 
     from aosplan.camera import Camera
     from aosplan.models import VisibilityModel
+    from aosplan.models.measured import Flown
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
+    from aosplan.sensitivity import Change
+    from aosplan.uncertainty import Uncertainty
     from aosplan.voxels import VoxelVolume
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
@@ -61,6 +65,14 @@ class Plan:
         The voxels of a scene that is a point cloud, heights above ground.
     approximation
         What stands in for the model's exact prediction (``correlogram``), or None.
+    uncertainty
+        Standard errors of the prediction; None where nothing is known of them.
+    uncertainty_reason
+        Why nothing is known of them, or empty.
+    flown
+        The expectation over position noise of the measured model, or None.
+    sensitivity
+        What becomes of the plan where the scene is not as it was thought to be, if asked for.
     """
 
     request: PlanRequest
@@ -74,6 +86,10 @@ class Plan:
     notices: tuple[Message, ...]
     volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
     approximation: str | None = None
+    uncertainty: Uncertainty | None = None
+    uncertainty_reason: str = ""
+    flown: Flown | None = None
+    sensitivity: tuple[Change, ...] = ()
 
     @property
     def warnings(self) -> tuple[Message, ...]:
@@ -217,26 +233,21 @@ def plan(
     gsd = camera.gsd_m(altitude)
     found = scene_of(request, folder=folder, progress=progress)
     scene, kind, notices = found.scene, found.kind, found.warnings
-    above = scene.above(request.focal_height)
-    density = above.integrated_density if above is not None else 0.0
     model_name = request.model or MODEL_OF[kind]
     _check_model(model_name, kind, request)
     if scene.integrated_density > 0.0:
         _check_altitude(scene, altitude, request)
-    if above is None or density == 0.0:
-        coverage, solution = None, _clear_view(request)
+    task = Task(request, model_name, camera, altitude, gsd)
+    posed = task.problem_of(found)
+    coverage, doubts = None, Doubts(uncertainty_reason="nothing is hidden")
+    if posed is None:
+        solution = _clear_view(request)
     else:
-        _check_density(above, density, request)
-        coverage = coverage_baseline(
-            above.slabs(), altitude, camera.focal_length_px, request.coverage
-        )
+        problem, coverage = posed
+        solution = solve(problem)
+        doubts = doubts_of(task, found, problem, solution)
         if model_name == "measured":
-            problem = _measured_problem(request, found, altitude, gsd)
-            solution = solve(problem)
             notices += tuple(_doubts(found, problem, solution, altitude))
-        else:
-            model = _model(model_name, above, altitude, camera, coverage)
-            solution = solve(_problem(request, model, gsd))
     route = lay(
         request,
         *local_sites(solution.pattern, solution.baseline_m, request.heading),
@@ -258,7 +269,34 @@ def plan(
         notices=notices,
         volume=found.volume,
         approximation="correlogram" if model_name == "measured" and found.volume is None else None,
+        **doubts._asdict(),
     )
+
+
+class Task(NamedTuple):
+    """What of a plan stays as it is whatever the scene: the request, and what it stands for."""
+
+    request: PlanRequest
+    model: str
+    camera: Camera
+    altitude_m: float
+    gsd_m: float
+
+    def problem_of(self, found: ResolvedScene) -> tuple[Problem, CoverageBaseline] | None:
+        """The problem that a scene poses, and its coverage rule; None where nothing is hidden."""
+        request, altitude = self.request, self.altitude_m
+        above = found.scene.above(request.focal_height)
+        density = above.integrated_density if above is not None else 0.0
+        if above is None or density == 0.0:
+            return None
+        _check_density(above, density, request)
+        coverage = coverage_baseline(
+            above.slabs(), altitude, self.camera.focal_length_px, request.coverage
+        )
+        if self.model == "measured":
+            return _measured_problem(request, found, altitude, self.gsd_m), coverage
+        model = _model(self.model, above, altitude, self.camera, coverage, request)
+        return _problem(request, model, self.gsd_m), coverage
 
 
 def requirement_of(request: PlanRequest) -> Requirement:
@@ -307,13 +345,25 @@ def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> No
 
 
 def _model(
-    name: str, above: Scene, altitude_m: float, camera: Camera, coverage: CoverageBaseline
+    name: str,
+    above: Scene,
+    altitude_m: float,
+    camera: Camera,
+    coverage: CoverageBaseline,
+    request: PlanRequest,
 ) -> VisibilityModel:
+    conduct: dict[str, Any] = {"hold_error_m": request.hold_error, "rays": request.rays or "nadir"}
     if name == "uniform":
-        return UniformModel(above.integrated_density, above.transparency, coverage.baseline_m)
+        return UniformModel(
+            above.integrated_density,
+            above.transparency,
+            coverage.baseline_m,
+            altitude_m=altitude_m,
+            **conduct,
+        )
     from aosplan.models.layered import LayeredModel
 
-    return LayeredModel(above.slices(), altitude_m, camera.focal_length_px)
+    return LayeredModel(above.slices(), altitude_m, camera.focal_length_px, **conduct)
 
 
 def _check_model(name: str, kind: str, request: PlanRequest) -> None:
@@ -324,6 +374,11 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         )
     if request.view is not None and name != "measured":
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
+    if request.rays is not None and name == "measured":
+        raise RequestError(
+            f"--rays {request.rays} with --model measured",
+            "it traces the rays as they are; --rays goes with uniform and layered",
+        )
 
 
 def _measured_problem(
@@ -333,6 +388,10 @@ def _measured_problem(
     from aosplan.models.measured import MeasuredModel
 
     table, focal_height = found.correlogram, request.focal_height
+    conduct: dict[str, Any] = {
+        "heading_deg": request.heading,
+        "hold_error_m": request.hold_error,
+    }
     if found.volume is None:
         assert table is not None  # the model was checked against the kind of scene
         if focal_height > 0.0 or request.view == "perspective":
@@ -341,21 +400,20 @@ def _measured_problem(
                 "plane nor the view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
-        quick = CorrelogramModel(table, altitude_m, heading_deg=request.heading)
-        return _problem(request, quick, gsd_m)
+        return _problem(request, CorrelogramModel(table, altitude_m, **conduct), gsd_m)
     model = MeasuredModel(
         found.volume,
         altitude_m,
-        heading_deg=request.heading,
         view="perspective" if request.view == "perspective" else "telecentric",
         focal_height_m=focal_height,
+        **conduct,
     )
     problem = _problem(request, model, gsd_m)
     if model.view == "perspective" or None not in (request.baseline, request.samples):
         return problem  # the correlogram is telecentric; and with both fixed nothing is searched
     if table is None or focal_height > 0.0:
         table = correlogram(found.volume, focal_height_m=focal_height)
-    return problem._replace(sketch=CorrelogramModel(table, altitude_m, heading_deg=request.heading))
+    return problem._replace(sketch=CorrelogramModel(table, altitude_m, **conduct))
 
 
 def _doubts(
@@ -425,4 +483,6 @@ def _completed(request: PlanRequest, model: str, found: ResolvedScene) -> PlanRe
     filled: dict[str, Any] = {"model": model, **found.reading}
     if model == "measured":
         filled["view"] = request.view or "telecentric"
+    else:
+        filled["rays"] = request.rays or "nadir"
     return replace(request, **filled)

@@ -137,8 +137,18 @@ class Problem(NamedTuple):
 
         Beyond it nothing is gained, or the bound on the aperture is broken.
         """
-        cap = self.model.independent_baseline_m
+        cap = self.widest_baseline_m
         return min(cap, self.widest_aperture_m / side) if side > 0.0 else cap
+
+    @property
+    def widest_baseline_m(self) -> float:
+        """Baseline beyond which nothing is gained, or, where samples are to be few, only noise lost.
+
+        Under position noise the two differ: a few samples less are not worth an aperture of three
+        times the size, unless their number is fixed.
+        """
+        counted = self.objective == "samples" and self.bounds.samples is None
+        return self.model.sharp_baseline_m if counted else self.model.independent_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:

@@ -120,6 +120,13 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
     return parse
 
 
+def flag(value: Any, name: str) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise RequestError(f"{name} {shown(value)} is not true or false")
+    return value
+
+
 def word(value: Any, name: str) -> str:
     """Text that is not empty."""
     if not isinstance(value, str) or not value.strip():

@@ -73,7 +73,9 @@ def fewest_at(problem: Problem, baseline_m: float) -> int | None:
     first = problem.grid.index_of(fewest)
 
     def frame_meets(index: int) -> bool:
-        return problem.meets(problem.grid.frame(index).whole, baseline_m)
+        whole = problem.grid.frame(index).whole
+        hopeful = problem.requirement.is_met(problem.model.at_best(whole, baseline_m))
+        return hopeful and problem.meets(whole, baseline_m)
 
     low, high = first, first
     while not frame_meets(high):
@@ -128,7 +130,7 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
 
 def _fewest_samples(problem: Problem) -> Solution:
     if problem.bounds.max_aperture_m is None:
-        samples = fewest_at(problem, problem.model.independent_baseline_m)
+        samples = fewest_at(problem, problem.widest_baseline_m)
         if samples is None or samples > _most_samples(problem):
             raise _out_of_reach(problem)
         pattern = problem.grid.pattern(samples)
@@ -265,8 +267,11 @@ def _fewest_in(problem: Problem, frame: Frame, baseline_m: float, most: int) -> 
 
 def _preferred_baseline_m(problem: Problem, pattern: Pattern) -> float:
     """The model's own rule where it has one and samples are the objective, else the smallest."""
-    if problem.model.rule_baseline_m is not None and problem.objective == "samples":
-        return problem.widest_m(pattern.longer_side)
+    rule = problem.model.rule_baseline_m
+    if rule is not None and problem.objective == "samples":
+        preferred = min(rule, problem.widest_m(pattern.longer_side))
+        if problem.meets(pattern, preferred):
+            return preferred
     baseline = problem.smallest_baseline_m(pattern)
     assert baseline is not None  # callers have checked the widest
     return baseline
@@ -326,5 +331,10 @@ def _remedy(problem: Problem) -> str:
     solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
     if solution is None:
         return "ask for less, or allow more samples"
+    if problem.bounds.max_aperture_m is None:
+        return (
+            f"ask for less, or allow more samples; {solution.pattern.samples} do where --optimize "
+            "aperture makes the baseline wider"
+        )
     extent = solution.pattern.longer_side * solution.baseline_m
     return f"--max-aperture {rounded_up(extent)} is enough, with {solution.pattern.samples} samples"

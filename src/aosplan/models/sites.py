@@ -27,7 +27,7 @@ DIRECT_PAIRS = 4_000_000
 """Lattice offsets times sites up to which counting pairs directly beats a transform."""
 
 
-def pattern_shortfall(pattern: Pattern, dhat: float) -> float:
+def pattern_shortfall(pattern: Pattern, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
     A rectangle factorises into its axes; each removed site takes away the product of its two
@@ -39,7 +39,13 @@ def pattern_shortfall(pattern: Pattern, dhat: float) -> float:
         The sites.
     dhat
         d̂ between neighbouring columns; between rows it is `pattern.row_pitch` times that.
+    spread
+        ς of `aosplan.models.noise.blurred_overlap`, where positions are uncertain.
     """
+    if spread > 0.0:
+        from aosplan.models.noise import blurred_shortfall
+
+        return blurred_shortfall(pattern, dhat, spread)
     dhat_y = dhat * pattern.row_pitch
     samples = pattern.samples
     if (dhat >= 1.0 or pattern.columns == 1) and (dhat_y >= 1.0 or pattern.rows == 1):
