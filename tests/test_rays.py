@@ -100,6 +100,15 @@ def test_far_apart_samples_can_need_fewer_than_their_number():
     assert found.expected < UniformModel(0.6, 0.4, 1.0).predict(Pattern(4, 4), 9.0).expected
 
 
+def test_where_nothing_is_seen_views_count_as_independent():
+    for model in (
+        UniformModel(0.6, 0.4, 1.0, rays="oblique", altitude_m=20.0),
+        LayeredModel(LAYERS, 20.0, rays="cubes"),
+    ):
+        found = model.predict(Pattern(2, 2), 1e9)
+        assert found == (1.0, 0.0, 0.25)
+
+
 # --- Cubes thrown at random ------------------------------------------------------------------
 
 SIDE, EDGE, BASE, DEPTH, ALTITUDE = 12.0, 0.5, 3.0, 5.0, 20.0

@@ -121,7 +121,9 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
 
 
 def flag(value: Any, name: str) -> bool:
-    """True or false."""
+    """True or false; text may say so."""
+    if isinstance(value, str) and value.strip().lower() in ("true", "false"):
+        return value.strip().lower() == "true"
     if not isinstance(value, bool):
         raise RequestError(f"{name} {shown(value)} is not true or false")
     return value

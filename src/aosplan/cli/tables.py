@@ -101,14 +101,14 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
     """What the planned grid would show of other scenes, and what they would be planned with."""
     for index, change in enumerate(changes):
-        name = change.quantity.replace("_", " ")
+        name = change.quantity.removeprefix("occluder_")
         text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
         if change.visibility is not None:
             normalized = "" if change.normalized is None else f"V̂ = {_percent(change.normalized)}, "
             text += f"{normalized}V = {_percent(change.visibility)}"
             text += "; " if change.reason is None else "; no plan: "
         if change.reason is None:
-            text += f"replanned N = {change.samples}, b = {change.baseline_m:.2f} m"
+            text += f"plan N = {change.samples}, b = {change.baseline_m:.2f} m"
         else:
             text += change.reason
         yield "If off" if index == 0 else "", text

@@ -48,6 +48,9 @@ LENGTHS = 5
 GROUPS = 64
 """Groups of offsets along an axis that a bound on the shortfall is taken from."""
 
+LARGEST_SLANT = 30.0
+"""Logarithm of the share that a slanted ray loses to a nadir one, from which on it counts as lost."""
+
 LARGEST_LOG = 700.0
 """Logarithm beyond which an exponential would be infinite; what it multiplies there is 0."""
 
@@ -167,8 +170,10 @@ class LayeredModel:
 
         rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, self._log_transparency)
         # What is shared grows nearly as exp(e): its logarithm is interpolated along e.
-        # Steps of the interval's width let tables of noise serve many apertures.
-        half = 0.05 * 2.0 ** max(math.ceil(math.log2((rays.longest - 1.0) / 0.1 + 1e-300)), 0)
+        # Steps of the interval's width let tables of noise serve many apertures; and of rays much
+        # longer than the shortest nothing is left that could matter.
+        longest = min(rays.longest, 1.0 - LARGEST_SLANT / min(self._log_transparency, -1e-9))
+        half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
         lengths = 1.0 + half * (1.0 + places)
         logs = np.log1p(
@@ -181,7 +186,7 @@ class LayeredModel:
         series = series.reshape(LENGTHS, *logs.shape[1:])
 
         def shared(dy: int, dx: int, lengths: Floats) -> Floats:
-            place: Floats = (lengths - 1.0) / half - 1.0
+            place: Floats = np.minimum((lengths - 1.0) / half - 1.0, 1.0)
             log = np.polynomial.chebyshev.chebval(place, series[:, dy, dx])
             common: Floats = np.expm1(np.minimum(log, LARGEST_LOG))
             return common

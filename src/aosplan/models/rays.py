@@ -95,7 +95,10 @@ class Bundle(NamedTuple):
                     common = shared(dy, abs(dx), np.minimum(e[here], e[there]))
                     total += 2.0 * float((both * common).sum())
         clear = float(t.sum()) / self.samples
-        return Prediction(self.density, clear, total / (self.samples**2 * self.density * clear))
+        spread = self.density * clear
+        # Where nothing or everything is hidden, views count as independent.
+        shortfall = total / (self.samples**2 * spread) if spread > 0.0 else 1.0 / self.samples
+        return Prediction(self.density, clear, shortfall)
 
 
 def bundle(
