@@ -139,6 +139,7 @@ def test_fifty_metres_ask_for_three_and_a_half(document):
         ["--altitude", "40", "--visibility", "60%", "--origin=-33.86,151.21", "--heading", "33"],
         ["--altitude", "40", "--density", "0.01", *UNIFORM, *LENS, "--coverage", "0.9"],
         ["--altitude", "40", "--model", "layered", "--optimize", "aperture"],
+        ["--altitude", "40", "--grid", "best", "--lanes", "best", "--heading", "best"],
         ["--altitude", "40", "--vhat", "0.98000000000000000001"],
     ],
     ids=" ".join,
@@ -323,7 +324,7 @@ EFFECTS = {
         lambda r, d: r["grid"]["rows"] == 5 and r["samples"] % 5 == 0,
     ),
     "lane_pitch": (
-        ["--grid", "lanes", "--lane-pitch", "2"],
+        ["--grid", "spiral", "--lane-pitch", "2"],
         lambda r, d: r["grid"]["pitch_m"][1] == 2 * r["grid"]["pitch_m"][0],
     ),
     "origin": (
@@ -495,6 +496,7 @@ def test_options_of_point_clouds_are_refused_for_other_scenes(command, flag, val
         ("square", 8, 8, 64, 50),
         ("line", 1, 50, 50, 50),
         ("lanes", 3, 17, 51, 51),  # lanes come whole
+        ("spiral", 1, 50, 50, 50),  # one line of sites, wound up
     ],
 )
 def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, samples, required):
@@ -702,6 +704,12 @@ plan --altitude 40 --samples 10000000
 plan --altitude 40 --samples 60 --max-samples 50
 plan --altitude 40 --grid circle
 plan --altitude 40 --lanes 3
+plan --altitude 40 --grid spiral --lanes 3
+plan --altitude 40 --grid spiral --lane-pitch 1.5
+plan --altitude 40 --heading worst
+tradeoff --altitude 40 --out table.txt
+tradeoff --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9
+tradeoff --altitude 40 --vhat 0.98 --max-samples 20
 plan --altitude 40 --grid lanes --lane-pitch 0.5
 plan --altitude 40 --origin 48
 plan --altitude 40 --origin 120,14
@@ -1474,3 +1482,45 @@ def test_a_full_stdout_is_status_1_and_one_line(folder):
     )
     check_refusal(done.returncode, done.stdout, done.stderr, expected=1)
     assert (folder / "out.json").read_bytes() == b""
+
+
+# The trade-off
+
+
+def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
+    line = ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "30"]
+    rows = document(*line, "--optimize", "aperture")["rows"]
+    assert [row["samples"] for row in rows] == list(range(1, 31))
+    chosen = document("plan", *line[1:], "--optimize", "aperture")
+    (own,) = (row for row in rows if row["chosen"])
+    assert (own["samples"], own["baseline_m"]) == (chosen["samples"], chosen["baseline_m"])
+    assert own["time_s"] == pytest.approx(chosen["flight"]["time_s"], rel=1e-12)
+    assert [own["extent_x_m"], own["extent_y_m"]] == chosen["grid"]["extent_m"]
+    for name in ("table.csv", "table.json", "table.jsonl"):
+        status, _, err = command(*line, "--optimize", "aperture", "--out", name)
+        assert (status, err) == (0, "")
+    assert loads((folder / "table.json").read_text())["rows"] == rows
+    lines = (folder / "table.jsonl").read_text().splitlines()
+    assert [loads(line) for line in lines] == rows
+    with open(folder / "table.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [set(row) for row in table] == [set(row) for row in rows]
+    for cells, row in zip(table, rows, strict=True):
+        assert float(cells["baseline_m"]) == row["baseline_m"]
+        assert cells["meets"] == str(row["meets"]).lower()
+
+
+def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
+    status, out, err = command("tradeoff", "--altitude", "40", "--grid", "best")
+    assert (status, err) == (0, "")
+    assert all(len(line) <= 80 for line in out.splitlines())
+    assert sum("◀" in line for line in out.splitlines()) == 2  # the plan, and the note
+
+
+def test_the_best_grid_is_named_with_its_reason(plan_of):
+    result = plan_of("--grid", "best", "--optimize", "time")
+    assert result["grid"]["kind"] in {"trimmed", "lanes", "spiral", "line"}
+    assert result["request"]["grid"] == "best"
+    reason = result["limits"][-1]
+    assert reason["quantity"] == "choice"
+    assert "is the best by flight time" in reason["message"]

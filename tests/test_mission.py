@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.mission import Mission, Waypoints, local_sites, placed
-from aosplan.pattern import GRIDS, pattern_for
+from aosplan.pattern import LATTICES, pattern_for
 
-kinds = st.sampled_from(GRIDS)
+kinds = st.sampled_from(LATTICES)
 
 
 def positions(kind, samples, baseline=1.0, heading=0.0):

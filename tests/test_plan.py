@@ -443,6 +443,10 @@ def test_the_grid_in_the_document_is_the_grid_of_the_waypoints(grid, objective, 
     assert document["samples"] == len(result.waypoints) == len(set(places_of(result)))
     pitch_x, pitch_y = document["grid"]["pitch_m"]
     assert pitch_x == document["baseline_m"]
+    if grid == "spiral":  # one line of sites, wound up
+        assert (document["grid"]["rows"], document["grid"]["columns"]) == (1, document["samples"])
+        assert pitch_y == 4.0 * pitch_x
+        return
     for values, pitch, count in (
         (along, pitch_x, document["grid"]["columns"]),
         (across, pitch_y, document["grid"]["rows"]),

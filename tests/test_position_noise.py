@@ -13,13 +13,14 @@ from scipy import integrate
 from aosplan.models.correlogram import CorrelogramModel, correlogram
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.noise import blurred_overlap, blurred_shortfall
+from aosplan.models.noise import blurred_overlap, blurred_shortfall, scattered_shortfall
 from aosplan.models.sites import pattern_shortfall, positions_shortfall
 from aosplan.models.uniform import UniformModel
 from aosplan.pattern import Pattern, frame_at, pattern_for
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
 from aosplan.scene import Layer
+from aosplan.spiral import Spiral
 
 near = partial(pytest.approx, abs=0.0)
 PATTERNS = [
@@ -244,6 +245,31 @@ def test_visibility_still_rises_with_the_baseline_and_the_samples(which, hold_er
         for frame in (range(43, 50), range(50, 57)):
             within = [model.predict(pattern_for("trimmed", n), baseline).shortfall for n in frame]
             assert within == sorted(within, reverse=True)
+
+
+def test_sites_on_no_lattice_are_summed_pair_by_pair():
+    # A lattice's own offsets say the same either way.
+    lattice = Pattern(4, 5)
+    assert scattered_shortfall(lattice.offsets(), 0.8, 0.6) == near(
+        blurred_shortfall(lattice, 0.8, 0.6), rel=1e-13
+    )
+    layered = LayeredModel(LAYERS, 30.0, hold_error_m=0.7)
+    points = 1.1 * np.array(list(lattice.offsets()))
+    assert layered.positions_shortfall(points) == near(
+        layered.predict(lattice, 1.1).shortfall, rel=1e-12
+    )
+    spiral, rng = Spiral(11, 2.0), np.random.default_rng(9)
+    at = 1.2 * np.array(list(spiral.offsets()))
+    flights = [at + 0.4 * rng.standard_normal(at.shape) for _ in range(1500)]
+    for noisy, shortfall in (
+        (UniformModel(0.6, 0.4, 1.3, 0.4), lambda flight: positions_shortfall(flight, 1.3)),
+        (
+            LayeredModel(LAYERS, 30.0, hold_error_m=0.4),
+            LayeredModel(LAYERS, 30.0).positions_shortfall,
+        ),
+    ):
+        found = noisy.predict(spiral, 1.2).shortfall
+        in_standard_errors([shortfall(flight) for flight in flights], found)
 
 
 # --- Plans ---------------------------------------------------------------------------------

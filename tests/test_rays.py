@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from aosplan.models.layered import LayeredModel
-from aosplan.models.rays import ray_lengths
+from aosplan.models.rays import predict_scattered, ray_lengths
 from aosplan.models.uniform import UniformModel
 from aosplan.pattern import Pattern, pattern_for
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
 from aosplan.scene import Layer
+from aosplan.spiral import Spiral
 
 near = partial(pytest.approx, abs=0.0)
 LAYERS = [Layer(1.0, 1.5, 0.2, 0.3), Layer(4.0, 5.0, 0.4, 0.5), Layer(9.0, 12.0, 0.3, 0.2)]
@@ -79,6 +80,22 @@ def test_predictions_follow_from_the_pairs(kind, baseline, pattern):
     p, shortfall = by_definition(slab, 20.0, pattern, baseline, kind)
     assert found.density == near(p, rel=1e-12)
     assert found.shortfall == near(shortfall, rel=1e-11)
+
+
+@pytest.mark.parametrize("kind", ["oblique", "cubes"])
+@pytest.mark.parametrize("hold_error", [0.0, 0.5])
+def test_samples_on_no_lattice_are_the_same_sum(kind, hold_error):
+    lattice = Pattern(4, 5)
+    points = 1.5 * np.array(list(lattice.offsets()))
+    layered = LayeredModel(LAYERS, 20.0, rays=kind, hold_error_m=hold_error)
+    scattered = predict_scattered(
+        points, 20.0, kind, layered._log_transparency, layered._shared_pairs
+    )
+    assert scattered == near(layered.predict(lattice, 1.5), rel=1e-9)
+    spiral = Spiral(9, 2.0)
+    slab = LayeredModel([Layer(9.0, 11.0, 0.6, 0.5)], 20.0, rays=kind, hold_error_m=hold_error)
+    uniform = UniformModel(0.6, 0.4, 1.0, hold_error, kind, 20.0)
+    assert uniform.predict(spiral, 0.7) == near(slab.predict(spiral, 0.7), rel=1e-9)
 
 
 def test_one_sample_and_a_high_flight_are_those_of_nadir_rays():

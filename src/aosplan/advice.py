@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from aosplan.answer import BEST
 from aosplan.geometry import baseline_for_disparity_px, disparity_px
-from aosplan.planning import requirement_of
 from aosplan.request import find_drone
 from aosplan.resolve import Message
+from aosplan.task import requirement_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from aosplan.errors import InfeasibleError
 from aosplan.problem import Limit, Problem, Solution
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.models import Prediction
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 
 BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
@@ -19,7 +20,7 @@ BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
 
 
 def solution_of(
-    problem: Problem, pattern: Pattern, baseline_m: float, samples_required: int | None
+    problem: Problem, pattern: Sites, baseline_m: float, samples_required: int | None
 ) -> Solution:
     """The solution of a pattern at a baseline, with what bound it."""
     prediction = problem.model.predict(pattern, baseline_m)
@@ -33,8 +34,13 @@ def solution_of(
     )
 
 
+def limits_of(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
+    """What bound a solution."""
+    return tuple(_limits(problem, *solution[:3]))
+
+
 def _limits(
-    problem: Problem, pattern: Pattern, baseline_m: float, prediction: Prediction
+    problem: Problem, pattern: Sites, baseline_m: float, prediction: Prediction
 ) -> Iterator[Limit]:
     bounds, requirement, model = problem.bounds, problem.requirement, problem.model
     extent = pattern.longer_side * baseline_m
@@ -54,14 +60,18 @@ def _limits(
             model.widest_aperture_m,
             "the plot that was scanned tells nothing of a larger aperture",
         )
-    elif baseline_m >= model.independent_baseline_m * (1 - 1e-9):
+    elif baseline_m >= (independent := model.independent_baseline_m / pattern.nearest) * (1 - 1e-9):
         yield Limit(
             "baseline_m",
             baseline_m,
-            model.independent_baseline_m,
+            independent,
             "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
         )
-    elif baseline_m >= model.sharp_baseline_m * (1 - 1e-9) and problem.bounds.samples is None:
+    elif (
+        model.sharp_baseline_m < model.independent_baseline_m
+        and baseline_m >= model.sharp_baseline_m / pattern.nearest * (1 - 1e-9)
+        and problem.bounds.samples is None
+    ):
         yield Limit(
             "baseline_m",
             baseline_m,
@@ -109,6 +119,26 @@ def _limits(
             float(requirement.target),
             f"{message} with {requirement}",
         )
+
+
+def out_of_scan(
+    problem: Problem, reached: tuple[Sites, float, Prediction] | None, most: int
+) -> InfeasibleError:
+    """The error of a target that nothing searched meets: the most that is reached, and by what."""
+    requirement, widest = problem.requirement, problem.widest_aperture_m
+    if reached is None:
+        return InfeasibleError(
+            f"{requirement} is out of reach: no grid fits into an aperture of {widest:.4g} m",
+            "allow a larger aperture, or a smaller baseline",
+        )
+    pattern, baseline, prediction = reached
+    extent = pattern.longer_side * baseline
+    return InfeasibleError(
+        f"{requirement} is out of reach: of {problem.grid.name} grids of up to {most} samples "
+        f"within an aperture of {widest:.4g} m the best reach {value_text(problem, prediction)}, "
+        f"{pattern.samples} samples {baseline:.4g} m apart over {extent:.4g} m",
+        "ask for less, or for the best there is: --optimize contrast, or --optimize visibility",
+    )
 
 
 def value_text(problem: Problem, prediction: Prediction) -> str:

@@ -71,13 +71,18 @@ class WaypointDocument(Document):
 
 
 class GridDocument(OpenDocument):
-    """Shape and size of the grid; x along the heading, y to its right."""
+    """Shape and size of the grid; x along the heading, y to its right.
+
+    A spiral is one row of all its sites, wound up: its pitch is that of neighbours along it, and
+    that of its turns; its extent that of the rectangle around it.
+    """
 
     kind: str
     rows: int
     columns: int
     extent_m: Pair
     pitch_m: Pair
+    heading_deg: Finite | None = None
 
 
 class VisibilityDocument(OpenDocument):
@@ -244,6 +249,43 @@ class PlanDocument(OpenDocument):
     waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]
 
 
+class TradeoffRowDocument(OpenDocument):
+    """A pattern at a baseline: at the smallest that meets the target, or the nearest to it.
+
+    On the front, no row that meets the target is as good in samples, extent and time and better
+    in one; under the objectives that are maximised, no row at all, and in their value too.
+    """
+
+    grid: str
+    samples: int
+    rows: int
+    columns: int
+    baseline_m: Finite
+    aperture_m: Finite
+    extent_x_m: Finite
+    extent_y_m: Finite
+    pitch_y_m: Finite
+    length_m: Finite
+    time_s: Finite
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+    effective_samples: Finite | None
+    contrast: Finite | None
+    meets: bool
+    front: bool
+    chosen: bool
+
+
+class TradeoffDocument(OpenDocument):
+    """What `aosplan tradeoff --json` prints."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    request: dict[str, Any]
+    rows: list[TradeoffRowDocument]
+
+
 class PredictedDocument(OpenDocument):
     """A model's answer to the question of an experiment."""
 
@@ -370,6 +412,7 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "statistics": StatisticsDocument,
     "visibility": CalculatorDocument,
     "integral": IntegralDocument,
+    "tradeoff": TradeoffDocument,
 }
 
 

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from aosplan.models.measured import Flown
-    from aosplan.planning import Task
     from aosplan.problem import Problem, Solution
     from aosplan.resolve import ResolvedScene
     from aosplan.sensitivity import Change
+    from aosplan.task import Task
     from aosplan.uncertainty import Uncertainty
 
 

@@ -21,7 +21,7 @@ from aosplan.errors import InfeasibleError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 STRAIGHT = 1e-6
 """Sine of the smallest turn; what turns less flies straight on."""
@@ -191,17 +191,14 @@ def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
     return timing._replace(speed_mps=min(timing.ground_speed_mps(*course) for course in courses))
 
 
-def path_of(pattern: Pattern, timing: Timing | None = None) -> Path:
+def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
     """The legs of a pattern in flight order, as they are flown."""
     timing = timing or Timing()
-    sites = [(float(column), row * pattern.row_pitch) for row, column in pattern.sites()]
     if timing.fly_through:
-        return _flown_through(sites)
-    legs: Counter[Leg] = Counter()
-    for (x, y), (to_x, to_y) in pairwise(sites):
-        # Without wind only the length of a leg counts.
-        calm = timing.wind == (0.0, 0.0)
-        legs[Leg(math.hypot(to_x - x, to_y - y)) if calm else Leg(to_x - x, to_y - y)] += 1
+        return _flown_through(list(pattern.offsets()))
+    # Without wind only the length of a leg counts.
+    calm = timing.wind == (0.0, 0.0)
+    legs = Counter(Leg(math.hypot(x, y)) if calm else Leg(x, y) for x, y in pattern.steps())
     return Path(tuple(sorted(legs.items())), pattern.samples)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 
 class Waypoint(NamedTuple):
@@ -219,7 +219,7 @@ def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, .
 
 
 def local_sites(
-    pattern: Pattern, baseline_m: float, heading_deg: float
+    pattern: Sites, baseline_m: float, heading_deg: float
 ) -> tuple[list[float], list[float]]:
     """Sites of a pattern in flight order, east and north of the rectangle's centre [m].
 
@@ -228,9 +228,8 @@ def local_sites(
     heading = math.radians(math.fmod(heading_deg, 360.0))
     sine, cosine = math.sin(heading), math.cos(heading)
     east, north = [], []
-    for row, column in pattern.sites():
-        x = (column - 0.5 * (pattern.columns - 1)) * baseline_m
-        y = (row - 0.5 * (pattern.rows - 1)) * pattern.row_pitch * baseline_m
+    for along, across in pattern.offsets():
+        x, y = along * baseline_m, across * baseline_m
         # Adding zero turns a negative zero into a plain one.
         east.append(x * sine + y * cosine + 0.0)
         north.append(x * cosine - y * sine + 0.0)

@@ -81,7 +81,7 @@ class Option(NamedTuple):
 
 _positive = partial(bounded, q.positive)
 _length = partial(bounded, q.positive, unit="m")
-_heading = partial(q.number, unit="deg")
+_heading = q.or_best(partial(q.number, unit="deg"))
 _height = partial(bounded, q.at_least_zero, unit="m")
 _index = partial(bounded, q.at_least_zero)
 
@@ -261,18 +261,24 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
     "Grid": (
         (
             "grid",
-            q.one_of(GRIDS),
+            q.one_of((*GRIDS, "best")),
             "text",
             "KIND",
-            f"Kind of grid: {', '.join(GRIDS)}.  [trimmed]",
+            f"Kind of grid: {', '.join(GRIDS)}, or best.  [trimmed]",
         ),
-        ("lanes", q.whole, "whole", "K", "Number of lanes, for --grid lanes.  [3]"),
+        (
+            "lanes",
+            q.or_best(q.whole),
+            "whole",
+            "K",
+            "Number of lanes, for --grid lanes, or best.  [3]",
+        ),
         (
             "lane_pitch",
-            _positive,
+            q.or_best(_positive),
             "number",
             "X",
-            "Lane pitch over the spacing along a lane.  [4]",
+            "Pitch of lanes, or turns of a spiral, over the spacing along them, or best.  [4]",
         ),
         ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
         (
@@ -280,7 +286,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _heading,
             "number",
             "DEG",
-            "Flight lines, clockwise from true north.  [0]",
+            "Flight lines, clockwise from true north, or best.  [0]",
         ),
     ),
     "Flight": (

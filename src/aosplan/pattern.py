@@ -1,26 +1,33 @@
-"""Patterns: which sites of a lattice a plan uses, before metres enter.
+"""Patterns: which sites a plan uses, before metres enter.
 
-A pattern is a rectangle of rows and columns, less a few sites.  Columns run along the
-heading (x), rows across it (y); the pitch between columns is 1 baseline, between rows
-`row_pitch` baselines.  A *frame* is a rectangle together with the range of sample counts
-that a kind of grid fits into it; frames come in rising order of samples, so a solver walks
-them instead of every count.
+A pattern is a rectangle of rows and columns, less a few sites, or a spiral
+(`aosplan.spiral`).  Columns run along the heading (x), rows across it (y); the pitch between
+columns is 1 baseline, between rows `row_pitch` baselines.  A *frame* is a rectangle together
+with the range of sample counts that a kind of grid fits into it; frames come in rising order of
+samples, so a solver walks them instead of every count.
 """
 
 from __future__ import annotations
 
 import heapq
 import math
-from itertools import count
+from itertools import count, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-GRIDS = ("trimmed", "rectangle", "square", "line", "lanes")
+LATTICES = ("trimmed", "rectangle", "square", "line", "lanes")
+"""Kinds of grid whose sites lie in rows and columns."""
+
+GRIDS = (*LATTICES, "spiral")
 """Kinds of grid by name."""
+
+NARROWEST_TURNS = 2.0
+"""Least pitch of a spiral's turns: from there on each sample more lowers the shortfall."""
 
 MOST_SITES = 5_000_000
 """More sites than this are refused: a plan keeps every waypoint in memory."""
@@ -49,6 +56,16 @@ class Pattern(NamedTuple):
         """The larger of the two extents, in baselines."""
         return max(self.extent)
 
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Distances between neighbours along x and y, in baselines."""
+        return 1.0, self.row_pitch
+
+    @property
+    def nearest(self) -> float:
+        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        return min(1.0, self.row_pitch)
+
     def sites(self) -> Iterator[tuple[int, int]]:
         """The sites as (row, column) in flight order: line by line, every other one back."""
         gone = set(self.removed)
@@ -57,6 +74,21 @@ class Pattern(NamedTuple):
             for column in columns:
                 if (row, column) not in gone:
                     yield row, column
+
+    def offsets(self) -> Iterator[tuple[float, float]]:
+        """The sites as (x, y) from the middle of the rectangle, in baselines and flight order."""
+        middle_x, middle_y = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
+        for row, column in self.sites():
+            yield column - middle_x, (row - middle_y) * self.row_pitch
+
+    def steps(self) -> Iterator[tuple[float, float]]:
+        """Ways along x and y from site to site, in baselines and flight order."""
+        for start, to in pairwise(self.sites()):
+            yield float(to[1] - start[1]), (to[0] - start[0]) * self.row_pitch
+
+
+Sites = Pattern | Spiral
+"""A pattern of either kind."""
 
 
 class Frame(NamedTuple):
@@ -74,9 +106,14 @@ class Frame(NamedTuple):
         return Pattern(self.rows, self.columns, self.row_pitch, _trimmed(self, surplus))
 
     @property
-    def side(self) -> float:
-        """The longer side, in baselines."""
+    def longer_side(self) -> float:
+        """The longer side of its patterns, in baselines."""
         return max(self.columns - 1.0, (self.rows - 1) * self.row_pitch)
+
+    @property
+    def nearest(self) -> float:
+        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        return min(1.0, self.row_pitch)
 
     @property
     def whole(self) -> Pattern:
@@ -84,19 +121,57 @@ class Frame(NamedTuple):
         return self.pattern(self.most)
 
 
-def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[Frame]:
+class SpiralFrame(NamedTuple):
+    """A single spiral, as a frame of the one count that it has."""
+
+    fewest: int
+    turn_pitch: float
+
+    @property
+    def most(self) -> int:
+        """The same count."""
+        return self.fewest
+
+    @property
+    def longer_side(self) -> float:
+        """The longer side, in baselines."""
+        return self.whole.longer_side
+
+    @property
+    def nearest(self) -> float:
+        """As of the spiral."""
+        return self.whole.nearest
+
+    @property
+    def whole(self) -> Spiral:
+        """The spiral."""
+        return Spiral(self.fewest, self.turn_pitch)
+
+    def pattern(self, samples: int) -> Spiral:
+        """The spiral, of the one count there is."""
+        assert samples == self.fewest
+        return self.whole
+
+
+AnyFrame = Frame | SpiralFrame
+
+
+def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[AnyFrame]:
     """Frames of a kind of grid in rising order of samples, without end.
 
     ``trimmed`` takes every count, the smallest r x r or r x (r+1) rectangle that holds it;
     ``rectangle`` those rectangles whole; ``square`` n x n; ``line`` one row; ``lanes`` a
-    number of rows `lane_pitch` baselines apart.
+    number of rows `lane_pitch` baselines apart; ``spiral`` every count, with turns `lane_pitch`
+    baselines apart.
     """
     for index in count(1):
         yield frame_at(grid, index, lanes=lanes, lane_pitch=lane_pitch)
 
 
-def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Frame:
+def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> AnyFrame:
     """The frame of a kind of grid at a place of the sequence, from 1."""
+    if grid == "spiral":
+        return SpiralFrame(index, lane_pitch)
     if grid == "line":
         return Frame(1, index, 1.0, index, index)
     if grid == "square":
@@ -109,8 +184,8 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
     return Frame(rows, columns, 1.0, fewest, most)
 
 
-def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Pattern:
-    """The smallest pattern of a kind with at least this many samples (trimmed: exactly).
+def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Sites:
+    """The smallest pattern of a kind with at least this many samples (trimmed, spiral: exactly).
 
     Raises
     ------
@@ -118,7 +193,7 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
         Where that is more than `MOST_SITES`.
     """
     check_size(samples)
-    if grid == "line":
+    if grid in ("line", "spiral"):
         index = samples
     elif grid == "square":
         index = math.isqrt(samples - 1) + 1

@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from aosplan.answer import rounded_up
+from aosplan.choose import other_heading
 from aosplan.doubts import Doubts, doubts_of
 from aosplan.errors import RequestError
-from aosplan.geometry import CoverageBaseline, coverage_baseline
 from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture
-from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Limit, Problem, Requirement, Solution
-from aosplan.quantities import exact_share
+from aosplan.problem import GridKind, Limit, Problem, Solution
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
-from aosplan.route import Route, lay, timing_of
-from aosplan.solve import solve
+from aosplan.route import Route, lay
+from aosplan.task import Task, kinds_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from aosplan.camera import Camera
-    from aosplan.models import VisibilityModel
+    from aosplan.geometry import CoverageBaseline
     from aosplan.models.measured import Flown
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
     from aosplan.sensitivity import Change
+    from aosplan.tradeoff import Row
     from aosplan.uncertainty import Uncertainty
     from aosplan.voxels import VoxelVolume
 
@@ -55,6 +54,11 @@ class Plan:
         Name of the visibility model.
     solution
         Pattern, baseline, prediction and what bound them.
+    grid, heading_deg
+        Kind of the grid, and direction of its flight lines clockwise from true north: those that
+        were asked for, or the best.
+    problem
+        What was solved; None for a scene without occluders.
     coverage
         The coverage rule's baseline and deciding occluder; None for a scene without occluders.
     route
@@ -81,6 +85,9 @@ class Plan:
     altitude_m: float
     model: str
     solution: Solution
+    grid: GridKind
+    heading_deg: float
+    problem: Problem | None
     coverage: CoverageBaseline | None
     route: Route
     notices: tuple[Message, ...]
@@ -135,7 +142,7 @@ class Plan:
             speed_mps=timing.speed_mps,
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
-            yaw_deg=request.heading % 360.0,
+            yaw_deg=self.heading_deg % 360.0,
             autopilot=request.autopilot,
             drone=request.drone,
             payload=request.payload,
@@ -149,6 +156,21 @@ class Plan:
         from aosplan.summary import plan_document
 
         return plan_document(self)
+
+    def tradeoff(self) -> list[Row]:
+        """What each number of samples takes and gives, for every kind of grid asked for.
+
+        Raises
+        ------
+        RequestError
+            Where nothing stands above the focal plane: there is nothing to trade.
+        """
+        from aosplan.tradeoff import tradeoff
+
+        if self.problem is None:
+            raise RequestError("nothing stands above the focal plane: one photo shows everything")
+        problems = [self.problem._replace(grid=kind) for kind in kinds_of(self.request)]
+        return tradeoff(problems, self.problem, self.solution)
 
     def mission(self) -> Mission:
         """The plan as formats take it."""
@@ -237,20 +259,25 @@ def plan(
     _check_model(model_name, kind, request)
     if scene.integrated_density > 0.0:
         _check_altitude(scene, altitude, request)
-    task = Task(request, model_name, camera, altitude, gsd)
+    task = Task(request, model_name, camera, altitude, gsd, camera.footprint_m(altitude))
     posed = task.problem_of(found)
-    coverage, doubts = None, Doubts(uncertainty_reason="nothing is hidden")
+    doubts = Doubts(uncertainty_reason="nothing is hidden")
     if posed is None:
-        solution = _clear_view(request)
+        coverage, grid, solution = None, *_clear_view(request)
+        problem, heading = None, request.heading_deg
     else:
-        problem, coverage = posed
-        solution = solve(problem)
+        coverage = posed[1]
+        problem, solution = chosen = task.choice(posed[0])
+        grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
+        task = task._replace(request=replace(request, heading=heading))
         doubts = doubts_of(task, found, problem, solution)
         if model_name == "measured":
             notices += tuple(_doubts(found, problem, solution, altitude))
+            if request.heading != "best" and (word := other_heading(chosen)):
+                notices += (Message("heading", word),)
     route = lay(
-        request,
-        *local_sites(solution.pattern, solution.baseline_m, request.heading),
+        replace(request, heading=heading),
+        *local_sites(solution.pattern, solution.baseline_m, heading),
         altitude_m=altitude + request.focal_height,
         gsd_m=gsd,
         baseline_m=solution.baseline_m,
@@ -264,6 +291,9 @@ def plan(
         altitude_m=altitude,
         model=model_name,
         solution=solution,
+        grid=grid,
+        heading_deg=heading,
+        problem=problem,
         coverage=coverage,
         route=route,
         notices=notices,
@@ -271,56 +301,6 @@ def plan(
         approximation="correlogram" if model_name == "measured" and found.volume is None else None,
         **doubts._asdict(),
     )
-
-
-class Task(NamedTuple):
-    """What of a plan stays as it is whatever the scene: the request, and what it stands for."""
-
-    request: PlanRequest
-    model: str
-    camera: Camera
-    altitude_m: float
-    gsd_m: float
-
-    def problem_of(self, found: ResolvedScene) -> tuple[Problem, CoverageBaseline] | None:
-        """The problem that a scene poses, and its coverage rule; None where nothing is hidden."""
-        request, altitude = self.request, self.altitude_m
-        above = found.scene.above(request.focal_height)
-        density = above.integrated_density if above is not None else 0.0
-        if above is None or density == 0.0:
-            return None
-        _check_density(above, density, request)
-        coverage = coverage_baseline(
-            above.slabs(), altitude, self.camera.focal_length_px, request.coverage
-        )
-        if self.model == "measured":
-            return _measured_problem(request, found, altitude, self.gsd_m), coverage
-        model = _model(self.model, above, altitude, self.camera, coverage, request)
-        return _problem(request, model, self.gsd_m), coverage
-
-
-def requirement_of(request: PlanRequest) -> Requirement:
-    """The target of a request."""
-    if request.visibility is not None:
-        return Requirement("visibility", exact_share(request.visibility, "--visibility"))
-    assert request.vhat is not None  # the request has filled it in
-    return Requirement("normalized", exact_share(_as_written(request.vhat), "--vhat"))
-
-
-def _as_written(share: float | str) -> str:
-    # A float in a request is the nearest one to a decimal that was written.
-    return share if isinstance(share, str) else repr(share)
-
-
-def _check_density(above: Scene, density: float, request: PlanRequest) -> None:
-    if above.transparency == 0.0 or density >= 1.0:
-        shown = above.name if request.scene is None else request.scene
-        raise RequestError(
-            f"scene '{shown}' has integrated density 1: no ray reaches the ground, and no "
-            "number of photos shows what lies there",
-            "a density below 1 is needed; for a point cloud, a smaller --voxel or a larger "
-            "--min-height",
-        )
 
 
 def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> None:
@@ -344,28 +324,6 @@ def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> No
     )
 
 
-def _model(
-    name: str,
-    above: Scene,
-    altitude_m: float,
-    camera: Camera,
-    coverage: CoverageBaseline,
-    request: PlanRequest,
-) -> VisibilityModel:
-    conduct: dict[str, Any] = {"hold_error_m": request.hold_error, "rays": request.rays or "nadir"}
-    if name == "uniform":
-        return UniformModel(
-            above.integrated_density,
-            above.transparency,
-            coverage.baseline_m,
-            altitude_m=altitude_m,
-            **conduct,
-        )
-    from aosplan.models.layered import LayeredModel
-
-    return LayeredModel(above.slices(), altitude_m, camera.focal_length_px, **conduct)
-
-
 def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
@@ -379,41 +337,6 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
             f"--rays {request.rays} with --model measured",
             "it traces the rays as they are; --rays goes with uniform and layered",
         )
-
-
-def _measured_problem(
-    request: PlanRequest, found: ResolvedScene, altitude_m: float, gsd_m: float
-) -> Problem:
-    from aosplan.models.correlogram import CorrelogramModel, correlogram
-    from aosplan.models.measured import MeasuredModel
-
-    table, focal_height = found.correlogram, request.focal_height
-    conduct: dict[str, Any] = {
-        "heading_deg": request.heading,
-        "hold_error_m": request.hold_error,
-    }
-    if found.volume is None:
-        assert table is not None  # the model was checked against the kind of scene
-        if focal_height > 0.0 or request.view == "perspective":
-            raise RequestError(
-                f"scene '{request.scene}' holds a correlogram, which knows neither a raised focal "
-                "plane nor the view perspective",
-                "save the scene as .npz, with its voxels, or use --model layered",
-            )
-        return _problem(request, CorrelogramModel(table, altitude_m, **conduct), gsd_m)
-    model = MeasuredModel(
-        found.volume,
-        altitude_m,
-        view="perspective" if request.view == "perspective" else "telecentric",
-        focal_height_m=focal_height,
-        **conduct,
-    )
-    problem = _problem(request, model, gsd_m)
-    if model.view == "perspective" or None not in (request.baseline, request.samples):
-        return problem  # the correlogram is telecentric; and with both fixed nothing is searched
-    if table is None or focal_height > 0.0:
-        table = correlogram(found.volume, focal_height_m=focal_height)
-    return problem._replace(sketch=CorrelogramModel(table, altitude_m, **conduct))
 
 
 def _doubts(
@@ -445,30 +368,11 @@ def _doubts(
         )
 
 
-def _problem(request: PlanRequest, model: VisibilityModel, gsd_m: float) -> Problem:
-    return Problem(
-        model=model,
-        requirement=requirement_of(request),
-        grid=_grid_of(request),
-        bounds=Bounds(
-            max_aperture_m=request.max_aperture,
-            max_samples=request.max_samples,
-            baseline_m=request.baseline,
-            samples=request.samples,
-        ),
-        objective=request.optimize,
-        timing=timing_of(request, gsd_m)[0],
-    )
-
-
-def _grid_of(request: PlanRequest) -> GridKind:
-    return GridKind(request.grid, request.lanes or 3, request.lane_pitch or 4.0)
-
-
-def _clear_view(request: PlanRequest) -> Solution:
+def _clear_view(request: PlanRequest) -> tuple[GridKind, Solution]:
     """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
-    pattern = _grid_of(request).pattern(request.samples or 1)
-    return Solution(
+    grid = kinds_of(request)[0]
+    pattern = grid.pattern(request.samples or 1)
+    return grid, Solution(
         pattern=pattern,
         baseline_m=request.baseline or 0.0,
         prediction=Prediction(0.0, 1.0, 1.0 / pattern.samples),

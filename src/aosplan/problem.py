@@ -7,8 +7,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight import Timing
-from aosplan.pattern import Frame, Pattern, frame_at, pattern_for
-from aosplan.roots import smallest, smallest_whole
+from aosplan.pattern import AnyFrame, Sites, frame_at, pattern_for
+from aosplan.roots import smallest_root, smallest_whole
 
 if TYPE_CHECKING:
     from aosplan.models import Prediction, VisibilityModel
@@ -44,9 +44,13 @@ class Requirement(NamedTuple):
 
     def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
         """Whether a prediction reaches the target, to a relative tolerance of the shortfall."""
+        return self.excess(prediction, tolerance) <= 0.0
+
+    def excess(self, prediction: Prediction, tolerance: float = TOLERANCE) -> float:
+        """What a prediction lacks to the target; at most 0 where it is met."""
         normalized = self.quantity == "normalized"
         error = prediction.shortfall if normalized else prediction.mean_squared_error
-        return error <= float(1 - self.target) * (1.0 + tolerance)
+        return error - float(1 - self.target) * (1.0 + tolerance)
 
     def fewest_independent(self, model: VisibilityModel) -> int | None:
         """Samples that would do if all were independent: a lower bound where K >= 1/N.
@@ -82,11 +86,18 @@ class GridKind(NamedTuple):
     lanes: int = 3
     lane_pitch: float = 4.0
 
-    def frame(self, index: int) -> Frame:
+    @property
+    def title(self) -> str:
+        """The kind as messages call it."""
+        if self.name == "lanes":
+            return f"{self.lanes} lanes of pitch {self.lane_pitch:g}"
+        return f"spiral of pitch {self.lane_pitch:g}" if self.name == "spiral" else self.name
+
+    def frame(self, index: int) -> AnyFrame:
         """The frame at a place of the sequence, from 1."""
         return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
-    def pattern(self, samples: int) -> Pattern:
+    def pattern(self, samples: int) -> Sites:
         """The smallest pattern of this kind with at least this many samples."""
         return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
@@ -110,7 +121,7 @@ class Limit(NamedTuple):
 class Solution(NamedTuple):
     """A pattern and its baseline, with what they show and what bound them."""
 
-    pattern: Pattern
+    pattern: Sites
     baseline_m: float
     prediction: Prediction
     samples_required: int | None
@@ -132,16 +143,42 @@ class Problem(NamedTuple):
     timing: Timing = Timing()
     sketch: VisibilityModel | None = None
 
-    def meets(self, pattern: Pattern, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
+    @property
+    def name(self) -> str:
+        """How messages tell it from others: its kind of grid, and its heading where it has one."""
+        heading = getattr(self.model, "heading_deg", 0.0)
+        return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
+
+    def turned(self, heading_deg: float) -> Problem:
+        """The same problem at another heading, where the model has one."""
+        from copy import copy
+
+        if getattr(self.model, "heading_deg", heading_deg) == heading_deg:
+            return self
+        model, sketch = copy(self.model), copy(self.sketch)
+        for each in filter(None, (model, sketch)):
+            each.heading_deg = heading_deg  # type: ignore[attr-defined]  # the model has one
+        # The wind stays where it is, while the axes of the path turn.
+        turn = math.radians(heading_deg - getattr(self.model, "heading_deg", 0.0))
+        x, y = self.timing.wind
+        wind = (x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn))
+        timing = self.timing._replace(wind=wind) if any(self.timing.wind) else self.timing
+        return self._replace(model=model, sketch=sketch, timing=timing)
+
+    def sketch_of(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """What the sketch, or the model where there is none, says of a pattern at a baseline."""
+        return (self.sketch or self.model).predict(pattern, baseline_m)
+
+    def meets(self, pattern: Sites, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
         """Whether a pattern at a baseline reaches the target."""
         return self.requirement.is_met(self.model.predict(pattern, baseline_m), tolerance)
 
-    def widest_m(self, side: float) -> float:
-        """Widest baseline worth trying for a pattern whose longer side is so many baselines.
+    def widest_m(self, sites: Sites | AnyFrame) -> float:
+        """Widest baseline worth trying for a pattern, or those of a frame.
 
         Beyond it nothing is gained, or the bound on the aperture is broken.
         """
-        cap = self.widest_baseline_m
+        cap, side = self.widest_baseline_m / sites.nearest, sites.longer_side
         return min(cap, self.widest_aperture_m / side) if side > 0.0 else cap
 
     @property
@@ -160,11 +197,17 @@ class Problem(NamedTuple):
         bound = self.bounds.max_aperture_m
         return min(math.inf if bound is None else bound, self.model.widest_aperture_m)
 
-    def smallest_baseline_m(self, pattern: Pattern) -> float | None:
+    def smallest_baseline_m(self, pattern: Sites) -> float | None:
         """Smallest baseline at which a pattern meets the target; None where none within bounds."""
-        widest = self.widest_m(pattern.longer_side)
+        widest = self.widest_m(pattern)
         if not self.meets(pattern, widest):
             return None
         if not self.meets(pattern, widest, ROUNDING):
             return widest
-        return smallest(lambda baseline: self.meets(pattern, baseline, ROUNDING), 0.0, widest)
+        return smallest_root(
+            lambda baseline: self.requirement.excess(
+                self.model.predict(pattern, baseline), ROUNDING
+            ),
+            0.0,
+            widest,
+        )

@@ -129,6 +129,15 @@ def flag(value: Any, name: str) -> bool:
     return value
 
 
+def or_best(parse: Callable[[Any, str], Any]) -> Callable[[Any, str], Any]:
+    """A parser that also takes the word ``best``: whichever value proves the best."""
+
+    def parsed(value: Any, name: str) -> Any:
+        return "best" if value == "best" else parse(value, name)
+
+    return parsed
+
+
 def word(value: Any, name: str) -> str:
     """Text that is not empty."""
     if not isinstance(value, str) or not value.strip():

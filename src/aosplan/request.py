@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan import quantities as q
 from aosplan.errors import RequestError
 from aosplan.options import BY_NAME, OPTIONS
+from aosplan.pattern import NARROWEST_TURNS
 from aosplan.trigger import BLUR_PX, EXPOSURE_S
 
 if TYPE_CHECKING:
@@ -41,6 +42,16 @@ ALTERNATIVES = (
     ),
 )
 """Ways to say the same thing: options of different ways contradict each other."""
+
+LANE_DEFAULTS: dict[str, Any] = {"lanes": 3, "lane_pitch": 4.0}
+"""Defaults of the options of lanes."""
+
+LANE_OPTIONS = {
+    "lanes": ("lanes", "lane_pitch"),
+    "spiral": ("lane_pitch",),
+    "best": ("lanes", "lane_pitch"),
+}
+"""Which of them each kind of grid takes."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +110,10 @@ class PlanRequest:
     samples: int | None = None
     sensitivity: bool = False
     grid: str = "trimmed"
-    lanes: int | None = None
-    lane_pitch: float | None = None
+    lanes: int | str | None = None
+    lane_pitch: float | str | None = None
     origin: tuple[float, float] | None = None
-    heading: float = 0.0
+    heading: float | str = 0.0
     drone: str | None = None
     speed: float | None = None
     acceleration: float | None = None
@@ -139,6 +150,11 @@ class PlanRequest:
         self._check_flight()
         self._check_camera()
         self._check_bounds()
+
+    @property
+    def heading_deg(self) -> float:
+        """The heading asked for; north where the best one is sought."""
+        return self.heading if isinstance(self.heading, float) else 0.0
 
     def document(self) -> dict[str, Any]:
         """The request as plain values, without what is not used: enough to run it again."""
@@ -264,18 +280,20 @@ class PlanRequest:
             raise RequestError(
                 f"--samples {self.samples} is more than --max-samples {self.max_samples}"
             )
-        if self.grid == "lanes":
-            object.__setattr__(self, "lanes", self.lanes or 3)
-            object.__setattr__(self, "lane_pitch", self.lane_pitch or 4.0)
-            assert self.lane_pitch is not None
-            if self.lane_pitch < 1.0:
-                raise RequestError(f"--lane-pitch {self.lane_pitch:g} is below 1")
-        else:
-            strange = self._given(("lanes", "lane_pitch"))
-            if strange:
-                raise RequestError(
-                    f"{' and '.join(strange)} with --grid {self.grid}", "they go with --grid lanes"
-                )
+        defaults = {name: LANE_DEFAULTS[name] for name in LANE_OPTIONS.get(self.grid, ())}
+        for name, default in defaults.items():
+            object.__setattr__(self, name, getattr(self, name) or default)
+        least = NARROWEST_TURNS if self.grid == "spiral" else 1.0
+        if isinstance(self.lane_pitch, float) and self.lane_pitch < least:
+            raise RequestError(
+                f"--lane-pitch {self.lane_pitch:g} is below {least:g}"
+                + (", the narrowest turns of a spiral" if self.grid == "spiral" else "")
+            )
+        strange = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
+        if strange:
+            raise RequestError(
+                f"{' and '.join(strange)} with --grid {self.grid}", "they go with --grid lanes"
+            )
 
 
 def find_drone(name: str) -> DronePreset:
@@ -361,8 +379,8 @@ def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
                 dropped |= {name for others in alternatives for name in others} - set(names)
     if "scene" in upper and "scene" not in lower:
         dropped.add("occluder_size")  # it belonged to the uniform scene below
-    if upper.get("grid") not in (None, "lanes"):
-        dropped |= {"lanes", "lane_pitch"}
+    if "grid" in upper:
+        dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
     if upper.get("trigger") == "stop":
         dropped |= {"max_blur", "exposure_time"}
     if "drone" in upper:

@@ -93,7 +93,7 @@ def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Limit | None]
     if request.wind_speed:
         assert request.wind_from is not None  # the request has checked it
         assert request.airspeed is not None
-        wind = wind_mps(request.wind_speed, request.wind_from, request.heading)
+        wind = wind_mps(request.wind_speed, request.wind_from, request.heading_deg)
         timing = timing._replace(wind=wind, airspeed_mps=request.airspeed)
         timing.ground_speed_mps(1.0, 0.0)  # where the wind is too strong, say so at once
     return timing, limit
@@ -168,7 +168,7 @@ def lay(
         east, north = list(east_m[first:]), list(north_m[first:])
         if not timing.fly_through:
             return Sites(east, north, [True] * len(east))
-        run_in, heading = timing.run_in_m, request.heading
+        run_in, heading = timing.run_in_m, request.heading_deg
         return with_turns(east, north, spacing_m=baseline_m, run_in_m=run_in, heading_deg=heading)
 
     terrain = None

@@ -1,39 +1,69 @@
 """Search where V̂ need not rise with the baseline, or where visibility itself is the objective.
 
-A sketch of the model (`Problem.sketch`), quick and a little off, ranks patterns and baselines;
-the model itself decides, and every number of the answer is the model's.  Without a sketch the
-model does both.
+Patterns are looked at on one **scan** of baselines, the same for all, so that patterns share their
+views: each `SCAN_RATIO` times the one below, from `SCAN_STEPS` steps below the widest that a
+pattern may have, and that widest itself.  Between the first step that meets the target and the
+one below, the smallest baseline is sought by halving.
 
-Frames are judged by their fullest pattern, and baselines on a scan of `SCAN_STEPS` steps, each a
-seventh wider, refined to a thousandth.  What the sketch sees miss the target by more than its
-own error is passed over.
+**What is guaranteed.**  Of all patterns of a kind up to the most samples (`SEARCHED_SAMPLES` unless
+given), none has a lower cost at a step of the scan than the answer: no fewer samples, no longer
+flight, no less extent (of fullest patterns; then come the fewest samples within 1 % of it), no more
+visibility or contrast by more than half the slack (of fullest patterns; then come the fewest
+samples within the slack).  Fullest are the patterns of the most samples in one rectangle; of lines,
+lanes and spirals every one up to `THINNED_FROM` samples, and then the largest of each family, whose
+counts are those of one rectangle of the trimmed grid.  Candidates are taken in the order of their cost, each with the best that it could be, so the first
+one that holds is the best.
+
+**A sketch** of the model (`Problem.sketch`), quick and a little off, spares the model most of them:
+one is passed over where even a shortfall and a density lower by a margin would not do.  The
+margins are `CAUTION` times the largest error of the sketch that the search has seen, and no less
+than `LEAST_MARGINS`; whenever they have grown, the search begins anew with them.  Without a sketch
+the model judges everything, and the guarantee has no condition.  Every number of the answer is
+the model's.
 """
 
 from __future__ import annotations
 
+import math
+from functools import lru_cache, partial
+from heapq import heapify, heappop, heappush
 from itertools import count
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
-from aosplan.answer import solution_of, value_text
-from aosplan.errors import InfeasibleError
+from aosplan.answer import out_of_scan, solution_of
 from aosplan.flight import path_of
 from aosplan.models import Prediction
+from aosplan.problem import GridKind
 from aosplan.solve import APERTURE_SLACK, SEARCHED_SAMPLES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from aosplan.pattern import Frame, Pattern
+    from aosplan.pattern import AnyFrame, Sites
     from aosplan.problem import Problem, Solution
 
+    Cost = Callable[["Candidate"], float]
+
+Found = TypeVar("Found")
+
+THINNED_FROM = 64
+"""Samples up to which every pattern is looked at for the least extent and the best value."""
+
 SCAN_RATIO, SCAN_STEPS = 8.0 / 7.0, 30
-"""A scan's baselines begin at one fiftieth of the widest."""
+"""A scan's baselines begin at about one fiftieth of the widest."""
 
 REFINEMENTS = 8
 """Halvings of a scan's step."""
 
-SKETCH_ERROR = 0.02
-"""Error of V̂ that a sketch may have."""
+LEAST_MARGINS = 0.03, 0.005, 0.003
+"""Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
+sketch may be off."""
+
+PROBES, PROBE_STEPS = (4, 16, 49), 5
+"""Samples of the patterns at which a sketch is measured at first, and steps of the scan between."""
+
+CAUTION = 1.5
+"""How much more than the largest error of a sketch is allowed for."""
 
 VISIBILITY_SLACK = 0.005
 """How far below the best visibility the fewest samples may stay."""
@@ -41,14 +71,11 @@ VISIBILITY_SLACK = 0.005
 CONTRAST_SLACK = 0.01
 """The same for contrast, relative."""
 
-SHORTLIST = 12
-"""Candidates of the sketch that the model looks at for the best visibility or contrast."""
-
 
 class Candidate(NamedTuple):
     """A pattern at a baseline."""
 
-    pattern: Pattern
+    pattern: Sites
     baseline_m: float
 
     @property
@@ -63,185 +90,338 @@ def search(problem: Problem) -> Solution:
     Raises
     ------
     InfeasibleError
-        Where nothing that was looked at meets the target; the message says what is reachable.
+        Where nothing meets the target; the message says what is reachable.
     """
     bounds = problem.bounds
+    scan = Scan(problem)
     if bounds.baseline_m is not None and bounds.samples is not None:
         best: Candidate | None = Candidate(problem.grid.pattern(bounds.samples), bounds.baseline_m)
     elif problem.objective in ("visibility", "contrast"):
-        best = _best(problem)
+        best = scan.settled(_best)
     elif problem.objective == "aperture":
-        best = _least_aperture(problem)
+        best = scan.settled(_least_aperture)
     elif problem.objective == "time":
-        best = _least_time(problem)
+        best = scan.settled(_least_time)
     else:
-        best = next(_meeting(problem), None)
+        best = scan.settled(_fewest)
     if best is None:
-        raise _out_of_reach(problem)
-    required = _fewest_at(problem, best.baseline_m)
-    return solution_of(problem, best.pattern, best.baseline_m, required)
+        highest = scan.settled(_highest)
+        reached = None if highest is None else (*highest, scan.predict(highest))
+        raise out_of_scan(problem, reached, problem.bounds.max_samples or SEARCHED_SAMPLES)
+    return solution_of(problem, best.pattern, best.baseline_m, _fewest_at(scan, best.baseline_m))
 
 
-def _frames(problem: Problem) -> Iterator[Frame]:
-    """Frames that may be planned, in rising order of samples."""
-    fixed, grid = problem.bounds.samples, problem.grid
-    if fixed is not None:
-        frame = grid.frame(grid.index_of(fixed))
-        samples = frame.pattern(max(fixed, frame.fewest)).samples
-        yield frame._replace(fewest=samples, most=samples)
-        return
-    most = problem.bounds.max_samples or SEARCHED_SAMPLES
-    for index in count(1):
-        frame = grid.frame(index)
-        if frame.fewest > most:
-            return
-        yield frame._replace(most=min(frame.most, most))
+class Scan:
+    """What the model says of patterns at baselines, and what the sketch says that it may say."""
 
+    def __init__(self, problem: Problem, errors: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        self.problem = problem
+        self.errors = list(errors)
+        self._margins: tuple[float, ...] = LEAST_MARGINS
+        self._pattern = lru_cache(maxsize=None)(problem.grid.pattern)
+        self._known: dict[Candidate, Prediction] = {}
+        self._sketched: dict[Candidate, Prediction] = {}
 
-def _baselines_m(problem: Problem, side: float) -> list[float]:
-    """Baselines to look at for a pattern whose longer side is so many baselines."""
-    fixed, widest = problem.bounds.baseline_m, problem.widest_m(side)
-    if fixed is not None:
-        return [fixed] if fixed * side <= problem.widest_aperture_m * (1.0 + 1e-12) else []
-    if problem.model.rises_with_baseline:
-        return [widest]
-    return [widest * SCAN_RATIO**-step for step in range(SCAN_STEPS, -1, -1)]
+    def settled(self, look: Callable[[Scan], Found]) -> Found:
+        """What a search finds once the margins that it was made with prove wide enough."""
+        if self.problem.sketch is not None and not any(self.errors):
+            self._probe()
+        while True:
+            found = look(self)
+            wanted = tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
+            if all(map(float.__le__, wanted, self._margins)):
+                return found
+            self._margins = wanted
 
+    def _probe(self) -> None:
+        """Measure the sketch at a few patterns and baselines, far from each other."""
+        fullest = [fullest for fullest, _ in self.families() if fullest.samples <= PROBES[-1]]
+        for wanted in PROBES:
+            for pattern in sorted(fullest, key=lambda each: abs(each.samples - wanted))[:1]:
+                for baseline in self.baselines_m(pattern)[::-PROBE_STEPS][:3]:
+                    self.predict(Candidate(pattern, baseline))
 
-def _sketched(problem: Problem, pattern: Pattern, baseline_m: float) -> Prediction:
-    return (problem.sketch or problem.model).predict(pattern, baseline_m)
+    def predict(self, candidate: Candidate) -> Prediction:
+        """The model's prediction; the sketch is measured by it."""
+        known = self._known.get(candidate)
+        if known is None:
+            known = self.problem.model.predict(*candidate)
+            self._known[candidate] = known
+            if self.problem.sketch is not None:
+                guess = self._guess(candidate)
+                pairs = (
+                    (known.shortfall, guess.shortfall),
+                    (guess.transparency, known.transparency),
+                    (self.value(guess), self.value(known)),
+                )
+                off = (1.0 - low / high if high > low else 0.0 for low, high in pairs)
+                self.errors = list(map(max, self.errors, off))
+        return known
 
+    def hopeful(self, candidate: Candidate) -> Prediction:
+        """The best that the model might say."""
+        if self.problem.sketch is None or candidate in self._known:
+            return self.predict(candidate)
+        shortfall, transparency, _ = self._margins
+        guess = self._guess(candidate)
+        clear = min(guess.transparency / max(1.0 - transparency, 0.5), 1.0)
+        least = guess.shortfall * max(1.0 - shortfall, 0.0)
+        return Prediction(1.0 - clear, clear, least)
 
-def _may_meet(problem: Problem, pattern: Pattern, baseline_m: float) -> bool:
-    if problem.sketch is None:
-        return True
-    density, transparency, shortfall = problem.sketch.predict(pattern, baseline_m)
-    hopeful = Prediction(density, transparency, max(shortfall - SKETCH_ERROR, 0.0))
-    return problem.requirement.is_met(hopeful)
+    def value(self, prediction: Prediction) -> float:
+        """What is maximised: the objective, or what the target asks for."""
+        if self.problem.objective == "contrast":
+            return prediction.contrast
+        if self.problem.objective == "visibility":
+            return prediction.expected
+        return self.problem.requirement.value_of(prediction)
 
+    def near(self, value: float) -> float:
+        """The least value that counts as near the best."""
+        if self.problem.objective == "contrast":
+            return value * (1.0 - CONTRAST_SLACK)
+        return value - VISIBILITY_SLACK
 
-def _smallest(problem: Problem, pattern: Pattern) -> Candidate | None:
-    """A pattern at the smallest baseline of the scan that meets the target, refined."""
-    lower = 0.0
-    for baseline in _baselines_m(problem, pattern.longer_side):
-        if _may_meet(problem, pattern, baseline) and problem.meets(pattern, baseline):
-            break
-        lower = baseline
-    else:
-        return None
-    if problem.bounds.baseline_m is None:
-        for _ in range(REFINEMENTS):
-            middle = 0.5 * (lower + baseline)
-            if problem.meets(pattern, middle):
-                baseline = middle
-            else:
-                lower = middle
-    return Candidate(pattern, baseline)
+    def hopeful_value(self, candidate: Candidate) -> float:
+        """The highest value that the model might say."""
+        if self.problem.sketch is None or candidate in self._known:
+            return self.value(self.predict(candidate))
+        return self.value(self._guess(candidate)) / max(1.0 - self._margins[2], 0.5)
 
-
-def _meeting(problem: Problem) -> Iterator[Candidate]:
-    """The fewest samples of each frame whose fullest pattern meets the target."""
-    for frame in _frames(problem):
-        if _smallest(problem, frame.whole) is not None:
-            patterns = map(frame.pattern, range(frame.fewest, frame.most + 1))
-            found = (_smallest(problem, pattern) for pattern in patterns)
-            yield next(candidate for candidate in found if candidate is not None)
-
-
-def _fullest(problem: Problem) -> Iterator[Candidate]:
-    """The fullest pattern of each frame that meets the target."""
-    for frame in _frames(problem):
-        candidate = _smallest(problem, frame.whole)
-        if candidate is not None:
-            yield candidate
-
-
-def _least_aperture(problem: Problem) -> Candidate | None:
-    """The fewest samples within 1 % of the least extent."""
-    found = list(_fullest(problem))
-    allowed = APERTURE_SLACK * min((each.extent_m for each in found), default=0.0)
-    return next((each for each in found if each.extent_m <= allowed), None)
-
-
-def _least_time(problem: Problem) -> Candidate | None:
-    def time_s(candidate: Candidate) -> float:
-        return path_of(candidate.pattern, problem.timing).time_s(
-            candidate.baseline_m, problem.timing
+    def meets(self, candidate: Candidate) -> bool:
+        """Whether a candidate meets the target; the model is asked only where it may."""
+        requirement = self.problem.requirement
+        return requirement.is_met(self.hopeful(candidate)) and requirement.is_met(
+            self.predict(candidate)
         )
 
-    return min(_fullest(problem), key=time_s, default=None)
+    def may_meet(self, candidate: Candidate) -> bool:
+        """Whether a candidate may meet the target."""
+        return self.problem.requirement.is_met(self.hopeful(candidate))
 
+    def _guess(self, candidate: Candidate) -> Prediction:
+        guess = self._sketched.get(candidate)
+        if guess is None:
+            assert self.problem.sketch is not None
+            guess = self._sketched[candidate] = self.problem.sketch.predict(*candidate)
+        return guess
 
-def _value(problem: Problem, prediction: Prediction) -> float:
-    return prediction.contrast if problem.objective == "contrast" else prediction.expected
+    def families(
+        self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
+    ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
+        """The patterns that may be planned, in families: the fullest one, and all of them.
 
+        Those of one frame, which are of one size, are a family.  Where each count has a size of its
+        own, it is one by itself; or, `thinned` and above `thinned_from` samples, one with the
+        counts of one frame of the trimmed grid.
+        """
+        bounds, grid = self.problem.bounds, self.problem.grid
+        if bounds.samples is not None:
+            pattern = grid.pattern(bounds.samples)
+            yield pattern, (pattern,)
+            return
+        most = bounds.max_samples or SEARCHED_SAMPLES
+        first = 1
+        while first <= most:
+            framing = GridKind() if thinned and first > thinned_from else grid
+            frame = framing.frame(framing.index_of(first))
+            counts = range(first, min(frame.most, most) + 1)
+            patterns = map(self._pattern, counts)
+            family = [each for each in patterns if each.samples in counts]
+            if family:
+                yield family[-1], dict.fromkeys(family)
+            first = frame.most + 1
 
-def _best(problem: Problem) -> Candidate | None:
-    """The fewest samples that come near the best visibility or contrast there is."""
-    sketched = [
-        (_value(problem, _sketched(problem, frame.whole, baseline)), frame.whole, baseline)
-        for frame in _frames(problem)
-        for baseline in _baselines_m(problem, frame.side)
-    ]
-    sketched.sort(key=lambda rated: -rated[0])
-    judged = [
-        (_value(problem, problem.model.predict(pattern, baseline)), Candidate(pattern, baseline))
-        for _, pattern, baseline in sketched[:SHORTLIST]
-    ]
-    if not judged:
+    def baselines_m(self, sites: Sites | AnyFrame) -> list[float]:
+        """The baselines of the scan that a pattern may have, rising."""
+        problem = self.problem
+        fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
+        if fixed is not None:
+            reach = problem.widest_aperture_m * (1.0 + 1e-12)
+            return [fixed] if fixed * sites.longer_side <= reach else []
+        if problem.model.rises_with_baseline or sites.longer_side == 0.0:
+            return [widest]
+        top = problem.model.independent_baseline_m
+        first = math.ceil(math.log(top / widest) / math.log(SCAN_RATIO) + 1e-9)
+        steps = range(first + SCAN_STEPS - 1, first - 1, -1)
+        return [*(top * SCAN_RATIO**-step for step in steps), widest]
+
+    def refined(
+        self, pattern: Sites, lower: float, baseline: float, halvings: int = REFINEMENTS
+    ) -> Candidate:
+        """The smallest baseline that meets the target, between one that does not and one that does."""
+        if self.problem.bounds.baseline_m is None:
+            for _ in range(halvings):
+                middle = 0.5 * (lower + baseline)
+                if self.problem.requirement.is_met(self.predict(Candidate(pattern, middle))):
+                    baseline = middle
+                else:
+                    lower = middle
+        return Candidate(pattern, baseline)
+
+    def smallest(self, pattern: Sites, halvings: int = REFINEMENTS) -> Candidate | None:
+        """A pattern at its smallest baseline that meets the target, by the scan."""
+        lower = 0.0
+        for baseline in self.baselines_m(pattern):
+            if self.meets(Candidate(pattern, baseline)):
+                return self.refined(pattern, lower, baseline, halvings)
+            lower = baseline
         return None
-    top = max(value for value, _ in judged)
-    enough = (
-        top * (1.0 - CONTRAST_SLACK) if problem.objective == "contrast" else top - VISIBILITY_SLACK
-    )
-    # What the sketch rates far below its own best is not looked at again.
-    rated_best = sketched[0][0]
-    hopeful = rated_best - 4.0 * (top - enough)
-    by_samples = sorted(sketched, key=lambda rated: (rated[1].samples, -rated[0]))
-    looked_at: dict[int, int] = {}
-    for rated, pattern, baseline in by_samples:
-        tries = looked_at.get(pattern.samples, 0)
-        if rated < hopeful or tries >= 3:
+
+
+def _fewest(scan: Scan) -> Candidate | None:
+    """The fewest samples that meet the target, at their smallest baseline."""
+    for fullest, patterns in scan.families():
+        steps = scan.baselines_m(fullest)
+        if not steps or any(scan.may_meet(Candidate(fullest, b)) for b in steps):
+            found = next(filter(None, map(scan.smallest, patterns)), None)
+            if found is not None:
+                return found
+    return None
+
+
+def _least_time(scan: Scan) -> Candidate | None:
+    timing = scan.problem.timing
+    path = lru_cache(maxsize=None)(partial(path_of, timing=timing))
+    patterns = ((fullest, pattern) for fullest, patterns in scan.families() for pattern in patterns)
+    return _least(scan, patterns, lambda at: path(at.pattern).time_s(at.baseline_m, timing))
+
+
+def _least_aperture(scan: Scan) -> Candidate | None:
+    """The fewest samples within 1 % of the least extent."""
+    fullest = ((fullest, fullest) for fullest, _ in scan.families(thinned=True))
+    least = _least(scan, fullest, lambda at: at.extent_m)
+    if least is None:
+        return None
+    allowed = APERTURE_SLACK * least.extent_m
+    for whole, patterns in scan.families():
+        if whole.samples > least.pattern.samples:
+            break
+        if not _fits(scan, whole, allowed, scan.may_meet):
             continue
-        looked_at[pattern.samples] = tries + 1
-        if _value(problem, problem.model.predict(pattern, baseline)) >= enough:
-            return Candidate(pattern, baseline)
-    return max(judged, key=lambda found: found[0])[1]
+        for pattern in patterns:
+            if pattern.samples >= least.pattern.samples:
+                break
+            if _fits(scan, pattern, allowed, scan.meets):
+                found = scan.smallest(pattern)
+                if found is not None and found.extent_m <= allowed:
+                    return found
+    return least
 
 
-def _fewest_at(problem: Problem, baseline_m: float) -> int | None:
+def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate], bool]) -> bool:
+    """Whether a pattern passes a test at the widest baseline that an extent leaves it."""
+    widest, side = scan.problem.widest_m(pattern), pattern.longer_side
+    fixed = scan.problem.bounds.baseline_m
+    if fixed is not None:
+        return fixed * side <= extent_m and test(Candidate(pattern, fixed))
+    return test(Candidate(pattern, min(widest, extent_m / side) if side > 0.0 else widest))
+
+
+def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> Candidate | None:
+    """The candidate of least cost that meets the target; cost rises with the baseline.
+
+    Parameters
+    ----------
+    scan
+        The scan.
+    patterns
+        Each behind the fullest pattern of its frame, below whose smallest hopeful baseline
+        none of the frame is tried.
+    cost
+        What is minimised.
+    """
+    order = count()
+    starts: dict[Sites, float] = {}
+    waiting: list[tuple[float, int, int, Sites, int, Sites | None]] = []
+
+    def hopeful_from(pattern: Sites, step: int) -> int | None:
+        steps = enumerate(scan.baselines_m(pattern)[step:], step)
+        return next((i for i, b in steps if scan.may_meet(Candidate(pattern, b))), None)
+
+    def push(pattern: Sites, step: int | None, frame: Sites | None = None) -> None:
+        if step is None:
+            return
+        below = scan.baselines_m(pattern)[step - 1] if step else 0.0
+        if scan.problem.bounds.baseline_m is not None:
+            below = scan.problem.bounds.baseline_m
+        lowest = cost(Candidate(pattern, below))
+        heappush(waiting, (lowest, pattern.samples, next(order), pattern, step, frame))
+
+    for fullest, pattern in patterns:
+        if scan.baselines_m(pattern):
+            push(pattern, 0, fullest)
+    final: dict[int, Candidate] = {}
+    while waiting:
+        _, samples, place, pattern, step, frame = heappop(waiting)
+        if place in final:
+            return final[place]
+        steps = scan.baselines_m(pattern)
+        if frame is not None:
+            if frame not in starts:
+                lowest = scan.baselines_m(frame)
+                first = hopeful_from(frame, 0) if lowest else None
+                starts[frame] = lowest[first] if first is not None else math.inf if lowest else 0.0
+            below = sum(baseline < starts[frame] for baseline in steps)
+            push(pattern, hopeful_from(pattern, below))
+        elif scan.meets(Candidate(pattern, steps[step])):
+            found = scan.refined(pattern, steps[step - 1] if step else 0.0, steps[step])
+            place = next(order)
+            final[place] = found
+            heappush(waiting, (cost(found), samples, place, pattern, step, None))
+        else:
+            push(pattern, hopeful_from(pattern, step + 1))
+    return None
+
+
+def _highest(scan: Scan) -> Candidate | None:
+    """The candidate of the highest value among the fullest patterns, to half the slack."""
+    best: Candidate | None = None
+    enough = -math.inf
+    waiting: list[tuple[float, int, int, Candidate]] = []
+    for fullest, _ in scan.families(thinned=True):
+        for baseline in scan.baselines_m(fullest):
+            at = Candidate(fullest, baseline)
+            waiting.append((-scan.hopeful_value(at), fullest.samples, len(waiting), at))
+    heapify(waiting)
+    while waiting:
+        hopeful, _, _, at = heappop(waiting)
+        if -hopeful <= enough:
+            break
+        value = scan.value(scan.predict(at))
+        if best is None or value > scan.value(scan.predict(best)):
+            best, enough = at, value + 0.5 * (value - scan.near(value))
+    return best
+
+
+def _best(scan: Scan) -> Candidate | None:
+    """The fewest samples that come near the best visibility or contrast there is."""
+    best = _highest(scan)
+    if best is None:
+        return None
+    enough = scan.near(scan.value(scan.predict(best)))
+    for fullest, patterns in scan.families():
+        if fullest.samples > best.pattern.samples:
+            break
+        steps = scan.baselines_m(fullest)
+        if steps and all(scan.hopeful_value(Candidate(fullest, b)) < enough for b in steps):
+            continue
+        for pattern in patterns:
+            at = (Candidate(pattern, baseline) for baseline in scan.baselines_m(pattern))
+            near = [each for each in at if scan.hopeful_value(each) >= enough]
+            found = max(near, key=lambda each: scan.value(scan.predict(each)), default=None)
+            if found is not None and scan.value(scan.predict(found)) >= enough:
+                return found
+    return best
+
+
+def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
     """Fewest samples that meet the target at one baseline; None where none that was looked at."""
+    problem = scan.problem
     if problem.model.rises_with_baseline:
         from aosplan.solve import fewest_at
 
         return fewest_at(problem, baseline_m)
     bounds = problem.bounds._replace(baseline_m=baseline_m, samples=None, max_aperture_m=None)
-    found = next(_meeting(problem._replace(bounds=bounds)), None)
+    found = Scan(problem._replace(bounds=bounds), scan.errors).settled(_fewest)
     return None if found is None else found.pattern.samples
-
-
-def _out_of_reach(problem: Problem) -> InfeasibleError:
-    """The error of a target that nothing meets: what is reachable, with how many samples."""
-    requirement = problem.requirement
-    rated = [
-        (requirement.value_of(_sketched(problem, frame.whole, baseline)), frame.whole, baseline)
-        for frame in _frames(problem)
-        for baseline in _baselines_m(problem, frame.side)
-    ]
-    if not rated:
-        return InfeasibleError(
-            f"{requirement} is out of reach: no grid fits into an aperture of "
-            f"{problem.widest_aperture_m:.4g} m",
-            "allow a larger aperture, or a smaller baseline",
-        )
-    rated.sort(key=lambda each: -each[0])
-    prediction, pattern, baseline = max(
-        ((problem.model.predict(pattern, at), pattern, at) for _, pattern, at in rated[:3]),
-        key=lambda found: requirement.value_of(found[0]),
-    )
-    return InfeasibleError(
-        f"{requirement} is out of reach: of up to {problem.bounds.max_samples or SEARCHED_SAMPLES} "
-        f"samples within an aperture of {problem.widest_aperture_m:.4g} m the best reach "
-        f"{value_text(problem, prediction)}, {pattern.samples} of them {baseline:.4g} m apart",
-        "ask for less, or for the best there is: --optimize contrast, or --optimize visibility",
-    )

@@ -23,15 +23,14 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.models.equations import slice_density
 from aosplan.scene import UniformScene
-from aosplan.solve import solve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.planning import Task
     from aosplan.problem import Problem, Solution
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import LayeredScene, Scene
+    from aosplan.task import Task
     from aosplan.voxels import VoxelVolume
 
 FACTORS = (0.8, 1.2)
@@ -72,7 +71,7 @@ def changes_of(task: Task, found: ResolvedScene, solution: Solution) -> Iterator
                 continue
             shown = posed.model.predict(solution.pattern, solution.baseline_m)
             try:
-                answer = solve(posed)
+                answer = task.choice(posed).solution
             except InfeasibleError as error:
                 yield Change(
                     quantity, factor, shown.expected, shown.normalized, None, None, error.message

@@ -8,13 +8,14 @@ evaluates no pattern that cannot be the answer.
 
 from __future__ import annotations
 
+import math
 from itertools import count, takewhile
 from typing import TYPE_CHECKING
 
 from aosplan.answer import rounded_up, solution_of, value_text
 from aosplan.errors import InfeasibleError
 from aosplan.flight import Path, Timing, path_of
-from aosplan.pattern import MOST_SITES, Frame, Pattern, check_size
+from aosplan.pattern import MOST_SITES, AnyFrame, Sites, check_size
 from aosplan.problem import TOLERANCE, Bounds, Problem, Solution
 from aosplan.roots import smallest, smallest_whole
 
@@ -62,7 +63,7 @@ def solve(problem: Problem) -> Solution:
     return _fewest_samples(problem)
 
 
-def fewest_at(problem: Problem, baseline_m: float) -> int | None:
+def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
     """Fewest samples that meet the target at one baseline; None where no count up to the limit does.
 
     V̂ of whole frames rises from frame to frame, and within a frame with every sample.
@@ -72,22 +73,29 @@ def fewest_at(problem: Problem, baseline_m: float) -> int | None:
         return None
     first = problem.grid.index_of(fewest)
 
+    def at(pattern: Sites) -> float:
+        return problem.widest_m(pattern) if baseline_m is None else baseline_m
+
     def frame_meets(index: int) -> bool:
         whole = problem.grid.frame(index).whole
-        hopeful = problem.requirement.is_met(problem.model.at_best(whole, baseline_m))
-        return hopeful and problem.meets(whole, baseline_m)
+        hopeful = problem.requirement.is_met(problem.model.at_best(whole, at(whole)))
+        return hopeful and problem.meets(whole, at(whole))
 
-    low, high = first, first
+    last = problem.grid.index_of(MOST_SITES)
+    if first > last:
+        return None
+    low = high = first
     while not frame_meets(high):
-        if problem.grid.frame(high).most > MOST_SITES:
+        if high == last:
             return None
-        low, high = high + 1, 2 * high
+        low, high = high + 1, min(2 * high, last)
     frame = problem.grid.frame(smallest_whole(frame_meets, low, high))
-    return smallest_whole(
-        lambda samples: problem.meets(frame.pattern(samples), baseline_m),
+    samples = smallest_whole(
+        lambda samples: problem.meets(pattern := frame.pattern(samples), at(pattern)),
         min(max(frame.fewest, fewest), frame.most),
         frame.most,
     )
+    return samples if samples <= MOST_SITES else None
 
 
 def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
@@ -116,7 +124,7 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
 
 def _for_samples(problem: Problem, samples: int) -> Solution:
     pattern = problem.grid.pattern(samples)
-    widest = problem.widest_m(pattern.longer_side)
+    widest = problem.widest_m(pattern)
     prediction = problem.model.predict(pattern, widest)
     if not problem.requirement.is_met(prediction):
         raise InfeasibleError(
@@ -130,14 +138,14 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
 
 def _fewest_samples(problem: Problem) -> Solution:
     if problem.bounds.max_aperture_m is None:
-        samples = fewest_at(problem, problem.widest_baseline_m)
+        samples = fewest_at(problem, None)
         if samples is None or samples > _most_samples(problem):
             raise _out_of_reach(problem)
         pattern = problem.grid.pattern(samples)
         return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
     for frame in _candidate_frames(problem):
         # The frame is as wide as the bound lets it be, so its fewest samples lie at one baseline.
-        baseline = problem.widest_m(frame.side)
+        baseline = problem.widest_m(frame)
         most = min(frame.most, _most_samples(problem))
         if problem.meets(frame.pattern(most), baseline):
             pattern = frame.pattern(_fewest_in(problem, frame, baseline, most))
@@ -154,30 +162,42 @@ def _least_aperture(problem: Problem) -> Solution:
 
 def _least_aperture_or_none(problem: Problem) -> Solution | None:
     """The fewest samples within 1 % of the least extent; None where nothing meets the target."""
-    candidates: list[tuple[float, Frame, int]] = []
+    # Within a frame more samples need less baseline, so its best is its fullest pattern; and one
+    # look at the extent that is to be beaten tells whether a frame can.
+    least = math.inf
     for frame in _candidate_frames(problem):
-        # Within a frame more samples need less baseline, so its best is its fullest pattern.
-        most = min(frame.most, _most_samples(problem))
-        baseline = problem.smallest_baseline_m(frame.pattern(most))
-        if baseline is not None:
-            candidates.append((baseline * frame.side, frame, most))
-    if not candidates:
+        fullest = _fullest(problem, frame)
+        widest = problem.widest_m(frame)
+        if frame.longer_side > 0.0:
+            widest = min(widest, least / frame.longer_side)
+        if problem.meets(fullest, widest):
+            baseline = problem.smallest_baseline_m(fullest)
+            assert baseline is not None  # it meets the target at `widest`
+            least = min(least, baseline * frame.longer_side)
+    if math.isinf(least):
         return None
-    allowed = APERTURE_SLACK * min(extent for extent, _, _ in candidates)
-    frame, most = next((frame, most) for extent, frame, most in candidates if extent <= allowed)
-    widest = problem.widest_m(frame.side)
-    if frame.side > 0.0:
-        widest = min(widest, allowed / frame.side)
-    pattern = frame.pattern(_fewest_in(problem, frame, widest, most))
-    baseline = problem.smallest_baseline_m(pattern)
-    assert baseline is not None  # the fullest pattern of the frame meets the target at `widest`
-    return _solution(problem, pattern, baseline)
+    for frame in _candidate_frames(problem):
+        widest = problem.widest_m(frame)
+        if frame.longer_side > 0.0:
+            widest = min(widest, APERTURE_SLACK * least / frame.longer_side)
+        if problem.meets(_fullest(problem, frame), widest):
+            most = min(frame.most, _most_samples(problem))
+            pattern = frame.pattern(_fewest_in(problem, frame, widest, most))
+            baseline = problem.smallest_baseline_m(pattern)
+            assert baseline is not None
+            return _solution(problem, pattern, baseline)
+    raise AssertionError("the least extent is a frame's own")
+
+
+def _fullest(problem: Problem, frame: AnyFrame) -> Sites:
+    """The pattern of the most samples of a frame that may be planned."""
+    return frame.pattern(min(frame.most, _most_samples(problem)))
 
 
 def _least_time(problem: Problem) -> Solution:
     timing = problem.timing
     calm = timing._replace(wind=(0.0, 0.0))
-    best: tuple[float, Pattern, float] | None = None
+    best: tuple[float, Sites, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))
         fewest = _lower_bound(problem, frame, most)
@@ -187,7 +207,7 @@ def _least_time(problem: Problem) -> Solution:
             # No leg is shorter than a baseline, and no pattern of the frame needs less than its
             # fullest: one look there tells whether any of them can be faster.
             shortest = Path.shortest(fewest, timing)
-            allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame.side))
+            allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame))
             if allowed is None or not problem.meets(frame.pattern(most), allowed):
                 continue
         for samples in range(fewest, most + 1):
@@ -195,7 +215,7 @@ def _least_time(problem: Problem) -> Solution:
             path = path_of(pattern, timing)
             if best is not None:
                 # One look at the widest baseline that is still faster spares most searches.
-                allowed = _widest_within(path, timing, best[0], problem.widest_m(frame.side))
+                allowed = _widest_within(path, timing, best[0], problem.widest_m(frame))
                 if allowed is None or not problem.meets(pattern, allowed):
                     continue
             baseline = problem.smallest_baseline_m(pattern)
@@ -218,7 +238,7 @@ def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -
     return smallest(lambda baseline: path.time_s(baseline, timing) >= time_s, 0.0, widest_m)
 
 
-def _candidate_frames(problem: Problem) -> Iterator[Frame]:
+def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
     """Frames from the first that could meet the target to the most samples allowed."""
     grid = problem.grid
     most = _most_samples(problem)
@@ -252,11 +272,11 @@ def _fewest_independent(problem: Problem) -> int:
     return fewest
 
 
-def _lower_bound(problem: Problem, frame: Frame, most: int) -> int:
+def _lower_bound(problem: Problem, frame: AnyFrame, most: int) -> int:
     return min(max(frame.fewest, _fewest_independent(problem)), most)
 
 
-def _fewest_in(problem: Problem, frame: Frame, baseline_m: float, most: int) -> int:
+def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) -> int:
     """Fewest samples of a frame that meet the target at a baseline; `most` of them do."""
     return smallest_whole(
         lambda samples: problem.meets(frame.pattern(samples), baseline_m),
@@ -265,11 +285,11 @@ def _fewest_in(problem: Problem, frame: Frame, baseline_m: float, most: int) -> 
     )
 
 
-def _preferred_baseline_m(problem: Problem, pattern: Pattern) -> float:
+def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
     """The model's own rule where it has one and samples are the objective, else the smallest."""
     rule = problem.model.rule_baseline_m
     if rule is not None and problem.objective == "samples":
-        preferred = min(rule, problem.widest_m(pattern.longer_side))
+        preferred = min(rule / pattern.nearest, problem.widest_m(pattern))
         if problem.meets(pattern, preferred):
             return preferred
     baseline = problem.smallest_baseline_m(pattern)
@@ -277,9 +297,10 @@ def _preferred_baseline_m(problem: Problem, pattern: Pattern) -> float:
     return baseline
 
 
-def _solution(problem: Problem, pattern: Pattern, baseline_m: float) -> Solution:
+def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
     trimmed = problem.grid._replace(name="trimmed")
-    counted = problem if problem.grid.name in ("line", "lanes") else problem._replace(grid=trimmed)
+    whole = problem.grid.name in ("rectangle", "square")
+    counted = problem._replace(grid=trimmed) if whole else problem
     return solution_of(problem, pattern, baseline_m, fewest_at(counted, baseline_m))
 
 
@@ -314,7 +335,7 @@ def _best_within(problem: Problem) -> str:
     reachable = (
         (problem.model.predict(pattern, widest), pattern, widest)
         for pattern in (frame.pattern(min(frame.most, limit)) for frame in frames)
-        for widest in (problem.widest_m(pattern.longer_side),)
+        for widest in (problem.widest_m(pattern),)
     )
     best = min(reachable, key=lambda found: found[0].shortfall, default=None)
     if best is None:

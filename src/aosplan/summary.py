@@ -21,7 +21,7 @@ SCHEMA = 1
 
 def plan_document(plan: Plan) -> dict[str, Any]:
     """Everything of a plan as dicts, lists, text and finite numbers."""
-    from aosplan.planning import requirement_of
+    from aosplan.task import requirement_of
 
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
@@ -37,11 +37,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         "samples_required": solution.samples_required,
         "aperture_m": plan.aperture_m,
         "grid": {
-            "kind": plan.request.grid,
+            "kind": plan.grid.name,
             "rows": pattern.rows,
             "columns": pattern.columns,
             "extent_m": list(plan.extent_m),
-            "pitch_m": [baseline, baseline * pattern.row_pitch],
+            "heading_deg": plan.heading_deg,
+            "pitch_m": [baseline * pitch for pitch in pattern.pitch],
         },
         "visibility": prediction_document(solution.prediction)
         | {

@@ -21,6 +21,7 @@ COMMANDS = {
     "plan": "Solve for baseline and photos, and write the grid to fly.",
     "simulate": "Hold a plan against a simulated forest.",
     "visibility": "The equations as a calculator.",
+    "tradeoff": "What each number of photos takes and gives.",
     "scene": "Occluder statistics of a point cloud or scene file.",
     "sweep": "Solve many scenarios and write a row for each.",
     "export": "Write files from a saved plan.",

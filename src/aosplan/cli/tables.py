@@ -12,13 +12,14 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.answer import BEST
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from rich.console import RenderableType
 
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
     from aosplan.planning import Plan
     from aosplan.scene import Scene
     from aosplan.sensitivity import Change
@@ -67,7 +68,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:.2f} m"
-    yield "Samples", f"N = {pattern.samples}, {request.grid} grid of {_shape_text(pattern)}"
+    yield "Samples", f"N = {pattern.samples}, {_shape_text(pattern, plan.grid.name)}"
     x, y = plan.extent_m
     yield "Aperture", f"a = {plan.aperture_m:.1f} m (grid {x:.1f} x {y:.1f} m)"
     if prediction.density > 0.0:
@@ -193,8 +194,10 @@ def _named(title: str, name: str) -> str:
     return f"{title} ({name})" if title else name
 
 
-def _shape_text(pattern: Pattern) -> str:
-    text = f"{pattern.rows} x {pattern.columns}"
+def _shape_text(pattern: Sites, kind: str) -> str:
+    if isinstance(pattern, Spiral):
+        return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
+    text = f"{kind} grid of {pattern.rows} x {pattern.columns}"
     return f"{text} less {len(pattern.removed)}" if pattern.removed else text
 
 
@@ -207,23 +210,31 @@ def _percent(value: float) -> str:
     return f"{percent:.{decimals}f} %"
 
 
-def grid_picture(pattern: Pattern, *, plain: bool = False) -> list[str]:
+def grid_picture(pattern: Sites, *, plain: bool = False) -> list[str]:
     """The grid as text, x to the right and y down; nothing for a single site or a huge grid."""
-    if pattern.samples < 2 or pattern.columns > PICTURE_COLUMNS or pattern.rows > PICTURE_ROWS:
+    places = _places(pattern) if 1 < pattern.samples <= PICTURE_COLUMNS * PICTURE_ROWS else []
+    rows, columns = (max((place[axis] for place in places), default=0) + 1 for axis in (0, 1))
+    if not places or columns > 2 * PICTURE_COLUMNS or rows > 2 * PICTURE_ROWS:
         return []
     dot, first, last, arrow = ("o", "S", "E", "->") if plain else ("●", "▶", "■", "→")
-    gap = " " * (round(pattern.row_pitch) - 1 > 0)
-    lines = [[" "] * (2 * pattern.columns - 1) for _ in range(pattern.rows)]
-    sites = list(pattern.sites())
-    for row, column in sites:
-        lines[row][2 * column] = dot
-    lines[sites[0][0]][2 * sites[0][1]] = first
-    lines[sites[-1][0]][2 * sites[-1][1]] = last
+    lines = [[" "] * columns for _ in range(rows)]
+    for (row, column), mark in zip(places, [first, *[dot] * (len(places) - 2), last], strict=True):
+        lines[row][column] = mark
     drawn = ["".join(line).rstrip() for line in lines]
-    spaced = [text for line in drawn for text in ([line, ""] if gap else [line])]
-    while spaced and not spaced[-1]:
-        spaced.pop()
-    return [*spaced, "", f"{first} first photo   {last} last photo   {arrow} heading"]
+    return [*drawn, "", f"{first} first photo   {last} last photo   {arrow} heading"]
+
+
+def _places(pattern: Sites) -> list[tuple[int, int]]:
+    """Where the sites are drawn, as (line, character) in flight order: two characters a baseline.
+
+    Rows farther apart than one baseline are drawn with one empty line between them.
+    """
+    if isinstance(pattern, Spiral):
+        offsets = list(pattern.offsets())
+        left, top = (min(offset[axis] for offset in offsets) for axis in (0, 1))
+        return [(round(y - top), round(2.0 * (x - left))) for x, y in offsets]
+    apart = 2 if round(pattern.row_pitch) > 1 else 1
+    return [(apart * row, 2 * column) for row, column in pattern.sites()]
 
 
 def _next_step(plan: Plan, written: Sequence[str]) -> str:

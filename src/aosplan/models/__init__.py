@@ -20,7 +20,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 MODELS = ("uniform", "layered", "measured")
 """Visibility models by name."""
@@ -113,8 +113,8 @@ class VisibilityModel(Protocol):
     def rule_baseline_m(self) -> float | None:
         """Baseline that the model's own rule prefers, or None where wider is never in vain."""
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
 
-    def at_best(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """A quick prediction that is no worse; asked for only where `rises_with_baseline`."""

@@ -86,6 +86,12 @@ class BlurredTable:
         result: Floats = along_y @ self._table @ along_x.T
         return result
 
+    def blurred_pairs(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
+        """The same for pairs of distances, shape (pairs,)."""
+        along_y, along_x = (self._weights(at, deviation_m) for at in (y_m, x_m))
+        result: Floats = np.einsum("pn,pn->p", along_y @ self._table, along_x)
+        return result
+
     def _weights(self, at_m: Floats, deviation_m: float) -> Floats:
         """w of distances, shape (distances, nodes)."""
         low, high = self._panels.T

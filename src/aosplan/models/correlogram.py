@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +35,7 @@ from aosplan.cubics import monotone_cubics
 from aosplan.models import Prediction
 from aosplan.models.sites import offset_counts
 from aosplan.occlusion import Occlusion, popcount
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.occlusion import Words
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Pattern, Sites
     from aosplan.voxels import VoxelVolume
 
     Floats = NDArray[np.float64]
@@ -103,42 +104,41 @@ class Correlogram:
         return self._at(self._density_by_lag, lag, direction_deg)
 
     @cached_property
-    def _rho_by_lag(self) -> Callable[[Floats], Floats]:
+    def _knots(self) -> Floats:
+        return self._stretched(np.append(0.0, self.lags))
+
+    @cached_property
+    def _rho_by_lag(self) -> Floats:
         return self._along_lags(1.0, self.rho)
 
     @cached_property
-    def _density_by_lag(self) -> Callable[[Floats], Floats]:
+    def _density_by_lag(self) -> Floats:
         return self._along_lags(self.density, self.density_by_offset)
 
-    def _along_lags(self, centre: float, table: Floats) -> Callable[[Floats], Floats]:
-        """Monotone cubics through the middle and the rows of a table."""
-        knots = self._stretched(np.append(0.0, self.lags))
+    def _along_lags(self, centre: float, table: Floats) -> Floats:
+        """Monotone cubics through the middle and the rows of a table: shape (4, L, D)."""
         rows = np.column_stack([np.full(len(table), centre), table])
-        cubics = monotone_cubics(knots, rows.T)
-
-        def at(place: Floats) -> Floats:
-            piece = np.searchsorted(knots[1:-1], place, side="right")
-            beyond = (place - knots[piece])[:, np.newaxis]
-            third, second, first, start = cubics[:, piece]
-            value: Floats = ((third * beyond + second) * beyond + first) * beyond + start
-            return value.T
-
-        return at
+        return monotone_cubics(self._knots, rows.T)
 
     def _stretched(self, lag: Floats) -> Floats:
         """Lags on a scale on which the table is smooth: as they are near 0, then logarithmic."""
         stretched: Floats = np.log1p(np.minimum(lag, self.lags[-1]) / self.lags[0])
         return stretched
 
-    def _at(self, rows: Callable[[Floats], Floats], lag: Floats, direction_deg: Floats) -> Floats:
-        along = rows(self._stretched(lag))
+    def _at(self, cubics: Floats, lag: Floats, direction_deg: Floats) -> Floats:
+        stretched = self._stretched(lag)
+        piece = np.searchsorted(self._knots[1:-1], stretched, side="right")
+        beyond = stretched - self._knots[piece]
         count = len(self.directions_deg)
         place = np.mod(direction_deg, 180.0) * (count / 180.0)
         below = place.astype(np.intp)
-        weight = place - below
-        each = np.arange(len(lag))
-        lower, upper = along[below % count, each], along[(below + 1) % count, each]
-        between: Floats = lower + weight * (upper - lower)
+        lower, upper = (
+            ((third * beyond + second) * beyond + first) * beyond + start
+            for third, second, first, start in (
+                cubics[:, piece, direction % count] for direction in (below, below + 1)
+            )
+        )
+        between: Floats = lower + (place - below) * (upper - lower)
         return between
 
 
@@ -196,6 +196,21 @@ def correlogram(
     )
 
 
+@lru_cache(maxsize=1024)
+def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
+    """Sites of a pattern, and offsets between them with their numbers of pairs, in pitches.
+
+    An offset and its opposite are alike: one half of them does, the middle counting half.
+    """
+    mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
+    mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
+    last = np.array([pattern.rows - 1, pattern.columns - 1])
+    pairs = offset_counts(mask, *last.tolist())
+    pairs[last[0] + 1 :] = pairs[last[0], last[1] + 1 :] = 0.0
+    pairs[tuple(last)] *= 0.5
+    return np.argwhere(mask) - 0.5 * last, np.argwhere(pairs) - last, pairs[pairs > 0.0]
+
+
 def _correlation(one: Words, other: Words, targets: int) -> Floats:
     """Correlation of what views hide, pair by pair."""
     p, q = popcount(one) / targets, popcount(other) / targets
@@ -237,6 +252,7 @@ class CorrelogramModel:
         self.altitude_m = altitude_m
         self.heading_deg = heading_deg
         self.hold_error_m = hold_error_m
+        self._spirals: dict[tuple[float, float, float, bool], tuple[Floats, Floats]] = {}
 
     @property
     def density(self) -> float:
@@ -263,22 +279,45 @@ class CorrelogramModel:
         """The same distance."""
         return self.independent_baseline_m
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.
 
-        Each distinct offset of its lattice is looked up once.
+        Each distinct offset of a lattice is looked up once, and each pair of a spiral's sites
+        once for all spirals of the same baseline.
         """
-        mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
-        mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
+        if isinstance(pattern, Spiral):
+            return self._predict_spiral(pattern, baseline_m)
         # Rows lie to the right of the heading, columns along it, as east and north of a compass.
         pitch_m = baseline_m * pattern.row_pitch, baseline_m
-        last = np.array([pattern.rows - 1, pattern.columns - 1])
-        sites_m = (np.argwhere(mask) - 0.5 * last) * pitch_m
-        pairs = offset_counts(mask, *last.tolist())
-        apart_m = (np.argwhere(pairs) - last) * pitch_m
-        return self._prediction(sites_m, apart_m, pairs[pairs > 0.0], self.heading_deg)
+        sites, apart, pairs = _lattice(pattern)
+        return self._prediction(sites * pitch_m, apart * pitch_m, pairs, self.heading_deg)
 
-    def at_best(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def _predict_spiral(self, spiral: Spiral, baseline_m: float) -> Prediction:
+        """From sums that grow with the sites, from the middle outward: each spiral's are there."""
+        even = spiral.samples % 2 == 0
+        key = spiral.turn_pitch, baseline_m, self.heading_deg, even
+        if len(self._spirals.get(key, ((),))[0]) < spiral.samples:
+            count = (2 << (spiral.samples // 2).bit_length()) + (not even)
+            x, y = baseline_m * np.array(list(Spiral(count, spiral.turn_pitch).offsets())).T
+            outward = np.argsort(np.abs(np.arange(count) - 0.5 * (count - 1)), kind="stable")
+            sites_m = np.column_stack([y, x])[outward]
+            hidden = self._expected(
+                self.correlogram.density_at, sites_m, self.heading_deg, self.hold_error_m
+            )
+            later, earlier = np.tril_indices(count, -1)
+            apart_m = sites_m[later] - sites_m[earlier]
+            pair_error_m = math.sqrt(2.0) * self.hold_error_m
+            rho = self._expected(
+                self.correlogram.correlation_at, apart_m, self.heading_deg, pair_error_m
+            )
+            alike = np.bincount(later, rho, count).astype(np.float64)
+            self._spirals[key] = np.cumsum(hidden), np.cumsum(alike)
+        hidden_sum, alike_sum = (float(sums[spiral.samples - 1]) for sums in self._spirals[key])
+        density = hidden_sum / spiral.samples
+        shortfall = (spiral.samples + 2.0 * alike_sum) / spiral.samples**2
+        return Prediction(density, 1.0 - density, max(shortfall, 0.0))
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The prediction itself."""
         return self.predict(pattern, baseline_m)
 

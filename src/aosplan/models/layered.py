@@ -28,7 +28,8 @@ from aosplan.models import Prediction
 from aosplan.models.blur import BlurredTable
 from aosplan.models.noise import NEGLIGIBLE
 from aosplan.models.sites import offset_counts
-from aosplan.pattern import Pattern
+from aosplan.pattern import Pattern, Sites
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -41,6 +42,9 @@ if TYPE_CHECKING:
 
 TERMS_AT_ONCE = 1_000_000
 """Offsets times slices evaluated at a time."""
+
+PAIRS_AT_ONCE = 2000
+"""Pairs of scattered samples blurred at a time."""
 
 LENGTHS = 5
 """Lengths of oblique rays between which what they share is interpolated."""
@@ -133,9 +137,11 @@ class LayeredModel:
         """Not where rays may be oblique; see `aosplan.models.uniform`."""
         return self.rays == "nadir"
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
+        if isinstance(pattern, Spiral):
+            return self._predict_scattered(pattern, baseline_m)
         baseline_m = min(baseline_m, 1e300)  # infinity times no offset would be nan
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
@@ -148,13 +154,13 @@ class LayeredModel:
         shortfall = float((pairs * covariance).sum()) / pattern.samples**2
         return Prediction(self.density, self.transparency, shortfall)
 
-    def at_best(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """A prediction that is no worse than that of nadir rays, in a time that N does not change.
 
         What a pair shares falls with its distance, so offsets are taken in groups, and each group
         as if all of it lay where it is farthest.
         """
-        if pattern.removed or pattern.samples <= GROUPS**2:
+        if isinstance(pattern, Spiral) or pattern.removed or pattern.samples <= GROUPS**2:
             return self.predict(pattern, baseline_m)
         pitch_y, reach = baseline_m * pattern.row_pitch, self.independent_baseline_m
         far_x, weight_x = _groups(pattern.columns, _reach(pattern.columns, baseline_m, reach))
@@ -169,41 +175,73 @@ class LayeredModel:
         from aosplan.models.rays import bundle
 
         rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, self._log_transparency)
+        lengths, along = self._lengths(rays.longest)
+        logs = [
+            np.log1p(
+                self._at_crossings(partial(self._pair_shared, length), length, offsets_x, offsets_y)
+            )
+            for length in lengths.tolist()
+        ]
+
+        def shared(dy: int, dx: int, lengths: Floats) -> Floats:
+            return along(np.array([log[dy, dx] for log in logs]), lengths)
+
+        return rays.predict((len(offsets_y) - 1, len(offsets_x) - 1), shared)
+
+    def _shared_pairs(self, x: Floats, y: Floats, shorter: Floats) -> Floats:
+        """Expected P(both clear)/(T_i T_k) - 1 of pairs (x, y) apart, by their shorter rays."""
+        lengths, along = self._lengths(float(shorter.max(initial=1.0)))
+        logs = [
+            np.log1p(self._expected(partial(self._pair_shared, length), length, x, y))
+            for length in lengths.tolist()
+        ]
+        return along(np.array(logs), shorter)
+
+    def _lengths(self, longest: float) -> tuple[Floats, Callable[[Floats, Floats], Floats]]:
+        """Lengths of rays to know about, and how to go from them to others.
+
+        The function takes logarithms at these lengths, shape (lengths, ...), and lengths.
+        """
         # What is shared grows nearly as exp(e): its logarithm is interpolated along e.
         # Steps of the interval's width let tables of noise serve many apertures; and of rays much
         # longer than the shortest nothing is left that could matter.
-        longest = min(rays.longest, 1.0 - LARGEST_SLANT / min(self._log_transparency, -1e-9))
+        longest = min(longest, 1.0 - LARGEST_SLANT / min(self._log_transparency, -1e-9))
         half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
         lengths = 1.0 + half * (1.0 + places)
-        logs = np.log1p(
-            [
-                self._at_crossings(partial(self._pair_shared, length), length, offsets_x, offsets_y)
-                for length in lengths.tolist()
-            ]
-        )
-        series = np.polynomial.chebyshev.chebfit(places, logs.reshape(LENGTHS, -1), LENGTHS - 1)
-        series = series.reshape(LENGTHS, *logs.shape[1:])
 
-        def shared(dy: int, dx: int, lengths: Floats) -> Floats:
-            place: Floats = np.minimum((lengths - 1.0) / half - 1.0, 1.0)
-            log = np.polynomial.chebyshev.chebval(place, series[:, dy, dx])
+        def along(logs: Floats, at: Floats) -> Floats:
+            series = np.polynomial.chebyshev.chebfit(places, logs, LENGTHS - 1)
+            place: Floats = np.minimum((at - 1.0) / half - 1.0, 1.0)
+            log = np.polynomial.chebyshev.chebval(place, series, tensor=False)
             common: Floats = np.expm1(np.minimum(log, LARGEST_LOG))
             return common
 
-        return rays.predict((len(offsets_y) - 1, len(offsets_x) - 1), shared)
+        return lengths, along
+
+    def _predict_scattered(self, spiral: Spiral, baseline_m: float) -> Prediction:
+        points = baseline_m * np.array(list(spiral.offsets()))
+        if self.rays != "nadir":
+            from aosplan.models.rays import predict_scattered
+
+            return predict_scattered(
+                points, self.altitude_m, self.rays, self._log_transparency, self._shared_pairs
+            )
+        apart = baseline_m * spiral.nearest >= self.independent_baseline_m * (1.0 - 1e-15)
+        shortfall = 1.0 / spiral.samples if apart else self.positions_shortfall(points)
+        return Prediction(self.density, self.transparency, shortfall)
 
     def positions_shortfall(self, positions: ArrayLike) -> float:
         """Shortfall 1 - V̂ of nadir samples at just these positions, shape (N, 2), metres; costs N²."""
         points = np.asarray(positions, dtype=np.float64)
-        block = max(1, TERMS_AT_ONCE // (len(points) * max(len(self._filled), 1)))
-        total = 0.0
-        for start in range(0, len(points), block):
-            apart = np.abs(points[start : start + block, None, :] - points[None, :, :])
-            total += float(
-                self._pair_covariance(apart[..., 0].ravel(), apart[..., 1].ravel()).sum()
-            )
-        return total / len(points) ** 2
+        count, reach = len(points), self.independent_baseline_m
+        block = max(1, TERMS_AT_ONCE // count)
+        pairs = 0.0
+        for start in range(0, count, block):
+            x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
+            near = np.triu((x < reach) & (y < reach), 1)  # each pair once, the later site second
+            pairs += float(self._expected(self._pair_covariance, 0.0, x[near], y[near]).sum())
+        return (count + 2.0 * pairs) / count**2
 
     @property
     def _deviation_m(self) -> float:
@@ -222,16 +260,34 @@ class LayeredModel:
         `key` names the function of pairs, whose table of noise is kept.
         """
         if self.hold_error_m > 0.0 and self._filled.size:
-            if key not in self._tables:
-                if len(self._tables) >= LENGTHS:  # a wider aperture has other lengths
-                    self._tables.clear()
-                self._tables[key] = BlurredTable(pairs, self._reach_m)
-            shared = self._tables[key].blurred(offsets_x, offsets_y, self._deviation_m)
+            table = self._table(pairs, key)
+            shared = table.blurred(offsets_x, offsets_y, self._deviation_m)
             # The first crossing is a sample and itself.
             shared[0, 0] = pairs(np.zeros(1), np.zeros(1))[0]
             return shared
         y, x = np.meshgrid(offsets_y, offsets_x, indexing="ij")
         return pairs(x.ravel(), y.ravel()).reshape(y.shape)
+
+    def _table(self, pairs: Callable[[Floats, Floats], Floats], key: float) -> BlurredTable:
+        if key not in self._tables:
+            if len(self._tables) >= LENGTHS:  # a wider aperture has other lengths
+                self._tables.clear()
+            self._tables[key] = BlurredTable(pairs, self._reach_m)
+        return self._tables[key]
+
+    def _expected(
+        self, pairs: Callable[[Floats, Floats], Floats], key: float, x: Floats, y: Floats
+    ) -> Floats:
+        """What pairs of different samples (x, y) apart share, expected under noise."""
+        if self.hold_error_m == 0.0 or not self._filled.size:
+            return pairs(x, y)
+        table, deviation = self._table(pairs, key), self._deviation_m
+        parts = range(0, len(x), PAIRS_AT_ONCE)
+        blurred = [
+            table.blurred_pairs(x[i : i + PAIRS_AT_ONCE], y[i : i + PAIRS_AT_ONCE], deviation)
+            for i in parts
+        ]
+        return np.concatenate(blurred) if blurred else np.zeros(0)
 
     def _pair_covariance(self, x: Floats, y: Floats) -> Floats:
         """Cov/(p T) of pairs of nadir rays (x, y) apart.

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.occlusion import ViewKind, Words
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
     from aosplan.voxels import VoxelVolume
 
 CACHE_OCTETS = 1 << 28
@@ -156,7 +156,7 @@ class MeasuredModel:
         """The same distance: no two sites of a grid are to be farther apart along an axis."""
         return self._widest_m
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline: exact for its sites.
 
         Under noise, the mean over flights (`flown`).
@@ -165,18 +165,18 @@ class MeasuredModel:
             return self.flown(pattern, baseline_m).prediction
         return self.predict_positions(self.sites_m(pattern, baseline_m))
 
-    def sites_m(self, pattern: Pattern, baseline_m: float) -> NDArray[np.float64]:
+    def sites_m(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
         """Sites of a pattern in flight order, east and north of the middle, shape (N, 2)."""
         return np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
 
-    def flights_m(self, pattern: Pattern, baseline_m: float) -> Iterator[NDArray[np.float64]]:
+    def flights_m(self, pattern: Sites, baseline_m: float) -> Iterator[NDArray[np.float64]]:
         """Positions of flights that miss the sites of a pattern by chance, each shape (N, 2)."""
         sites = self.sites_m(pattern, baseline_m)
         for flight in range(max(math.ceil(REALISED_VIEWS / len(sites)), 2)):
             missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
             yield sites + self.hold_error_m * missed
 
-    def flown(self, pattern: Pattern, baseline_m: float) -> Flown:
+    def flown(self, pattern: Sites, baseline_m: float) -> Flown:
         """Expected prediction of a pattern that is flown with noise."""
         flights = list(self.flights_m(pattern, baseline_m))
         views = self._views(np.concatenate(flights))  # together: they share most of the work
@@ -195,7 +195,7 @@ class MeasuredModel:
         )
         return Flown(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
 
-    def at_best(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The prediction itself."""
         return self.predict(pattern, baseline_m)
 
@@ -230,7 +230,7 @@ class MeasuredModel:
         )
         return Prediction(hidden / rays, clear / rays, shortfall)
 
-    def hidden_share(self, pattern: Pattern, baseline_m: float) -> NDArray[np.float64]:
+    def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
         """Share of a pattern's views that do not see each target, shape (rows, columns).
 
         Under noise, of the views of the first flight.

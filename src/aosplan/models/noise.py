@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 from aosplan.models.elementwise import SCALARS, elementwise
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from aosplan.models.elementwise import Floats
     from aosplan.pattern import Pattern
 
@@ -128,6 +130,28 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
             pairs += _pair_sum(pattern.removed, along_y, along_x) - 2.0 * lost
     with_itself = 1.0 - along_x[0] * along_y[0]
     return (pairs + samples * with_itself) / samples**2
+
+
+def scattered_shortfall(
+    offsets: Iterable[tuple[float, float]], dhat: float, spread: float
+) -> float:
+    """Expected shortfall of sites that lie on no lattice, such as a spiral's; costs N².
+
+    Parameters
+    ----------
+    offsets
+        Sites (x, y), in baselines.
+    dhat, spread
+        As in `blurred_shortfall`.
+    """
+    import numpy as np
+
+    points = dhat * np.array(list(offsets))
+    pairs = 0.0
+    for index in range(1, len(points)):
+        apart = blurred_overlap(np.abs(points[:index] - points[index]), spread)
+        pairs += float(apart.prod(axis=1).sum())
+    return (len(points) + 2.0 * pairs) / len(points) ** 2
 
 
 def overlaps(count: int, dhat: float, spread: float) -> list[float]:

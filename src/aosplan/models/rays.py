@@ -101,6 +101,36 @@ class Bundle(NamedTuple):
         return Prediction(self.density, clear, shortfall)
 
 
+def predict_scattered(
+    points_m: Floats,
+    altitude_m: float,
+    kind: str,
+    log_transparency: float,
+    shared: Callable[[Floats, Floats, Floats], Floats],
+) -> Prediction:
+    """Prediction for samples that lie on no lattice; costs N².
+
+    Parameters
+    ----------
+    points_m
+        Shape (N, 2), from the middle.
+    altitude_m, kind, log_transparency
+        As in `bundle`.
+    shared
+        As of `Bundle.predict`, of pairs by their distances along both axes and the lengths of
+        their shorter rays.
+    """
+    lengths = ray_lengths(points_m[:, 0], points_m[:, 1], altitude_m, kind)
+    t = np.exp(lengths * log_transparency)
+    later, earlier = np.tril_indices(len(t), -1)
+    x, y = np.abs(points_m[later] - points_m[earlier]).T
+    common = shared(x, y, np.minimum(lengths[later], lengths[earlier]))
+    hidden = -np.expm1(lengths * log_transparency)
+    total = float((t * hidden).sum()) + 2.0 * float((t[later] * t[earlier] * common).sum())
+    p, clear, count = float(hidden.mean()), float(t.mean()), len(t)
+    return Prediction(p, clear, total / (count**2 * p * clear) if p * clear > 0.0 else 1.0 / count)
+
+
 def bundle(
     pattern: Pattern, baseline_m: float, altitude_m: float, kind: str, log_transparency: float
 ) -> Bundle:

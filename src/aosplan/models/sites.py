@@ -13,12 +13,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan.models.equations import line_shortfall
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 PAIRS_AT_ONCE = 2_000_000
 """Neighbour pairs held in memory at a time (24 bytes each)."""
@@ -27,27 +28,35 @@ DIRECT_PAIRS = 4_000_000
 """Lattice offsets times sites up to which counting pairs directly beats a transform."""
 
 
-def pattern_shortfall(pattern: Pattern, dhat: float, spread: float = 0.0) -> float:
+def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
     A rectangle factorises into its axes; each removed site takes away the product of its two
-    row sums, and pairs of removed sites are put back once.
+    row sums, and pairs of removed sites are put back once.  Of a spiral all pairs count.
 
     Parameters
     ----------
     pattern
         The sites.
     dhat
-        d̂ between neighbouring columns; between rows it is `pattern.row_pitch` times that.
+        d̂ between neighbouring columns, or sites of a spiral; between rows of a lattice it is
+        `pattern.row_pitch` times that.
     spread
         ς of `aosplan.models.noise.blurred_overlap`, where positions are uncertain.
     """
     if spread > 0.0:
-        from aosplan.models.noise import blurred_shortfall
+        from aosplan.models.noise import blurred_shortfall, scattered_shortfall
 
+        if isinstance(pattern, Spiral):
+            return scattered_shortfall(pattern.offsets(), dhat, spread)
         return blurred_shortfall(pattern, dhat, spread)
-    dhat_y = dhat * pattern.row_pitch
     samples = pattern.samples
+    if isinstance(pattern, Spiral):
+        if dhat * pattern.nearest > 1.0 - 1e-15:  # the quotient was rounded
+            return 1.0 / samples
+        upward = sorted((y, x) for x, y in pattern.offsets())
+        return _pair_sum(tuple(upward), dhat, dhat) / samples**2
+    dhat_y = dhat * pattern.row_pitch
     if (dhat >= 1.0 or pattern.columns == 1) and (dhat_y >= 1.0 or pattern.rows == 1):
         return 1.0 / samples
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
@@ -74,7 +83,7 @@ def _one_side(neighbours: int, dhat: float) -> float:
     return reach * (1.0 - 0.5 * dhat * (reach + 1))
 
 
-def _pair_sum(sites: tuple[tuple[int, int], ...], dhat_y: float, dhat_x: float) -> float:
+def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float) -> float:
     """ΣΣ τ over all ordered pairs of a sorted set of sites."""
     if len(sites) > 2000:
         import numpy as np

@@ -6,11 +6,12 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.models import Prediction
-from aosplan.models.noise import NEGLIGIBLE, overlaps
+from aosplan.models.noise import NEGLIGIBLE, blurred_overlap, overlaps
 from aosplan.models.sites import pattern_shortfall
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
-    from aosplan.pattern import Pattern
+    from aosplan.pattern import Sites
 
 
 class UniformModel(NamedTuple):
@@ -65,7 +66,7 @@ class UniformModel(NamedTuple):
         """The paper's optimal baseline: wider ones gain nothing but what noise takes."""
         return self.unit_baseline_m
 
-    def predict(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         if self.rays != "nadir":
             return self._predict_oblique(pattern, baseline_m)
@@ -73,7 +74,7 @@ class UniformModel(NamedTuple):
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         return Prediction(self.density, self.transparency, shortfall)
 
-    def at_best(self, pattern: Pattern, baseline_m: float) -> Prediction:
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The prediction itself, which is quick."""
         return self.predict(pattern, baseline_m)
 
@@ -82,18 +83,27 @@ class UniformModel(NamedTuple):
         """Standard deviation of the distance of a pair along one axis, over the unit baseline."""
         return math.sqrt(2.0) * self.hold_error_m / self.unit_baseline_m
 
-    def _predict_oblique(self, pattern: Pattern, baseline_m: float) -> Prediction:
-        from aosplan.models.rays import bundle
+    def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
+        import numpy as np
+
+        from aosplan.models.rays import bundle, predict_scattered
 
         log_t = math.log(self.transparency)
+        if isinstance(pattern, Spiral):
+
+            def between(x: Any, y: Any, lengths: Any) -> Any:
+                apart = np.array([x, y]) / self.unit_baseline_m
+                overlap = blurred_overlap(apart, self._spread).prod(axis=0)
+                return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
+
+            points = baseline_m * np.array(list(pattern.offsets()))
+            return predict_scattered(points, self.altitude_m, self.rays, log_t, between)
         rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, log_t)
         dhat = baseline_m / self.unit_baseline_m
         along_x = overlaps(pattern.columns, dhat, self._spread)
         along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, self._spread)
 
         def shared(dy: int, dx: int, lengths: Any) -> Any:
-            import numpy as np
-
             overlap = along_y[dy] * along_x[dx] if dy or dx else 1.0
             return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
 

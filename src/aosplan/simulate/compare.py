@@ -338,7 +338,7 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
         plot = VoxelViews(
             plan.volume, h, view=settings.view, focal_height_m=plan.request.focal_height
         )
-        positions = _sites(plan, plan.request.heading)
+        positions = _sites(plan, plan.heading_deg)
         area = plan.volume.size_m
         experiment: Experiment = PlotExperiment(plot, positions)
     else:
@@ -435,7 +435,7 @@ def _measured(plan: Plan, view: ViewKind) -> Prediction:
     model = MeasuredModel(
         plan.volume,
         plan.altitude_m,
-        heading_deg=plan.request.heading,
+        heading_deg=plan.heading_deg,
         view=view,
         focal_height_m=plan.request.focal_height,
     )

@@ -17,7 +17,7 @@ import numpy as np
 
 from aosplan.flight import path_of
 from aosplan.models.equations import integrated_density, transparency
-from aosplan.pattern import MOST_SITES, Pattern, pattern_for
+from aosplan.pattern import MOST_SITES, Sites, pattern_for
 from aosplan.problem import Requirement
 from aosplan.quantities import exact_share
 from aosplan.resolve import find_camera, find_preset_scene
@@ -314,7 +314,7 @@ def _unit_baseline_m(size: Any, height: Any, altitude: Any, focal: Any) -> Any:
 
 
 class _Layout(NamedTuple):
-    pattern: Pattern
+    pattern: Sites
     legs: tuple[tuple[float, int], ...]
 
 
@@ -341,7 +341,7 @@ def _layouts(wanted: NDArray[Any], grid: NDArray[Any]) -> dict[str, Any]:
     ]
     shape = np.broadcast_shapes(grid.shape, wanted.shape)
 
-    def column(function: Callable[[Pattern], float], dtype: Any) -> NDArray[Any]:
+    def column(function: Callable[[Sites], float], dtype: Any) -> NDArray[Any]:
         table = np.array([function(layout.pattern) for layout in layouts], dtype=dtype)
         return np.asarray(table[places]).reshape(shape)
 

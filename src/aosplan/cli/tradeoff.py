@@ -1,0 +1,139 @@
+"""``aosplan tradeoff``."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.cli.options import (
+    command,
+    file_argument,
+    flag_option,
+    json_option,
+    request_options,
+    text_option,
+)
+from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.errors import RequestError
+from aosplan.summary import SCHEMA
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+ENDINGS = (".csv", ".json", ".jsonl")
+
+
+def run(
+    *,
+    request: str | None,
+    out: str | None,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    **flags: Any,
+) -> None:
+    """Show what each number of samples takes and gives, for every kind of grid asked for."""
+    from aosplan.files import check_output, write_all
+    from aosplan.planning import plan
+    from aosplan.request import request_from
+
+    values: dict[str, Any] = {}
+    if request is not None:
+        from aosplan.documents import read_request
+
+        values = read_request(request)
+    wanted = request_from(values, overrides=flags, where=request or "")
+    if out is not None:
+        if not out.lower().endswith(ENDINGS):
+            raise RequestError(f"--out '{out}' does not end in {', '.join(ENDINGS)}")
+        check_output(out, force=force)
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+        chosen = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
+    rows = [row.document() for row in chosen.tradeoff()]
+    print_warnings(chosen.warnings, quiet=quiet)
+    document = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "request": chosen.request.document(),
+        "rows": rows,
+    }
+    if out is not None:
+        write_all({out: _rendered(document, rows, out)}, force=force)
+    if as_json:
+        print_json(document)
+    elif not quiet:
+        _show(rows, out)
+
+
+def _rendered(document: dict[str, Any], rows: Sequence[dict[str, Any]], path: str) -> bytes:
+    import json
+
+    if path.lower().endswith(".json"):
+        return (json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+    if path.lower().endswith(".jsonl"):
+        return "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
+    lines = [",".join(rows[0]), *(",".join(map(_cell, row.values())) for row in rows)]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
+    """The front and the chosen row as a table; where nothing meets the target, all rows."""
+    from aosplan.cli.tables import one_line, print_rows, show
+
+    shown = [row for row in rows if row["front"] or row["chosen"]] or rows
+    header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", "contrast", "")
+    print_rows(header, [_line(row) for row in shown])
+    note = f"{len(rows)} rows; these are the ones that no other is better than, and the plan's own"
+    show(
+        one_line(""),
+        one_line(f"{note} (◀)."),
+        one_line(f"Wrote {out}" if out else "Next: --out table.csv"),
+    )
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    def number(name: str, form: str) -> str:
+        return "-" if row[name] is None else format(row[name], form)
+
+    return [
+        row["grid"],
+        str(row["samples"]),
+        number("baseline_m", ".3g"),
+        f"{row['extent_x_m']:.1f} x {row['extent_y_m']:.1f}",
+        number("length_m", ".0f"),
+        number("time_s", ".0f"),
+        number("expected", ".4f"),
+        number("normalized", ".4f"),
+        number("contrast", ".3g"),
+        "◀" if row["chosen"] else "",
+    ]
+
+
+COMMAND = command(
+    "tradeoff",
+    run,
+    summary="What each number of photos takes and gives: baseline, extent, time, visibility.",
+    examples=(
+        "aosplan tradeoff --altitude 40 --vhat 0.98 --out table.csv\n"
+        "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 --grid best --json"
+    ),
+    parameters=[
+        file_argument(
+            "request",
+            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            required=False,
+        ),
+        *request_options(),
+        text_option("--out", "PATH", "Write all rows: .csv, .json or .jsonl.", "Output"),
+        flag_option("--force", "Overwrite an existing file."),
+        flag_option("--quiet", "No table, no hints."),
+        json_option(),
+    ],
+)
