@@ -358,6 +358,18 @@ EFFECTS = {
         ["--hold", "3"],
         lambda r, d: math.isclose(r["flight"]["time_s"] - d["flight"]["time_s"], 100),
     ),
+    "hold_error": (
+        ["--hold-error", "0.5"],
+        lambda r, d: r["baseline_m"] == d["baseline_m"] and r["samples"] > d["samples"],
+    ),
+    "rays": (
+        ["--rays", "oblique"],
+        lambda r, d: r["visibility"]["density"] > d["visibility"]["density"] + 0.005,
+    ),
+    "sensitivity": (
+        ["--sensitivity"],
+        lambda r, d: r["sensitivity"] is not None and len(r["sensitivity"]) == 6,
+    ),
     "drone": (
         ["--drone", "ardupilot-copter"],
         lambda r, d: r["flight"].get("drone") == "ardupilot-copter" and r["request"]["speed"] == 10,

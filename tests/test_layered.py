@@ -391,6 +391,21 @@ def test_lengths_may_all_be_scaled():
     )
 
 
+def test_a_bound_is_no_worse_than_the_prediction_and_near_it():
+    layers = [Layer(1.0, 3.0, 0.1, 0.2), Layer(4.0, 9.0, 0.4, 0.5)]
+    for hold_error in (0.0, 0.3):
+        model = LayeredModel(layers, 50.0, hold_error_m=hold_error)
+        for pattern in (Pattern(90, 91), Pattern(1, 5000), Pattern(70, 80, 4.0), Pattern(3, 4)):
+            for baseline in (0.001, 0.05, 0.4, 20.0):
+                found = model.predict(pattern, baseline)
+                bound = model.at_best(pattern, baseline)
+                assert bound[:2] == found[:2]
+                assert bound.shortfall <= found.shortfall * (1.0 + 1e-12)
+                assert bound.shortfall >= 1.0 / pattern.samples
+                if baseline < 0.1:
+                    assert bound.shortfall > 0.8 * found.shortfall
+
+
 # --- Arguments -----------------------------------------------------------------------------
 
 

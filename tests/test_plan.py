@@ -73,7 +73,7 @@ def test_a_sound_plan_has_no_warnings():
 
 def test_a_grid_wider_than_the_footprint_is_warned_of():
     result = planned(grid="line")
-    assert codes(result) == ["no_common_ground"]
+    assert codes(result) == ["no_common_ground", "oblique_rays"]
     assert min(result.common_footprint_m) <= 0
 
 
@@ -624,7 +624,7 @@ def test_files_of_a_request_are_found_in_its_folder(tmp_path, monkeypatch):
 
 def test_a_request_keeps_what_was_assumed_for_it():
     request = planned().request
-    assert request == replace(PlanRequest(altitude=40), model="uniform")
+    assert request == replace(PlanRequest(altitude=40), model="uniform", rays="nadir")
 
 
 def test_limits_name_what_bound_the_plan():

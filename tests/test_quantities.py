@@ -341,3 +341,15 @@ def test_the_result_does_not_depend_on_blanks_around(name, value):
         assert isinstance(padded, RequestError)
     else:
         assert padded == plain
+
+
+def test_a_flag_is_true_or_false_and_nothing_else():
+    assert [q.flag(value, "--x") for value in (True, "true", "False", False)] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+    for wrong in (1, 0, "", "yes", None, 1.0, [True]):
+        with pytest.raises(RequestError, match=r"--x .* is not true or false"):
+            q.flag(wrong, "--x")

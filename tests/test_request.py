@@ -52,6 +52,7 @@ def test_defaults_are_those_of_the_contract():
         "camera": "dji-m3t-thermal",
         "coverage": 0.98,
         "optimize": "samples",
+        "sensitivity": False,
         "grid": "trimmed",
         "heading": 0.0,
         "speed": 5.0,
@@ -60,6 +61,7 @@ def test_defaults_are_those_of_the_contract():
         "hold": 1.0,
         "trigger": "stop",
         "clearance": 2.0,
+        "hold_error": 0.0,
     }
 
 
@@ -86,7 +88,7 @@ def test_every_option_refuses_empty_text(option):
 
 
 @pytest.mark.parametrize(
-    "option", [o for o in OPTIONS if o.kind != "text"], ids=lambda option: option.name
+    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
 )
 @pytest.mark.parametrize("value", [True, False])
 def test_no_number_may_be_a_boolean(option, value):
@@ -95,7 +97,7 @@ def test_no_number_may_be_a_boolean(option, value):
 
 
 @pytest.mark.parametrize(
-    "option", [o for o in OPTIONS if o.kind != "text"], ids=lambda option: option.name
+    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
 )
 @pytest.mark.parametrize(
     "value", [math.nan, math.inf, "nan", "-inf", pytest.param(10**400, id="401 digits")]

@@ -37,7 +37,7 @@ class Scanned:
     def __init__(self, model):
         self.model = model
         self.predict = model.predict
-        self.independent_baseline_m = model.independent_baseline_m
+        self.independent_baseline_m = self.sharp_baseline_m = model.independent_baseline_m
         self.density, self.transparency = model.density, model.transparency
 
 

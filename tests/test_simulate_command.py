@@ -126,6 +126,8 @@ REFUSED = [
     (("--picture", "a.png", "--occlusion-map", "./a.png"), "given twice"),
     (("--baseline", "60"), "no ground is seen by all samples"),
     (("--samples", "20000", "--baseline", "0.01"), "20000 samples"),
+    (("--hold-error", "0.5"), "--hold-error 0.5"),
+    (("--rays", "oblique"), "--rays oblique"),
 ]
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from aosplan.answer import BEST
 from aosplan.geometry import baseline_for_disparity_px, disparity_px
-from aosplan.planning import requirement_of
 from aosplan.request import find_drone
 from aosplan.resolve import Message
+from aosplan.task import requirement_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.planning import Plan
+
+OBLIQUE_DENSITY = 0.02
+"""Density that rays off nadir may add without a warning."""
 
 
 HIGHEST_M = 120.0
@@ -35,6 +39,7 @@ def advice(plan: Plan) -> Iterator[Message]:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)
+    yield from _oblique_rays(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
         yield Message(
@@ -99,6 +104,24 @@ def _pixels(plan: Plan) -> Iterator[Message]:
             "disparity_below_pixel",
             f"the lowest occluders move by {disparity:.2g} pixels between neighbours, too little "
             f"to separate them; one pixel needs a baseline of {smallest:.4g} m, or a longer lens",
+        )
+
+
+def _oblique_rays(plan: Plan) -> Iterator[Message]:
+    """Rays taken for nadir ones that pass clearly more wood."""
+    if plan.request.rays != "nadir" or plan.coverage is None:
+        return
+    # Of sites spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
+    x, y = plan.extent_m
+    longer = 1.0 + (x * x + y * y) / (24.0 * plan.altitude_m**2)
+    density = plan.solution.prediction.density
+    slanted = 1.0 - plan.solution.prediction.transparency**longer
+    if slanted - density > OBLIQUE_DENSITY:
+        angle = math.degrees(math.atan2(math.hypot(x, y), 2.0 * plan.altitude_m))
+        yield Message(
+            "oblique_rays",
+            f"the outer photos look {angle:.0f}° off nadir and pass more wood: p is about "
+            f"{slanted:.3g} on average, not {density:.3g}; --rays oblique accounts for it",
         )
 
 

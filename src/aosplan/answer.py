@@ -67,6 +67,18 @@ def _limits(
             independent,
             "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
         )
+    elif (
+        model.sharp_baseline_m < model.independent_baseline_m
+        and baseline_m >= model.sharp_baseline_m / pattern.nearest * (1 - 1e-9)
+        and problem.bounds.samples is None
+    ):
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            baseline_m,
+            "neighbouring sites share no occluder; a wider baseline gains only what the hold error "
+            "takes",
+        )
     elif problem.objective in BEST:
         yield Limit(
             "baseline_m", baseline_m, baseline_m, f"the baseline of {BEST[problem.objective]}"

@@ -41,6 +41,7 @@ _KINDS: dict[str, Any] = {
     "whole": int | str,
     "text": str,
     "pair": Pair | str,
+    "flag": bool,
 }
 
 _OPTION_FIELDS: dict[str, Any] = {
@@ -97,6 +98,37 @@ class VisibilityDocument(OpenDocument):
     contrast: Finite | None
 
 
+class UncertaintyDocument(OpenDocument):
+    """Standard errors of a prediction, and how they were found."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+    method: str
+
+
+class NoiseDocument(OpenDocument):
+    """Flights that the expectation over position noise was taken from, and its standard errors."""
+
+    flights: int
+    seed: int
+    density_error: Finite
+    expected_error: Finite
+    normalized_error: Finite
+
+
+class ChangeDocument(OpenDocument):
+    """A scene that differs in one quantity, and what it does to the plan."""
+
+    quantity: Literal["density", "occluder_size", "height"]
+    factor: Finite
+    visibility: Finite | None
+    normalized: Finite | None
+    samples: int | None
+    baseline_m: Finite | None
+    reason: str | None
+
+
 class TargetVisibilityDocument(VisibilityDocument):
     """What a model predicts, beside the target."""
 
@@ -105,6 +137,11 @@ class TargetVisibilityDocument(VisibilityDocument):
     model: str
     view: Literal["telecentric", "perspective"] | None
     approximation: Literal["correlogram"] | None = None
+    rays: str | None = None
+    edges: Literal["wrapped"] | None = None
+    uncertainty: UncertaintyDocument | None = None
+    uncertainty_reason: str | None = None
+    noise: NoiseDocument | None = None
 
 
 class DisparityDocument(OpenDocument):
@@ -207,6 +244,7 @@ class PlanDocument(OpenDocument):
     flight: FlightDocument
     height: dict[str, Any] | None = None
     limits: list[LimitDocument]
+    sensitivity: list[ChangeDocument] | None = None
     warnings: list[MessageDocument]
     waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]
 

@@ -104,20 +104,35 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
     float
         1 or little less at the least; a full mask is one occluder as large as its shorter side.
     """
-    from scipy import fft
-
-    rows, columns = mask.shape
     density = np.count_nonzero(mask) / mask.size
     if density == 1.0:
-        return float(min(rows, columns))
-    spectrum = fft.rfft2(mask.astype(np.float32) - np.float32(density))
+        return float(min(mask.shape))
+    area, _ = correlation_range(mask.astype(np.float32) - np.float32(density))
+    return float(np.sqrt(area))
+
+
+def correlation_range(field: NDArray[np.floating]) -> tuple[float, int]:
+    """Integral of the correlation of a wrapped field of mean 0, in cells, and the lags in it.
+
+    As far as in `integral_range`, whose square it is for a mask.
+
+    Parameters
+    ----------
+    field
+        Shape (rows, columns), not 0 everywhere.
+    """
+    from scipy import fft
+
+    rows, columns = field.shape
+    spectrum = fft.rfft2(field)
     power = spectrum.real**2 + spectrum.imag**2
-    covariance = fft.irfft2(power, s=mask.shape)
+    covariance = fft.irfft2(power, s=field.shape)
     ring = _rings(rows, columns)
     totals = np.bincount(ring, covariance.ravel() / covariance[0, 0])
     totals = totals[: min(rows, columns) // 2 + 1]
     ends = np.flatnonzero(totals <= 0.0)
-    return float(np.sqrt(totals[: ends[0] if ends.size else None].sum()))
+    end = int(ends[0]) if ends.size else len(totals)
+    return float(totals[:end].sum()), int(np.count_nonzero(ring < end))
 
 
 @lru_cache(maxsize=1)

@@ -140,6 +140,11 @@ class Occlusion:
         self._width = 8 * -(-self.columns // 64)
 
     @property
+    def targets_per_voxel(self) -> int:
+        """Targets along either side of a voxel."""
+        return self._per_voxel
+
+    @property
     def targets(self) -> int:
         """Number of targets."""
         return self.rows * self.columns
@@ -333,6 +338,11 @@ class Tally:
             overflow = plane & carry
             np.bitwise_xor(plane, carry, out=plane)
             carry = overflow
+
+    @property
+    def planes(self) -> Words:
+        """Binary digits of the counts, the lowest first, as masks: shape (digits, words)."""
+        return np.stack(self._planes)
 
     def moments(self) -> tuple[int, int]:
         """Σ c and Σ c² over all targets, exact."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan import quantities as q
 from aosplan.errors import RequestError
-from aosplan.models import MODELS
+from aosplan.models import MODELS, RAYS
 from aosplan.pattern import GRIDS
 from aosplan.presets.dji import PAYLOADS
 from aosplan.problem import OBJECTIVES
@@ -62,7 +62,8 @@ def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> 
 class Option(NamedTuple):
     """One option: its field, how a value is read, and how help describes it.
 
-    `kind` says what a file may hold: a number, text, a whole number, a pair of numbers.
+    `kind` says what a file may hold: a number, text, a whole number, a pair of numbers, or, of a
+    flag, true or false.
     """
 
     name: str
@@ -232,6 +233,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             f"Measured model: {' or '.join(VIEWS)}.  [telecentric]",
         ),
         (
+            "rays",
+            q.one_of(RAYS),
+            "text",
+            "KIND",
+            f"Uniform and layered models: {', '.join(RAYS)}.  [nadir]",
+        ),
+        (
             "optimize",
             q.one_of(OBJECTIVES),
             "text",
@@ -242,6 +250,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("max_samples", q.whole, "whole", "N", "Bound on the number of samples."),
         ("baseline", _length, "number", "M", "Fixed distance between neighbouring samples."),
         ("samples", q.whole, "whole", "N", "Fixed number of samples."),
+        (
+            "sensitivity",
+            q.flag,
+            "flag",
+            "",
+            "What if density, occluder size and heights are 20 % off.",
+        ),
     ),
     "Grid": (
         (
@@ -291,6 +306,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "S",
             "Stop at each site.  [1]",
+        ),
+        (
+            "hold_error",
+            _height,
+            "number",
+            "M",
+            "Standard deviation of the position at each site, along either axis.  [0]",
         ),
         (
             "autopilot",

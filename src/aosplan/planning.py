@@ -6,29 +6,31 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from aosplan.answer import rounded_up
-from aosplan.choose import Choice, kinds, other_heading, solve_best, solve_best_heading
+from aosplan.choose import other_heading
+from aosplan.doubts import Doubts, doubts_of
 from aosplan.errors import RequestError
-from aosplan.geometry import CoverageBaseline, coverage_baseline
 from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture
-from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Limit, Problem, Requirement, Solution
-from aosplan.quantities import exact_share
+from aosplan.problem import GridKind, Limit, Problem, Solution
 from aosplan.request import find_drone
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
-from aosplan.route import Route, lay, timing_of
+from aosplan.route import Route, lay
+from aosplan.task import Task, kinds_of
 from aosplan.trigger import Sites
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from aosplan.camera import Camera
-    from aosplan.models import VisibilityModel
+    from aosplan.geometry import CoverageBaseline
+    from aosplan.models.measured import Flown
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
+    from aosplan.sensitivity import Change
     from aosplan.tradeoff import Row
+    from aosplan.uncertainty import Uncertainty
     from aosplan.voxels import VoxelVolume
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
@@ -69,6 +71,14 @@ class Plan:
         The voxels of a scene that is a point cloud, heights above ground.
     approximation
         What stands in for the model's exact prediction (``correlogram``), or None.
+    uncertainty
+        Standard errors of the prediction; None where nothing is known of them.
+    uncertainty_reason
+        Why nothing is known of them, or empty.
+    flown
+        The expectation over position noise of the measured model, or None.
+    sensitivity
+        What becomes of the plan where the scene is not as it was thought to be, if asked for.
     """
 
     request: PlanRequest
@@ -85,6 +95,10 @@ class Plan:
     notices: tuple[Message, ...]
     volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
     approximation: str | None = None
+    uncertainty: Uncertainty | None = None
+    uncertainty_reason: str = ""
+    flown: Flown | None = None
+    sensitivity: tuple[Change, ...] = ()
 
     @property
     def warnings(self) -> tuple[Message, ...]:
@@ -158,7 +172,7 @@ class Plan:
 
         if self.problem is None:
             raise RequestError("nothing stands above the focal plane: one photo shows everything")
-        problems = [self.problem._replace(grid=kind) for kind in _kinds_of(self.request)]
+        problems = [self.problem._replace(grid=kind) for kind in kinds_of(self.request)]
         return tradeoff(problems, self.problem, self.solution)
 
     def mission(self) -> Mission:
@@ -244,27 +258,22 @@ def plan(
     gsd = camera.gsd_m(altitude)
     found = scene_of(request, folder=folder, progress=progress)
     scene, kind, notices = found.scene, found.kind, found.warnings
-    above = scene.above(request.focal_height)
-    density = above.integrated_density if above is not None else 0.0
     model_name = request.model or MODEL_OF[kind]
     _check_model(model_name, kind, request)
     if scene.integrated_density > 0.0:
         _check_altitude(scene, altitude, request)
-    if above is None or density == 0.0:
+    task = Task(request, model_name, camera, altitude, gsd, camera.footprint_m(altitude))
+    posed = task.problem_of(found)
+    doubts = Doubts(uncertainty_reason="nothing is hidden")
+    if posed is None:
         coverage, grid, solution = None, *_clear_view(request)
         problem, heading = None, request.heading_deg
     else:
-        _check_density(above, density, request)
-        coverage = coverage_baseline(
-            above.slabs(), altitude, camera.focal_length_px, request.coverage
-        )
-        if model_name == "measured":
-            problem = _measured_problem(request, found, altitude, gsd)
-        else:
-            model = _model(model_name, above, altitude, camera, coverage)
-            problem = _problem(request, model, gsd)
-        problem, solution = chosen = _chosen(request, problem, camera.footprint_m(altitude))
+        coverage = posed[1]
+        problem, solution = chosen = task.choice(posed[0])
         grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
+        task = task._replace(request=replace(request, heading=heading))
+        doubts = doubts_of(task, found, problem, solution)
         if model_name == "measured":
             notices += tuple(_doubts(found, problem, solution, altitude))
             if request.heading != "best" and (word := other_heading(chosen)):
@@ -295,31 +304,8 @@ def plan(
         notices=notices,
         volume=found.volume,
         approximation="correlogram" if model_name == "measured" and found.volume is None else None,
+        **doubts._asdict(),
     )
-
-
-def requirement_of(request: PlanRequest) -> Requirement:
-    """The target of a request."""
-    if request.visibility is not None:
-        return Requirement("visibility", exact_share(request.visibility, "--visibility"))
-    assert request.vhat is not None  # the request has filled it in
-    return Requirement("normalized", exact_share(_as_written(request.vhat), "--vhat"))
-
-
-def _as_written(share: float | str) -> str:
-    # A float in a request is the nearest one to a decimal that was written.
-    return share if isinstance(share, str) else repr(share)
-
-
-def _check_density(above: Scene, density: float, request: PlanRequest) -> None:
-    if above.transparency == 0.0 or density >= 1.0:
-        shown = above.name if request.scene is None else request.scene
-        raise RequestError(
-            f"scene '{shown}' has integrated density 1: no ray reaches the ground, and no "
-            "number of photos shows what lies there",
-            "a density below 1 is needed; for a point cloud, a smaller --voxel or a larger "
-            "--min-height",
-        )
 
 
 def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> None:
@@ -343,16 +329,6 @@ def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> No
     )
 
 
-def _model(
-    name: str, above: Scene, altitude_m: float, camera: Camera, coverage: CoverageBaseline
-) -> VisibilityModel:
-    if name == "uniform":
-        return UniformModel(above.integrated_density, above.transparency, coverage.baseline_m)
-    from aosplan.models.layered import LayeredModel
-
-    return LayeredModel(above.slices(), altitude_m, camera.focal_length_px)
-
-
 def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
@@ -361,61 +337,11 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         )
     if request.view is not None and name != "measured":
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
-
-
-def _measured_problem(
-    request: PlanRequest, found: ResolvedScene, altitude_m: float, gsd_m: float
-) -> Problem:
-    from aosplan.models.correlogram import CorrelogramModel, correlogram
-    from aosplan.models.measured import MeasuredModel
-
-    table, focal_height = found.correlogram, request.focal_height
-    if found.volume is None:
-        assert table is not None  # the model was checked against the kind of scene
-        if focal_height > 0.0 or request.view == "perspective":
-            raise RequestError(
-                f"scene '{request.scene}' holds a correlogram, which knows neither a raised focal "
-                "plane nor the view perspective",
-                "save the scene as .npz, with its voxels, or use --model layered",
-            )
-        quick = CorrelogramModel(table, altitude_m, heading_deg=request.heading_deg)
-        return _problem(request, quick, gsd_m)
-    model = MeasuredModel(
-        found.volume,
-        altitude_m,
-        heading_deg=request.heading_deg,
-        view="perspective" if request.view == "perspective" else "telecentric",
-        focal_height_m=focal_height,
-    )
-    problem = _problem(request, model, gsd_m)
-    if None not in (request.baseline, request.samples) and request.heading != "best":
-        return problem  # nothing is searched
-    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
-        sparse = MeasuredModel(
-            found.volume,
-            altitude_m,
-            heading_deg=model.heading_deg,
-            view=model.view,
-            targets_per_voxel=1,
-            focal_height_m=focal_height,
+    if request.rays is not None and name == "measured":
+        raise RequestError(
+            f"--rays {request.rays} with --model measured",
+            "it traces the rays as they are; --rays goes with uniform and layered",
         )
-        return problem._replace(sketch=sparse)
-    if table is None or focal_height > 0.0:
-        table = correlogram(found.volume, focal_height_m=focal_height)
-    return problem._replace(
-        sketch=CorrelogramModel(table, altitude_m, heading_deg=model.heading_deg)
-    )
-
-
-def _chosen(request: PlanRequest, problem: Problem, footprint_m: tuple[float, float]) -> Choice:
-    """The best of the grids and headings that the request leaves open."""
-    problems = [problem._replace(grid=kind) for kind in _kinds_of(request)]
-    best = solve_best_heading if request.heading == "best" else solve_best
-    return best(problems, footprint_m=footprint_m)
-
-
-def _kinds_of(request: PlanRequest) -> tuple[GridKind, ...]:
-    return kinds(request.grid, request.lanes, request.lane_pitch)
 
 
 def _doubts(
@@ -447,25 +373,9 @@ def _doubts(
         )
 
 
-def _problem(request: PlanRequest, model: VisibilityModel, gsd_m: float) -> Problem:
-    return Problem(
-        model=model,
-        requirement=requirement_of(request),
-        grid=_kinds_of(request)[0],
-        bounds=Bounds(
-            max_aperture_m=request.max_aperture,
-            max_samples=request.max_samples,
-            baseline_m=request.baseline,
-            samples=request.samples,
-        ),
-        objective=request.optimize,
-        timing=timing_of(request, gsd_m)[0],
-    )
-
-
 def _clear_view(request: PlanRequest) -> tuple[GridKind, Solution]:
     """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
-    grid = _kinds_of(request)[0]
+    grid = kinds_of(request)[0]
     pattern = grid.pattern(request.samples or 1)
     return grid, Solution(
         pattern=pattern,
@@ -482,4 +392,6 @@ def _completed(request: PlanRequest, model: str, found: ResolvedScene) -> PlanRe
     filled: dict[str, Any] = {"model": model, **found.reading}
     if model == "measured":
         filled["view"] = request.view or "telecentric"
+    else:
+        filled["rays"] = request.rays or "nadir"
     return replace(request, **filled)

@@ -53,7 +53,11 @@ class Requirement(NamedTuple):
         return error - float(1 - self.target) * (1.0 + tolerance)
 
     def fewest_independent(self, model: VisibilityModel) -> int | None:
-        """Samples that would do if all were independent, a lower bound for every pattern.
+        """Samples that would do if all were independent: a lower bound where K >= 1/N.
+
+        So it is for every pattern of a model that rises with the baseline, and only those are asked.
+        Of voxels, and of oblique rays, K can be a little below: views that hide unlike shares
+        spread less than their mean does.
 
         None where no number of samples reaches the target.  With K = 1/N, `is_met` reads
         1/N <= 1 - V̂ or p (p + T/N) <= 1 - V; both are solved in exact arithmetic.
@@ -174,8 +178,18 @@ class Problem(NamedTuple):
 
         Beyond it nothing is gained, or the bound on the aperture is broken.
         """
-        cap, side = self.model.independent_baseline_m / sites.nearest, sites.longer_side
+        cap, side = self.widest_baseline_m / sites.nearest, sites.longer_side
         return min(cap, self.widest_aperture_m / side) if side > 0.0 else cap
+
+    @property
+    def widest_baseline_m(self) -> float:
+        """Baseline beyond which nothing is gained, or nothing but what position noise takes.
+
+        The latter where that is worth no aperture of three times the size: unless the number of
+        samples is fixed, or aperture or time tell what it is worth.
+        """
+        priced = self.objective in ("aperture", "time") or self.bounds.samples is not None
+        return self.model.independent_baseline_m if priced else self.model.sharp_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:

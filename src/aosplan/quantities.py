@@ -120,6 +120,15 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
     return parse
 
 
+def flag(value: Any, name: str) -> bool:
+    """True or false; text may say so."""
+    if isinstance(value, str) and value.strip().lower() in ("true", "false"):
+        return value.strip().lower() == "true"
+    if not isinstance(value, bool):
+        raise RequestError(f"{name} {shown(value)} is not true or false")
+    return value
+
+
 def or_best(parse: Callable[[Any, str], Any]) -> Callable[[Any, str], Any]:
     """A parser that also takes the word ``best``: whichever value proves the best."""
 

@@ -102,11 +102,13 @@ class PlanRequest:
     coverage: float = 0.98
     model: str | None = None
     view: str | None = None
+    rays: str | None = None
     optimize: str = "samples"
     max_aperture: float | None = None
     max_samples: int | None = None
     baseline: float | None = None
     samples: int | None = None
+    sensitivity: bool = False
     grid: str = "trimmed"
     lanes: int | str | None = None
     lane_pitch: float | str | None = None
@@ -117,6 +119,7 @@ class PlanRequest:
     acceleration: float | None = None
     climb: float | None = None
     hold: float = 1.0
+    hold_error: float = 0.0
     autopilot: str | None = None
     payload: str | None = None
     trigger: str = "stop"

@@ -269,21 +269,25 @@ class LayeredScene:
     def above(self, height_m: float) -> LayeredScene | None:
         """What of the scene stands above a height, heights counted from there; None if nothing.
 
-        A layer that the height cuts keeps its density for the part above, by Beer-Lambert;
-        a measured density is scaled in the same proportion of its logarithm.
+        A layer that the height cuts keeps its density for the part above, by Beer-Lambert.
         """
         if height_m == 0.0:
             return self
         kept = tuple(_cut(layer, height_m) for layer in self.layers if layer.top_m > height_m)
         if not kept:
             return None
-        measured = self.measured_density
-        scene = replace(self, layers=kept, measured_density=None)
-        whole = self.log_transparency
+        return replace(self, layers=kept).with_density_of(self)
+
+    def with_density_of(self, other: LayeredScene) -> LayeredScene:
+        """These layers, with what was measured of other ones of the same stand.
+
+        A measured density is scaled in the proportion of the logarithms of what independent
+        slices would let through.
+        """
+        measured, whole = other.measured_density, other.log_transparency
         if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):
-            share = scene.log_transparency / whole
-            measured = -math.expm1(math.log1p(-measured) * share)
-        return replace(scene, measured_density=measured)
+            measured = -math.expm1(math.log1p(-measured) * (self.log_transparency / whole))
+        return replace(self, measured_density=measured)
 
 
 Scene = UniformScene | LayeredScene

@@ -63,7 +63,7 @@ def solve(problem: Problem) -> Solution:
     return _fewest_samples(problem)
 
 
-def fewest_at(problem: Problem, baseline_m: float) -> int | None:
+def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
     """Fewest samples that meet the target at one baseline; None where no count up to the limit does.
 
     V̂ of whole frames rises from frame to frame, and within a frame with every sample.
@@ -73,8 +73,13 @@ def fewest_at(problem: Problem, baseline_m: float) -> int | None:
         return None
     first = problem.grid.index_of(fewest)
 
+    def at(pattern: Sites) -> float:
+        return problem.widest_m(pattern) if baseline_m is None else baseline_m
+
     def frame_meets(index: int) -> bool:
-        return problem.meets(problem.grid.frame(index).whole, baseline_m)
+        whole = problem.grid.frame(index).whole
+        hopeful = problem.requirement.is_met(problem.model.at_best(whole, at(whole)))
+        return hopeful and problem.meets(whole, at(whole))
 
     last = problem.grid.index_of(MOST_SITES)
     if first > last:
@@ -86,7 +91,7 @@ def fewest_at(problem: Problem, baseline_m: float) -> int | None:
         low, high = high + 1, min(2 * high, last)
     frame = problem.grid.frame(smallest_whole(frame_meets, low, high))
     samples = smallest_whole(
-        lambda samples: problem.meets(frame.pattern(samples), baseline_m),
+        lambda samples: problem.meets(pattern := frame.pattern(samples), at(pattern)),
         min(max(frame.fewest, fewest), frame.most),
         frame.most,
     )
@@ -133,7 +138,7 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
 
 def _fewest_samples(problem: Problem) -> Solution:
     if problem.bounds.max_aperture_m is None:
-        samples = fewest_at(problem, math.inf)
+        samples = fewest_at(problem, None)
         if samples is None or samples > _most_samples(problem):
             raise _out_of_reach(problem)
         pattern = problem.grid.pattern(samples)
@@ -284,8 +289,11 @@ def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) 
 
 def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
     """The model's own rule where it has one and samples are the objective, else the smallest."""
-    if problem.model.rule_baseline_m is not None and problem.objective == "samples":
-        return problem.widest_m(pattern)
+    rule = problem.model.rule_baseline_m
+    if rule is not None and problem.objective == "samples":
+        preferred = min(rule / pattern.nearest, problem.widest_m(pattern))
+        if problem.meets(pattern, preferred):
+            return preferred
     baseline = problem.smallest_baseline_m(pattern)
     assert baseline is not None  # callers have checked the widest
     return baseline
@@ -346,5 +354,10 @@ def _remedy(problem: Problem) -> str:
     solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
     if solution is None:
         return "ask for less, or allow more samples"
+    if problem.bounds.max_aperture_m is None:
+        return (
+            f"ask for less, or allow more samples; {solution.pattern.samples} do where --optimize "
+            "aperture makes the baseline wider"
+        )
     extent = solution.pattern.longer_side * solution.baseline_m
     return f"--max-aperture {rounded_up(extent)} is enough, with {solution.pattern.samples} samples"

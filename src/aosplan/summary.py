@@ -11,6 +11,7 @@ from aosplan.geometry import disparity_px, occluder_px
 if TYPE_CHECKING:
     from aosplan.mission import Waypoints
     from aosplan.models import Prediction
+    from aosplan.models.measured import Flown
     from aosplan.planning import Plan
     from aosplan.scene import Scene
 
@@ -20,7 +21,7 @@ SCHEMA = 1
 
 def plan_document(plan: Plan) -> dict[str, Any]:
     """Everything of a plan as dicts, lists, text and finite numbers."""
-    from aosplan.planning import requirement_of
+    from aosplan.task import requirement_of
 
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
@@ -50,6 +51,11 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             "model": plan.model,
             "view": plan.request.view,
             "approximation": plan.approximation,
+            "rays": plan.request.rays,
+            "edges": "wrapped" if plan.model == "measured" else None,
+            "uncertainty": None if plan.uncertainty is None else plan.uncertainty._asdict(),
+            "uncertainty_reason": plan.uncertainty_reason or None,
+            "noise": None if plan.flown is None else _noise_document(plan.flown),
         },
         "disparity": disparity_document(plan),
         "camera": {
@@ -61,6 +67,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         "flight": flight_document(plan),
         "height": height_document(plan),
         "limits": [limit._asdict() for limit in plan.limits],
+        "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],
         "waypoints": waypoints_document(plan.waypoints),
     }
@@ -111,6 +118,13 @@ def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
         {"index": index} | dict(zip(names, row, strict=True))
         for index, row in enumerate(zip(*columns, strict=True))
     ]
+
+
+def _noise_document(flown: Flown) -> dict[str, float]:
+    """The expectation over position noise: how many flights were drawn, and its errors."""
+    values = flown._asdict()
+    del values["prediction"]
+    return values
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:

@@ -61,10 +61,12 @@ def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options")
     )
 
 
-def flag_option(flag: str, help_text: str, panel: str = "Output") -> TyperOption:
+def flag_option(
+    flag: str, help_text: str, panel: str = "Output", *, default: bool | None = False
+) -> TyperOption:
     """An option that is given or not."""
     return TyperOption(
-        param_decls=[flag], is_flag=True, default=False, help=help_text, rich_help_panel=panel
+        param_decls=[flag], is_flag=True, default=default, help=help_text, rich_help_panel=panel
     )
 
 
@@ -76,9 +78,11 @@ def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperA
 
 
 def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
-    """The options of a plan's request, each once."""
+    """The options of a plan's request, each once; None where they are not given."""
     return [
-        text_option(option.flag, option.metavar, option.help, option.panel)
+        flag_option(option.flag, option.help, option.panel, default=None)
+        if option.kind == "flag"
+        else text_option(option.flag, option.metavar, option.help, option.panel)
         for option in OPTIONS
         if only(option)
     ]

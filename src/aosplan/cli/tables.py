@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from aosplan.pattern import Sites
     from aosplan.planning import Plan
     from aosplan.scene import Scene
+    from aosplan.sensitivity import Change
     from aosplan.simulate.compare import Simulation
 
 WIDTH = 80
@@ -63,7 +64,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
     rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
     near = f", approximated by its {plan.approximation}" if plan.approximation else ""
-    yield "Model", plan.model + (rule if plan.model == "uniform" else near)
+    measured = f"{near}, on a plot that wraps around at its edges"
+    yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:.2f} m"
     yield "Samples", f"N = {pattern.samples}, {_shape_text(pattern, plan.grid.name)}"
@@ -73,9 +75,11 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         symbol = "V̂" if request.visibility is None else "V"
         wanted = request.vhat if request.visibility is None else request.visibility
         target = "" if request.optimize in BEST else f" (target {symbol} = {wanted})"
+        errors = plan.uncertainty
         yield (
             "Visibility",
-            f"V̂ = {_percent(prediction.normalized)}, V = {_percent(prediction.expected)}{target}",
+            f"V̂ = {_percent(prediction.normalized)}{_error(errors and errors.normalized)}, "
+            f"V = {_percent(prediction.expected)}{_error(errors and errors.expected)}{target}",
         )
         contrast = prediction.contrast
         yield (
@@ -90,6 +94,33 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield from _camera_rows(plan)
     for limit in plan.limits:
         yield "Bound by", limit.message
+    if plan.sensitivity:
+        yield "", ""
+        yield from _sensitivity_rows(plan.sensitivity)
+
+
+def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
+    """What the planned grid would show of other scenes, and what they would be planned with."""
+    for index, change in enumerate(changes):
+        name = change.quantity.removeprefix("occluder_")
+        text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
+        if change.visibility is not None:
+            normalized = "" if change.normalized is None else f"V̂ = {_percent(change.normalized)}, "
+            text += f"{normalized}V = {_percent(change.visibility)}"
+            text += "; " if change.reason is None else "; no plan: "
+        if change.reason is None:
+            text += f"plan N = {change.samples}, b = {change.baseline_m:.2f} m"
+        else:
+            text += change.reason
+        yield "If off" if index == 0 else "", text
+
+
+def _error(standard_error: float | None) -> str:
+    """A standard error behind its value, in per cent."""
+    if standard_error is None:
+        return ""
+    percent = 100.0 * standard_error
+    return f" ± {percent:.1f} %" if percent >= 0.05 or percent == 0.0 else f" ± {percent:.1g} %"
 
 
 def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:

@@ -8,8 +8,10 @@ baseline.  Everything else follows from those in `Prediction`, the same for ever
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.measured`: the voxels of a stand themselves.
 
-Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the paper, and
-`aosplan.models.sites`, the shortfall of any set of positions, on a lattice or scattered.
+Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the paper;
+`aosplan.models.sites`, the shortfall of any set of positions, on a lattice or scattered;
+`aosplan.models.noise`, the same where the drone does not hold its place, with
+`aosplan.models.blur` for whole stacks of slices; and `aosplan.models.rays`, rays off nadir.
 """
 
 from __future__ import annotations
@@ -22,6 +24,9 @@ if TYPE_CHECKING:
 
 MODELS = ("uniform", "layered", "measured")
 """Visibility models by name."""
+
+RAYS = ("nadir", "oblique", "cubes")
+"""Rays of the uniform and the layered model, by name (`aosplan.models.rays`)."""
 
 
 class Prediction(NamedTuple):
@@ -93,6 +98,10 @@ class VisibilityModel(Protocol):
         """Baseline from which neighbouring samples share no occluder: K = 1/N; may be inf."""
 
     @property
+    def sharp_baseline_m(self) -> float:
+        """The same, were every site flown without position noise."""
+
+    @property
     def widest_aperture_m(self) -> float:
         """Largest extent [m] of which the scene can tell something; inf where any."""
 
@@ -106,3 +115,6 @@ class VisibilityModel(Protocol):
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """A quick prediction that is no worse; asked for only where `rises_with_baseline`."""

@@ -38,6 +38,8 @@ from aosplan.occlusion import Occlusion, popcount
 from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.occlusion import Words
@@ -50,6 +52,8 @@ LAGS = 15
 SMALLEST_LAG = 0.01
 DIRECTIONS = 8
 """Over the half circle; a multiple of 4, for those at 45° and 90° to each to be among them."""
+NOISE_POINTS = 4
+"""Points of the rule along an axis that blurs a table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +231,9 @@ class CorrelogramModel:
         Above the focal plane.
     heading_deg
         Of the patterns, clockwise from the correlogram's north.
+    hold_error_m
+        Standard deviation of the positions about their sites, per axis: p and ρ are means over
+        what it makes of the offsets.
     """
 
     name = "correlogram"
@@ -234,11 +241,17 @@ class CorrelogramModel:
     rises_with_baseline = False
 
     def __init__(
-        self, correlogram: Correlogram, altitude_m: float, *, heading_deg: float = 0.0
+        self,
+        correlogram: Correlogram,
+        altitude_m: float,
+        *,
+        heading_deg: float = 0.0,
+        hold_error_m: float = 0.0,
     ) -> None:
         self.correlogram = correlogram
         self.altitude_m = altitude_m
         self.heading_deg = heading_deg
+        self.hold_error_m = hold_error_m
         self._spirals: dict[tuple[float, float, float, bool], tuple[Floats, Floats]] = {}
 
     @property
@@ -255,6 +268,11 @@ class CorrelogramModel:
     def independent_baseline_m(self) -> float:
         """Widest distance [m] between two views of which the plot can tell something."""
         return self.correlogram.reach * self.altitude_m
+
+    @property
+    def sharp_baseline_m(self) -> float:
+        """The same distance."""
+        return self.independent_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:
@@ -283,16 +301,25 @@ class CorrelogramModel:
             x, y = baseline_m * np.array(list(Spiral(count, spiral.turn_pitch).offsets())).T
             outward = np.argsort(np.abs(np.arange(count) - 0.5 * (count - 1)), kind="stable")
             sites_m = np.column_stack([y, x])[outward]
-            hidden = self.correlogram.density_at(*self._polar(sites_m, self.heading_deg))
+            hidden = self._expected(
+                self.correlogram.density_at, sites_m, self.heading_deg, self.hold_error_m
+            )
             later, earlier = np.tril_indices(count, -1)
             apart_m = sites_m[later] - sites_m[earlier]
-            rho = self.correlogram.correlation_at(*self._polar(apart_m, self.heading_deg))
+            pair_error_m = math.sqrt(2.0) * self.hold_error_m
+            rho = self._expected(
+                self.correlogram.correlation_at, apart_m, self.heading_deg, pair_error_m
+            )
             alike = np.bincount(later, rho, count).astype(np.float64)
             self._spirals[key] = np.cumsum(hidden), np.cumsum(alike)
         hidden_sum, alike_sum = (float(sums[spiral.samples - 1]) for sums in self._spirals[key])
         density = hidden_sum / spiral.samples
         shortfall = (spiral.samples + 2.0 * alike_sum) / spiral.samples**2
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """The prediction itself."""
+        return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
         """Density and shortfall of samples at any positions; takes time and memory by N².
@@ -311,9 +338,31 @@ class CorrelogramModel:
     ) -> Prediction:
         """Means of p over the sites, and of ρ over the distances with their numbers of pairs."""
         tables = self.correlogram
-        density = float(tables.density_at(*self._polar(sites_m, heading_deg)).mean())
-        rho = tables.correlation_at(*self._polar(apart_m, heading_deg))
+        density = float(
+            self._expected(tables.density_at, sites_m, heading_deg, self.hold_error_m).mean()
+        )
+        pair_error_m = math.sqrt(2.0) * self.hold_error_m
+        rho = self._expected(tables.correlation_at, apart_m, heading_deg, pair_error_m)
+        rho[~apart_m.any(axis=1)] = 1.0  # a view and itself
         return Prediction(density, 1.0 - density, max(float(rho @ pairs / pairs.sum()), 0.0))
+
+    def _expected(
+        self,
+        table: Callable[[Floats, Floats], Floats],
+        offsets_m: Floats,
+        heading_deg: float,
+        deviation_m: float,
+    ) -> Floats:
+        """Entries of a table at uncertain offsets, by a Gauss-Hermite rule along both axes."""
+        if deviation_m == 0.0:
+            return table(*self._polar(offsets_m, heading_deg))
+        points, weights = np.polynomial.hermite_e.hermegauss(NOISE_POINTS)
+        shares = np.outer(weights, weights).ravel() / weights.sum() ** 2
+        missed_m = deviation_m * np.array([(x, y) for x in points for y in points])
+        around = (offsets_m[np.newaxis] + missed_m[:, np.newaxis]).reshape(-1, 2)
+        entries = table(*self._polar(around, heading_deg)).reshape(len(shares), -1)
+        expected: Floats = shares @ entries
+        return expected
 
     def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
         """Lags and directions of offsets to the right of a heading and along it."""

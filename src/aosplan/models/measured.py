@@ -11,14 +11,23 @@ the last in whole numbers, from V = 1 - p̄² - p̄ (1 - p̄) K.  Σ c² is also
 ordered pairs of views, where J is the share of targets that both of them hide.
 
 `density` is p̄, the mean over the plan's own views: rays off nadir pass more wood.  So V has a
-maximum at a finite aperture, and is not monotonic in the baseline; nor is V̂, strictly.
+maximum at a finite aperture, and is not monotonic in the baseline; nor is V̂, strictly.  K may be
+less than 1/N: two views can also hide less of the same than chance would have it, and views that
+hide unlike shares of the plot spread less than their mean.
+
+**Edges.**  The plot wraps: its copies stand all around it, so every target has a canopy.
+
+**Noise.**  Positions that miss their sites by chance make V and p̄ chances, too.  Their expectations
+are means over whole flights, drawn from a seed: as many as take `REALISED_VIEWS` views, with their
+standard errors (`MeasuredModel.flown`).  The draws are the same for every plan, so plans compare.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import TYPE_CHECKING
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,7 +36,7 @@ from aosplan.models import Prediction
 from aosplan.occlusion import Occlusion, Tally, joint_counts
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -37,6 +46,23 @@ if TYPE_CHECKING:
 
 CACHE_OCTETS = 1 << 28
 """Memory for views that a later prediction may use again."""
+
+NOISE_SEED = 1
+"""Seed of the position noise; the draws of flight r are those of the pair (seed, r)."""
+
+REALISED_VIEWS = 400
+"""Views that the expectation over noise is taken from: flights times sites, two flights at least."""
+
+
+class Flown(NamedTuple):
+    """An expectation over flights that miss their sites: how many, and its standard errors."""
+
+    prediction: Prediction
+    flights: int
+    seed: int
+    density_error: float
+    expected_error: float
+    normalized_error: float
 
 
 class MeasuredModel:
@@ -57,6 +83,8 @@ class MeasuredModel:
         Targets along either side of a voxel.
     focal_height_m
         Height of the focal plane above the ground.
+    hold_error_m
+        Standard deviation of the positions about their sites, east and north alike.
 
     Raises
     ------
@@ -77,9 +105,11 @@ class MeasuredModel:
         view: ViewKind = "telecentric",
         targets_per_voxel: int = 4,
         focal_height_m: float = 0.0,
+        hold_error_m: float = 0.0,
     ) -> None:
         self.view = view
         self.heading_deg = heading_deg
+        self.hold_error_m = hold_error_m
         self.occlusion = Occlusion(
             volume,
             altitude_m,
@@ -117,15 +147,57 @@ class MeasuredModel:
         return self._widest_m
 
     @property
+    def sharp_baseline_m(self) -> float:
+        """The same distance."""
+        return self.independent_baseline_m
+
+    @property
     def widest_aperture_m(self) -> float:
         """The same distance: no two sites of a grid are to be farther apart along an axis."""
         return self._widest_m
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline: exact for its sites."""
-        return self.predict_positions(
-            np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
+        """Density and shortfall of a pattern flown at a baseline: exact for its sites.
+
+        Under noise, the mean over flights (`flown`).
+        """
+        if self.hold_error_m > 0.0:
+            return self.flown(pattern, baseline_m).prediction
+        return self.predict_positions(self.sites_m(pattern, baseline_m))
+
+    def sites_m(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
+        """Sites of a pattern in flight order, east and north of the middle, shape (N, 2)."""
+        return np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
+
+    def flights_m(self, pattern: Sites, baseline_m: float) -> Iterator[NDArray[np.float64]]:
+        """Positions of flights that miss the sites of a pattern by chance, each shape (N, 2)."""
+        sites = self.sites_m(pattern, baseline_m)
+        for flight in range(max(math.ceil(REALISED_VIEWS / len(sites)), 2)):
+            missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
+            yield sites + self.hold_error_m * missed
+
+    def flown(self, pattern: Sites, baseline_m: float) -> Flown:
+        """Expected prediction of a pattern that is flown with noise."""
+        flights = list(self.flights_m(pattern, baseline_m))
+        views = self._views(np.concatenate(flights))  # together: they share most of the work
+        found = [self._predict(islice(views, pattern.samples)) for _ in flights]
+        density, expected = (
+            np.array([getattr(each, name) for each in found]) for name in ("density", "expected")
         )
+        p, t = float(density.mean()), sum(each.transparency for each in found) / len(found)
+        normalized = np.array([each.normalized for each in found])
+        shortfall = (
+            (1.0 - float(expected.mean()) - p * p) / (p * t) if p * t else found[0].shortfall
+        )
+        errors = (
+            float(values.std(ddof=1)) / math.sqrt(len(found))
+            for values in (density, expected, normalized)
+        )
+        return Flown(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """The prediction itself."""
+        return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
         """Density and shortfall of samples at any positions.
@@ -141,8 +213,11 @@ class MeasuredModel:
             Its density is the mean over the views.  Where nothing or everything is hidden, views
             count as independent: the shortfall is 1/N.
         """
+        return self._predict(self._views(positions_m))
+
+    def _predict(self, views: Iterable[Words]) -> Prediction:
         tally = Tally(self.occlusion.words)
-        for mask in self._views(positions_m):
+        for mask in views:
             tally.add(mask)
         hidden, squares = tally.moments()
         targets = self.occlusion.targets
@@ -154,6 +229,25 @@ class MeasuredModel:
             else 1.0 / tally.views
         )
         return Prediction(hidden / rays, clear / rays, shortfall)
+
+    def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
+        """Share of a pattern's views that do not see each target, shape (rows, columns).
+
+        Under noise, of the views of the first flight.
+        """
+        noisy = self.hold_error_m > 0.0
+        at = (
+            next(self.flights_m(pattern, baseline_m))
+            if noisy
+            else self.sites_m(pattern, baseline_m)
+        )
+        tally = Tally(self.occlusion.words)
+        for mask in self._views(at):
+            tally.add(mask)
+        hidden = np.zeros((self.occlusion.rows, self.occlusion.columns))
+        for digit, plane in enumerate(tally.planes):
+            hidden += self.occlusion.unpack(plane[np.newaxis])[0] * float(1 << digit)
+        return hidden / tally.views
 
     def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """J, the share of targets that both views of each pair hide, shape (N, N).

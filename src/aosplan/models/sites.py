@@ -28,7 +28,7 @@ DIRECT_PAIRS = 4_000_000
 """Lattice offsets times sites up to which counting pairs directly beats a transform."""
 
 
-def pattern_shortfall(pattern: Sites, dhat: float) -> float:
+def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
     A rectangle factorises into its axes; each removed site takes away the product of its two
@@ -41,7 +41,15 @@ def pattern_shortfall(pattern: Sites, dhat: float) -> float:
     dhat
         d̂ between neighbouring columns, or sites of a spiral; between rows of a lattice it is
         `pattern.row_pitch` times that.
+    spread
+        ς of `aosplan.models.noise.blurred_overlap`, where positions are uncertain.
     """
+    if spread > 0.0:
+        from aosplan.models.noise import blurred_shortfall, scattered_shortfall
+
+        if isinstance(pattern, Spiral):
+            return scattered_shortfall(pattern.offsets(), dhat, spread)
+        return blurred_shortfall(pattern, dhat, spread)
     samples = pattern.samples
     if isinstance(pattern, Spiral):
         if dhat * pattern.nearest > 1.0 - 1e-15:  # the quotient was rounded

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.models import Prediction
+from aosplan.models.noise import NEGLIGIBLE, blurred_overlap, overlaps
 from aosplan.models.sites import pattern_shortfall
+from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
     from aosplan.pattern import Sites
@@ -17,11 +19,17 @@ class UniformModel(NamedTuple):
 
     `unit_baseline_m` has d̂ = 1; by the paper's rule that is the smallest baseline at which
     the wanted share of the occluders has d̂ >= 1 (`aosplan.geometry.coverage_baseline`).
+    `hold_error_m` is the standard deviation of the positions about their sites, per axis
+    (`aosplan.models.noise`); `rays` other than ``nadir`` need the `altitude_m`
+    (`aosplan.models.rays`).
     """
 
     density: float
     transparency: float
     unit_baseline_m: float
+    hold_error_m: float = 0.0
+    rays: str = "nadir"
+    altitude_m: float = math.inf
 
     @property
     def name(self) -> str:
@@ -30,7 +38,12 @@ class UniformModel(NamedTuple):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which K = 1/N."""
+        """Baseline from which K = 1/N; under noise, but for less than rounding."""
+        return self.unit_baseline_m + NEGLIGIBLE * math.sqrt(2.0) * self.hold_error_m
+
+    @property
+    def sharp_baseline_m(self) -> float:
+        """Baseline from which K = 1/N without noise."""
         return self.unit_baseline_m
 
     @property
@@ -40,15 +53,58 @@ class UniformModel(NamedTuple):
 
     @property
     def rises_with_baseline(self) -> bool:
-        """V̂ never falls as the baseline grows."""
-        return True
+        """Not where rays may be oblique: they pass more wood the wider the aperture is.
+
+        With nadir rays V̂ never falls, nor under noise: a triangle that is symmetric and falls on
+        either side stays so when it is blurred by a Gaussian (Wintner), so each pair shares less
+        the farther it is apart.
+        """
+        return self.rays == "nadir"
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """The paper's optimal baseline: wider ones gain nothing."""
+        """The paper's optimal baseline: wider ones gain nothing but what noise takes."""
         return self.unit_baseline_m
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
+        if self.rays != "nadir":
+            return self._predict_oblique(pattern, baseline_m)
         dhat = baseline_m / self.unit_baseline_m
-        return Prediction(self.density, self.transparency, pattern_shortfall(pattern, dhat))
+        shortfall = pattern_shortfall(pattern, dhat, self._spread)
+        return Prediction(self.density, self.transparency, shortfall)
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """The prediction itself, which is quick."""
+        return self.predict(pattern, baseline_m)
+
+    @property
+    def _spread(self) -> float:
+        """Standard deviation of the distance of a pair along one axis, over the unit baseline."""
+        return math.sqrt(2.0) * self.hold_error_m / self.unit_baseline_m
+
+    def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
+        import numpy as np
+
+        from aosplan.models.rays import bundle, predict_scattered
+
+        log_t = math.log(self.transparency)
+        if isinstance(pattern, Spiral):
+
+            def between(x: Any, y: Any, lengths: Any) -> Any:
+                apart = np.array([x, y]) / self.unit_baseline_m
+                overlap = blurred_overlap(apart, self._spread).prod(axis=0)
+                return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
+
+            points = baseline_m * np.array(list(pattern.offsets()))
+            return predict_scattered(points, self.altitude_m, self.rays, log_t, between)
+        rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, log_t)
+        dhat = baseline_m / self.unit_baseline_m
+        along_x = overlaps(pattern.columns, dhat, self._spread)
+        along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, self._spread)
+
+        def shared(dy: int, dx: int, lengths: Any) -> Any:
+            overlap = along_y[dy] * along_x[dx] if dy or dx else 1.0
+            return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
+
+        return rays.predict((len(along_y) - 1, len(along_x) - 1), shared)

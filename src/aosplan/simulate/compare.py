@@ -206,8 +206,8 @@ def simulate(
     Raises
     ------
     RequestError
-        Where the forest does not go with the scene, there is no target area, or there are more
-        than `MOST_VIEWS` views.
+        Where the forest does not go with the scene, there is no target area, there are more than
+        `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
     """
     settings = settings or Settings()
     views = plan.solution.pattern.samples
@@ -215,6 +215,12 @@ def simulate(
         raise RequestError(
             f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
             "--samples or --max-samples plan fewer",
+        )
+    if plan.request.hold_error > 0.0 or plan.request.rays not in (None, "nadir"):
+        raise RequestError(
+            f"--hold-error {plan.request.hold_error:g} with --rays {plan.request.rays or 'nadir'}: "
+            "a simulation flies to every site exactly, and knows how its rays run",
+            "simulate the plan without --hold-error, and with nadir rays",
         )
     above = plan.scene.above(plan.request.focal_height)
     settings = settings._replace(forest=_forest(plan, settings))
