@@ -46,7 +46,7 @@ def ruling(result):
 def test_the_bound_that_rules_is_named(values, speed, word):
     result = passing(**values)
     assert result.conduct.speed_mps == pytest.approx(speed, rel=1e-9)
-    assert ruling(result).value == pytest.approx(speed, rel=1e-9)
+    assert ruling(result).value == ruling(result).bound == pytest.approx(speed, rel=1e-9)
     assert word in ruling(result).message
 
 

@@ -20,7 +20,7 @@ from aosplan.problem import Limit
 from aosplan.request import find_drone
 from aosplan.resolve import located
 from aosplan.track import Track
-from aosplan.trigger import Bound, Ground, Sites, blur_speed_mps, slowest, with_turns
+from aosplan.trigger import Bound, Ground, Sites, blur_speed_mps, ruling, with_turns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ class Route(NamedTuple):
         return math.fsum(flight.time_s for flight in self.flights)
 
 
-def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Limit | None]:
+def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Bound | None]:
     """How a request is flown, and what bound its speed before the baseline is known.
 
     The axes are along the heading and to its right.
@@ -84,14 +84,14 @@ def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Limit | None]
         assert request.max_blur is not None
         assert request.exposure_time is not None
         text = (
-            f"the ground moves {request.max_blur:g} px during {request.exposure_time:g} s of "
-            "exposure, as much as --max-blur allows"
+            f"the ground moves {request.max_blur:g} px during --exposure-time "
+            f"{request.exposure_time:g} s, as much as --max-blur allows"
         )
         blurred = blur_speed_mps(gsd_m, request.max_blur, request.exposure_time)
         bounds.append(Bound(blurred, text))
-    speed, limit = slowest(request.speed, bounds)
+    bound = ruling(request.speed, bounds)
     timing = Timing(
-        speed_mps=speed,
+        speed_mps=bound.speed_mps if bound else request.speed,
         acceleration_mps2=request.acceleration,
         hold_s=0.0 if through else request.hold,
         climb_mps=request.climb,
@@ -105,7 +105,7 @@ def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Limit | None]
         wind = wind_mps(request.wind_speed, request.wind_from, request.heading_deg)
         timing = timing._replace(wind=wind, airspeed_mps=request.airspeed)
         timing.ground_speed_mps(1.0, 0.0)  # where the wind is too strong, say so at once
-    return timing, limit
+    return timing, bound
 
 
 def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing, Limit | None]:
@@ -115,8 +115,8 @@ def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing
     """
     asked = request.speed
     assert asked is not None  # the request has filled it in
-    timing, limit = timing_of(request, gsd_m)
-    bounds = [Bound(limit.value, limit.message)] if limit else []
+    timing, bound = timing_of(request, gsd_m)
+    bounds = [bound] if bound else []
     spaced = timing.at(baseline_m) if baseline_m else timing
     text = (
         f"the camera takes a photo each {timing.interval_s:g} s at most, {baseline_m:.4g} m apart"
@@ -124,22 +124,24 @@ def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing
     bounds.append(Bound(spaced.speed_mps, text))
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
     bounds.append(Bound(blown.speed_mps, "against the wind the drone is no faster"))
-    _, ruling = slowest(asked, bounds)
+    bound, limit = ruling(asked, bounds), None
     if blown.run_in_m > LONGEST_RUN_IN_M:
         raise RequestError(
             f"--trigger distance at {blown.speed_mps:.4g} m/s and {timing.acceleration_mps2:.4g} "
             f"m/s² takes a run-in of {blown.run_in_m:.4g} m to each line",
             "give a smaller --speed or a larger --acceleration, or --trigger stop",
         )
-    if timing.fly_through and ruling is None:
-        ruling = Limit(
-            "speed_mps", asked, asked, "photos are taken in passing at the speed asked for"
-        )
+    if bound is not None:
+        message = f"{bound.message} ({bound.speed_mps:.3g} m/s, not the {asked:.3g} asked for)"
+        limit = Limit("speed_mps", bound.speed_mps, bound.speed_mps, message)
+    elif timing.fly_through:
+        message = "photos are taken in passing at the speed asked for"
+        limit = Limit("speed_mps", asked, asked, message)
     if request.wind_speed:
         assert request.wind_from is not None
         north, east = wind_mps(request.wind_speed, request.wind_from)
         blown = blown._replace(wind=(east, north))
-    return blown, ruling
+    return blown, limit
 
 
 def lay(

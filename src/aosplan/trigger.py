@@ -15,7 +15,6 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight import lines_of
-from aosplan.problem import Limit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -42,12 +41,10 @@ def blur_speed_mps(gsd_m: float, blur_px: float, exposure_s: float) -> float:
     return blur_px * gsd_m / exposure_s
 
 
-def slowest(wanted_mps: float, bounds: Sequence[Bound]) -> tuple[float, Limit | None]:
-    """The speed that every bound allows, and which of them ruled; None where it is the wish."""
-    ruling = min(bounds, key=lambda bound: bound.speed_mps, default=None)
-    if ruling is None or ruling.speed_mps >= wanted_mps:
-        return wanted_mps, None
-    return ruling.speed_mps, Limit("speed_mps", ruling.speed_mps, wanted_mps, ruling.message)
+def ruling(wanted_mps: float, bounds: Sequence[Bound]) -> Bound | None:
+    """The bound that leaves the least speed, the first of equals; None where the wish is slower."""
+    slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
+    return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None
 
 
 class Sites(NamedTuple):
