@@ -479,3 +479,16 @@ def test_a_missing_extra_is_named(command, recorded, monkeypatch, module):
     err = refused(command, *recorded, "--compare", "all")
     assert "optional extra 'pictures'" in err
     assert 'pip install "aosplan[pictures]"' in err
+
+
+def test_an_image_too_large_to_be_safe_is_refused(command, recorded, monkeypatch):
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", WIDTH * HEIGHT - 1)
+    assert "has more than 19199 pixels" in refused(command, *recorded, "--out", "i.png")
+
+
+def test_text_that_is_not_utf8_names_its_place(command, recorded, folder):
+    images = recorded[1]
+    (folder / "few.txt").write_bytes(b"1\n\xff\n")
+    (folder / "cameras.txt").write_bytes(b"\xff")
+    assert "byte 2" in refused(command, *recorded, "--out", "i.png", "--views", "few.txt")
+    assert "byte 0" in refused(command, ".", images, "--out", "i.png")

@@ -18,6 +18,7 @@ from recorded import (
     write_recording,
 )
 
+from aosplan.errors import RequestError
 from aosplan.recordings.choice import Choice
 from aosplan.recordings.integral import Source, integrate
 from aosplan.recordings.plane import Plane, Raster, upward
@@ -336,6 +337,30 @@ def test_images_of_any_mode_keep_their_values(tmp_path, mode):
     assert found.values == pytest.approx(np.full(found.values.shape, MODES[mode] or 255.0))
     assert found.values.shape[2] == (3 if mode in ("RGB", "P", "RGBA", "CMYK") else 1)
     assert found.is_byte == (mode not in ("I;16", "I", "F"))
+
+
+def test_values_that_are_not_finite_do_not_count(tmp_path):
+    view = nadir_to(0.0), np.array([0.0, 0.0, 30.0])
+    whole = np.full((HEIGHT, WIDTH), 20.0, np.float32)
+    holes = whole + 10.0
+    holes[:, :50], holes[:40] = np.nan, np.inf
+    recording = Recording(*write_recording(tmp_path, [view] * 2, [whole, holes]))
+    found = recording.integrate(Choice(), recording.raster((-9, -9, 9, 9), 0.3))
+    assert set(np.unique(found.coverage)) == {1.0, 2.0}
+    assert found.values[found.coverage == 1] == pytest.approx(20.0)
+    assert found.values[found.coverage == 2] == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("k1", ["", "-0.1"])
+def test_a_view_of_nothing_is_counted_as_blind(tmp_path, k1):
+    model = "SIMPLE_RADIAL" if k1 else "SIMPLE_PINHOLE"
+    camera = f"1 {model} {WIDTH} {HEIGHT} {FOCAL} {WIDTH / 2} {HEIGHT / 2} {k1}"
+    views = [(nadir_to(0.0), np.array([x, 0.0, 30.0])) for x in (0.0, 500.0)]
+    recording = Recording(*write_colmap(tmp_path, views, [photo(*views[0])] * 2, [camera]))
+    raster = recording.raster((-3, -3, 3, 3), 0.3)
+    assert recording.integrate(Choice(), raster).blind == 1
+    with pytest.raises(RequestError, match="none of the 1 views"):
+        recording.integrate(Choice(views="2"), raster)
 
 
 def test_transparent_pixels_do_not_count(tmp_path):

@@ -31,6 +31,7 @@ def test_the_walk_reaches_the_corners_it_names():
         check.corner for part in (stress.eq1, stress.eq2, stress.uniform) for check in part()
     ]
     assert any("1000000 x 1000000" in corner for corner in corners)  # N = 10^12
+    assert any("spiral of 40" in corner for corner in corners)
     for named in ("b = 1e-09", "b = 1e+09", "p = 1e-16", "p = 0.9999999999999999", "T = 1e-16"):
         assert any(named in corner for corner in corners), named
     dhats = set(stress.breakpoints(50))

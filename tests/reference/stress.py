@@ -24,7 +24,7 @@ from aosplan.models.measured import MeasuredModel
 from aosplan.models.sites import lattice_shortfall, positions_shortfall
 from aosplan.models.uniform import UniformModel
 from aosplan.occlusion import Occlusion
-from aosplan.pattern import Pattern, pattern_for
+from aosplan.pattern import Pattern, Sites, pattern_for
 from aosplan.scene import Layer, Slab
 from aosplan.voxels import VoxelVolume
 from reference import exact
@@ -215,27 +215,30 @@ def _prediction(
 def uniform() -> Iterator[Check]:
     """Grids and trimmed grids from b = 1e-9 to 1e9 m; the exact d̂ is b over the unit baseline."""
     shares = ((0.567, 0.433), (1e-16, 1.0), (1.0, 1e-16))
-    patterns = [Pattern(side, side) for side in SIDES]
+    patterns: list[Sites] = [Pattern(side, side) for side in SIDES]
     patterns += [Pattern(1, 10**12), Pattern(7, 8)]
     patterns += [pattern_for("trimmed", n) for n in (3, 5, 47, 50, 65)]
     patterns += [pattern_for("lanes", 30), pattern_for("spiral", 40)]
     for unit, pattern, b in itertools.product(
         (2.8, 0.35), patterns, (*BASELINES_M, 2.8, 1.4, 0.35)
     ):
-        dhat = Fraction(b) / Fraction(unit)
-        down = dhat * Fraction(pattern.row_pitch)
-        if pattern.removed:
-            k = exact.lattice_pair_sum(pattern.sites(), dhat, down)
-        else:
-            k = exact.line_shortfall(pattern.rows, down) * exact.line_shortfall(
-                pattern.columns, dhat
-            )
-        text = f"{pattern.rows} x {pattern.columns} less {len(pattern.removed)}"
+        k = _pattern_shortfall(pattern, Fraction(b) / Fraction(unit))
+        text = f"{type(pattern).__name__.lower()} of {pattern.samples}"
         for p, t in shares if pattern.samples < 100 else shares[:1]:
             true_p = 1 - Fraction(t) if p > 0.5 else Fraction(p)
             got = UniformModel(p, t if p > 0.5 else 1.0 - p, unit).predict(pattern, b)
             corner = f"{text}, b = {b:g}, d̂ = 1 at {unit:g}, T = {t:g}"
             yield from _prediction("uniform", corner, got, true_p, k)
+
+
+def _pattern_shortfall(pattern: Sites, dhat: Fraction) -> Fraction:
+    """K of a pattern: of a whole rectangle by its axes, of others pair by pair."""
+    if not isinstance(pattern, Pattern):
+        return exact.pair_sum(pattern.offsets(), 1 / dhat)
+    down = dhat * Fraction(pattern.row_pitch)
+    if pattern.removed:
+        return exact.lattice_pair_sum(pattern.sites(), dhat, down)
+    return exact.line_shortfall(pattern.rows, down) * exact.line_shortfall(pattern.columns, dhat)
 
 
 def coverage_rule() -> Iterator[Check]:

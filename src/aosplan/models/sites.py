@@ -16,6 +16,8 @@ from aosplan.models.equations import line_shortfall
 from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
@@ -90,7 +92,13 @@ def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: flo
 
         spaced = np.asarray(sites, dtype=float) * (dhat_y, dhat_x)
         return positions_shortfall(spaced, 1.0) * len(sites) ** 2
-    half = 0.0
+    return len(sites) + 2.0 * math.fsum(_shares(sites, dhat_y, dhat_x))
+
+
+def _shares(
+    sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float
+) -> Iterator[float]:
+    """τ of the pairs of a sorted set of sites, each once, where it is not 0."""
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
             y = 1.0 - (other_row - row) * dhat_y
@@ -98,8 +106,7 @@ def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: flo
                 break
             x = 1.0 - abs(other_column - column) * dhat_x
             if x > 0.0:
-                half += x * y
-    return len(sites) + 2.0 * half
+                yield x * y
 
 
 def positions_shortfall(positions: ArrayLike, spacing: float) -> float:

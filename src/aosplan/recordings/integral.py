@@ -1,7 +1,7 @@
 """Integral images: views warped onto the focal plane, and averaged.
 
 A pixel of the raster is the mean of what the views show there; views whose alpha is below 1 count
-less.  One image is in memory at a time, beside the sums: memory follows the raster, not the number
+less, and grey values that are not finite do not count.  One image is in memory at a time, beside the sums: memory follows the raster, not the number
 of images.
 
 Between the pixels of an image lies a bilinear patch.  Where the raster is coarser than twice the
@@ -116,8 +116,7 @@ def integrate(
         if sums is None:
             sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
         is_byte = is_byte and picture.is_byte
-        box = _add(picture, source, plane, raster, sums, coverage)
-        blind += box is None
+        blind += not _add(picture, source, plane, raster, sums, coverage)
         done += 1
         if progress is not None:
             progress(done)
@@ -156,8 +155,8 @@ def _add(
     raster: Raster,
     sums: NDArray[np.float64],
     coverage: NDArray[np.float64],
-) -> Box | None:
-    """Add one view to the sums; the part of the raster that it reaches."""
+) -> bool:
+    """Add one view to the sums; whether it sees any of the raster."""
     if not plane.camera_m(source.view)[2] > 0.0:
         raise RequestError(
             f"image '{source.view.name}': its camera is not above the focal plane",
@@ -167,12 +166,12 @@ def _add(
     ray = plane.to_camera(source.view) @ raster.to_plane
     box = _reached(ray, source.intrinsics, raster)
     if box is None:
-        return None
+        return False
     bands = list(picture.bands)
     if picture.weight is not None:
         bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
     *values, last = _warped(bands, source.intrinsics, ray, box)
-    reached = ~np.isnan(last)
+    reached = np.isfinite(last)
     last[~reached] = 0.0
     window = np.s_[box.top : box.bottom, box.left : box.right]
     if picture.weight is None:
@@ -180,7 +179,7 @@ def _add(
     for total, value in zip(sums, values, strict=True):
         total[window] += value
     coverage[window] += reached if picture.weight is None else last
-    return box
+    return bool(reached.any())
 
 
 def _product(band: Image, weight: Image) -> Image:
