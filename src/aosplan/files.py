@@ -59,7 +59,11 @@ def read_table(path: str) -> dict[str, Any]:
     RequestError
         Where it is neither; the message says at which line.
     """
-    content = read_bytes(path)
+    return parse_table(read_bytes(path), path)
+
+
+def parse_table(content: bytes, path: str) -> dict[str, Any]:
+    """The document that `read_table` finds in the content of a file."""
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
