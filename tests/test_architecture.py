@@ -138,6 +138,11 @@ def test_small_missions_are_written_without_numpy(name, tmp_path):
     assert not found & ((HEAVY | RICH) - {"pyproj"})
 
 
+def test_a_line_that_is_flown_on_loads_nothing_heavy():
+    line = ("plan", "--altitude", "40", "--grid", "line", "--line-length", "300", "--json")
+    assert not packages(command(*line)) & (HEAVY | RICH)
+
+
 def test_a_request_file_loads_pydantic_and_nothing_else_that_is_heavy(tmp_path):
     (tmp_path / "r.toml").write_text("altitude = 40\n")
     found = packages(command("plan", str(tmp_path / "r.toml"), "--json"))

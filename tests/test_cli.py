@@ -16,6 +16,7 @@ import shlex
 import subprocess
 import sys
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 import tomli_w
@@ -202,6 +203,10 @@ def extent(result):
     return max(result["grid"]["extent_m"])
 
 
+AREAS = Path(__file__).parent / "areas"
+FIELD = ["--area", str(AREAS / "field.geojson")]
+
+
 EFFECTS = {
     "altitude": (
         ["--altitude", "50"],
@@ -338,6 +343,27 @@ EFFECTS = {
         ["--heading", "90"],
         lambda r, d: r["waypoints"][0]["east_m"] == pytest.approx(d["waypoints"][0]["north_m"]),
     ),
+    "line_length": (
+        ["--grid", "line", "--line-length", "400"],
+        lambda r, d: len(r["waypoints"]) == 143 and r["samples"] == 50,  # 142 legs of 2.8 m
+    ),
+    "area": (FIELD, lambda r, d: r.get("area", {}).get("covered_share") == 1.0),
+    "clear": (
+        [*FIELD, "--clear", str(AREAS / "meadow.kml")],
+        lambda r, d: "area" in r and 0.3 < r["area"]["clear_m2"] / r["area"]["area_m2"] < 0.5,
+    ),
+    "no_fly": (
+        [*FIELD, "--no-fly", str(AREAS / "mast.geojson")],
+        lambda r, d: "area" in r and r["area"]["sites_in_no_fly"] > 0,
+    ),
+    "buffer": (
+        [*FIELD, "--no-fly", str(AREAS / "mast.geojson"), "--buffer", "20"],
+        lambda r, d: "area" in r and r["area"]["sites_in_no_fly"] > 100,
+    ),
+    "max_sites": (
+        [*FIELD, "--max-sites", "7777"],
+        lambda r, d: r["request"].get("max_sites") == 7777,
+    ),
     "speed": (
         ["--speed", "1"],
         # Legs are longer than v²/a = 0.5 m, so each takes L/v + v/a.
@@ -456,6 +482,62 @@ TERRAIN = ("terrain", "terrain_tolerance")
 def legs_of(waypoints):
     places = [(w["east_m"], w["north_m"]) for w in waypoints]
     return [math.dist(*pair) for pair in pairwise(places)]
+
+
+def test_an_area_gives_the_place_and_goes_into_every_format(folder, command):
+    line = ["plan", "--altitude", "40", "--vhat", "0.9", *FIELD, "--heading", "auto", "--quiet"]
+    assert command(*line, "--out", "a.csv", "--out", "a.geojson")[0] == 0
+    rows = list(csv.DictReader(io.StringIO((folder / "a.csv").read_text())))
+    features = json.loads((folder / "a.geojson").read_text())["features"]
+    assert len(features) == len(rows) + 1
+    assert all(48.329 < float(row["latitude"]) < 48.333 for row in rows)
+
+
+def test_a_plan_over_an_area_fed_back_is_the_same(folder, document):
+    line = ["--vhat", "0.9", *FIELD, "--clear", str(AREAS / "meadow.kml"), "--heading", "auto"]
+    first = document("plan", "--altitude", "40", *line, "--no-fly", str(AREAS / "mast.geojson"))
+    (folder / "again.json").write_text(json.dumps(first))
+    assert document("plan", "again.json") == first
+
+
+def test_areas_that_a_request_names_are_looked_for_beside_it(folder, document):
+    (folder / "sub").mkdir()
+    (folder / "sub" / "field.geojson").write_bytes((AREAS / "field.geojson").read_bytes())
+    (folder / "sub" / "r.toml").write_text('altitude = 40\nvhat = 0.9\narea = "field.geojson"\n')
+    assert document("plan", "sub/r.toml")["area"]["sites"] > 1000
+
+
+def test_the_table_tells_of_the_area(command):
+    status, out, err = command("plan", "--altitude", "40", "--vhat", "0.9", *FIELD)
+    assert (status, err) == (0, "")
+    assert re.search(r"Area +4\.\d+ ha, 100 % of it covered from \d+ sites", out)
+    assert "add --out" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([*FIELD, "--origin", "48,14"], "--origin and --area say the same thing twice"),
+        (["--clear", "x.kml"], "--clear without --area"),
+        (["--no-fly", "x.kml"], "--no-fly without --area"),
+        (["--max-sites", "5"], "--max-sites without --area"),
+        ([*FIELD, "--buffer", "5"], "--buffer without --no-fly"),
+        ([*FIELD, "--buffer", "-5", "--no-fly", "x"], "--buffer '-5' is below zero"),
+        (["--heading", "auto"], "--heading auto needs --area"),
+        (["--heading", "along"], "--heading 'along' is not a finite number"),
+        ([*FIELD, "--max-sites", "5"], "the area needs at least"),
+        (["--line-length", "100"], "--line-length with --grid trimmed"),
+        ([*FIELD, "--grid", "line", "--line-length", "100"], "contradict each other"),
+        (["--grid", "line", "--lane-pitch", "4"], "--lane-pitch with --grid line"),
+        ([*FIELD, "--grid", "line", "--lane-pitch", "0.5"], "--lane-pitch 0.5 is below 1"),
+        (["--area", "none.geojson"], "no file 'none.geojson'"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, message):
+    refused = command("plan", "--altitude", "40", *arguments)
+    check_refusal(*refused)
+    assert message in refused[2]
 
 
 def test_every_option_has_its_effect_tested():

@@ -82,6 +82,13 @@ class Option(NamedTuple):
 _positive = partial(bounded, q.positive)
 _length = partial(bounded, q.positive, unit="m")
 _heading = q.or_best(partial(q.number, unit="deg"))
+
+
+def heading_or_auto(value: Any, name: str) -> float | str:
+    """A direction, ``best``, or ``auto``: along the longer side of an area."""
+    return "auto" if value == "auto" else _heading(value, name)
+
+
 _height = partial(bounded, q.at_least_zero, unit="m")
 _index = partial(bounded, q.at_least_zero)
 
@@ -278,16 +285,31 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.or_best(_positive),
             "number",
             "X",
-            "Pitch of lanes, or turns of a spiral, over the spacing along them, or best.  [4]",
+            "Pitch of lanes, turns of a spiral, or lines over an area, over the spacing along "
+            "them, or best.  [4]",
         ),
         ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
         (
             "heading",
-            _heading,
+            heading_or_auto,
             "number",
             "DEG",
-            "Flight lines, clockwise from true north, or best.  [0]",
+            "Flight lines, clockwise from true north, or best; auto: along an area.  [0]",
         ),
+        (
+            "line_length",
+            _length,
+            "number",
+            "M",
+            "Fly on for this length, for --grid line; any N photos in a row are an integral.",
+        ),
+    ),
+    "Area": (
+        ("area", q.word, "text", "FILE", "Area to cover (GeoJSON, KML, KMZ), for --origin."),
+        ("clear", q.word, "text", "FILE", "Parts without canopy, where one look is enough."),
+        ("no_fly", q.word, "text", "FILE", "Zones that sites and legs keep out of."),
+        ("buffer", _height, "number", "M", "Distance to keep from them.  [5]"),
+        ("max_sites", q.whole, "whole", "N", "Refuse areas that need more sites.  [10000]"),
     ),
     "Flight": (
         ("drone", q.word, "text", "NAME", "Drone: its camera, speed, acceleration and limits."),

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from aosplan.area_document import AreaDocument, ContinuousDocument
 from aosplan.checked import Document, Finite, OpenDocument, Pair
 
 
@@ -195,6 +196,8 @@ class PlanDocument(OpenDocument):
     camera: CameraSummaryDocument
     flight: FlightDocument
     height: dict[str, Any] | None = None
+    area: AreaDocument | None = None
+    continuous: ContinuousDocument | None = None
     limits: list[LimitDocument]
     sensitivity: list[ChangeDocument] | None = None
     warnings: list[MessageDocument]

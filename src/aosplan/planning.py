@@ -9,7 +9,8 @@ from aosplan.answer import rounded_up
 from aosplan.choose import other_heading
 from aosplan.doubts import Doubts, doubts_of
 from aosplan.errors import RequestError
-from aosplan.mission import Conduct, Mission, Waypoints, local_sites, split
+from aosplan.layout import Layout, layout_of, over_area, ways_in_zones
+from aosplan.mission import Conduct, Mission, Waypoints, split
 from aosplan.models import Prediction
 from aosplan.models.equations import aperture
 from aosplan.problem import GridKind, Limit, Problem, Solution
@@ -17,7 +18,6 @@ from aosplan.request import find_drone
 from aosplan.resolve import Message, altitude_of, camera_of, scene_of
 from aosplan.route import Route, lay
 from aosplan.task import Task, kinds_of
-from aosplan.trigger import Sites
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -65,6 +65,8 @@ class Plan:
         The coverage rule's baseline and deciding occluder; None for a scene without occluders.
     route
         Waypoints in flight order, how they are flown, and the flights of each battery.
+    layout
+        The sites, and what they show of an area, or along a line.
     notices
         What the reading of the scene, and its model, had to say.
     volume
@@ -92,6 +94,7 @@ class Plan:
     problem: Problem | None
     coverage: CoverageBaseline | None
     route: Route
+    layout: Layout
     notices: tuple[Message, ...]
     volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
     approximation: str | None = None
@@ -256,6 +259,7 @@ def plan(
     camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
     gsd = camera.gsd_m(altitude)
+    request, area = over_area(request, folder)
     found = scene_of(request, folder=folder, progress=progress)
     scene, kind, notices = found.scene, found.kind, found.warnings
     model_name = request.model or MODEL_OF[kind]
@@ -278,17 +282,19 @@ def plan(
             notices += tuple(_doubts(found, problem, solution, altitude))
             if request.heading != "best" and (word := other_heading(chosen)):
                 notices += (Message("heading", word),)
-    east, north = local_sites(solution.pattern, solution.baseline_m, heading)
+    headed = replace(request, heading=heading)
+    layout = layout_of(headed, area, solution, problem, camera, altitude)
     route = lay(
-        replace(request, heading=heading),
-        Sites(east, north, [True] * len(east)),
-        origin=request.origin,
+        headed,
+        layout.sites,
+        origin=layout.origin,
         altitude_m=altitude + request.focal_height,
         gsd_m=gsd,
         baseline_m=solution.baseline_m,
         canopy_top_m=scene.canopy_top_m,
         folder=folder,
     )
+    notices += layout.notices + tuple(ways_in_zones(request, area, route))
     return Plan(
         request=_completed(request, model_name, found),
         scene=scene,
@@ -301,6 +307,7 @@ def plan(
         problem=problem,
         coverage=coverage,
         route=route,
+        layout=layout,
         notices=notices,
         volume=found.volume,
         approximation="correlogram" if model_name == "measured" and found.volume is None else None,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
     (("vhat",), ("visibility",)),
+    (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
     (
         ("scene", "voxel", "ground", "min_height", "crown_base"),
         ("density", "volume_height", "volume_base"),
@@ -114,6 +115,12 @@ class PlanRequest:
     lane_pitch: float | str | None = None
     origin: tuple[float, float] | None = None
     heading: float | str = 0.0
+    line_length: float | None = None
+    area: str | None = None
+    clear: str | None = None
+    no_fly: str | None = None
+    buffer: float | None = None
+    max_sites: int | None = None
     drone: str | None = None
     speed: float | None = None
     acceleration: float | None = None
@@ -150,6 +157,12 @@ class PlanRequest:
         self._check_flight()
         self._check_camera()
         self._check_bounds()
+        self._check_area()
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the plan lies somewhere on earth."""
+        return self.origin is not None or self.area is not None
 
     @property
     def heading_deg(self) -> float:
@@ -268,7 +281,7 @@ class PlanRequest:
             (("max_blur", "exposure_time"), "--trigger distance", self.trigger == "distance"),
             (("wind_from",), "--wind-speed", self.wind_speed is not None),
             (("wind_speed",), "--wind-from", self.wind_from is not None),
-            (("takeoff", "terrain"), "--origin LAT,LON", self.origin is not None),
+            (("takeoff", "terrain"), "--origin LAT,LON", self.has_place),
             (("terrain_tolerance",), "--terrain", self.terrain is not None),
         ):
             lonely = self._given(names)
@@ -289,11 +302,33 @@ class PlanRequest:
                 f"--lane-pitch {self.lane_pitch:g} is below {least:g}"
                 + (", the narrowest turns of a spiral" if self.grid == "spiral" else "")
             )
+        over_area = self.grid == "line" and self.area is not None
         strange = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
+        strange = ["--lanes"] * ("--lanes" in strange) if over_area else strange
         if strange:
             raise RequestError(
                 f"{' and '.join(strange)} with --grid {self.grid}", "they go with --grid lanes"
             )
+
+    def _check_area(self) -> None:
+        if self.area is None:
+            lonely = self._given(("clear", "no_fly", "buffer", "max_sites"))
+            if lonely:
+                raise RequestError(f"{' and '.join(lonely)} without --area", "give --area FILE too")
+            if self.heading == "auto":
+                raise RequestError("--heading auto needs --area", "give a number of degrees")
+        else:
+            if self.line_length is not None:
+                raise RequestError("--line-length and --area contradict each other", "keep one")
+            if self.grid == "spiral":
+                raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
+            object.__setattr__(self, "max_sites", self.max_sites or 10_000)
+        if self.no_fly is not None:
+            object.__setattr__(self, "buffer", 5.0 if self.buffer is None else self.buffer)
+        elif self.buffer is not None:
+            raise RequestError("--buffer without --no-fly", "give --no-fly FILE too")
+        if self.line_length is not None and self.grid != "line":
+            raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
 
 
 def find_drone(name: str) -> DronePreset:
@@ -411,7 +446,8 @@ def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
         name
         for name in own.keys() & PARTNERS.keys()
         for partner, wanted in (PARTNERS[name],)
-        if partner not in together or wanted not in (None, together[partner])
+        if (partner not in together and not (partner == "origin" and "area" in together))
+        or wanted not in (None, together.get(partner))
     }
     if not lonely:
         return own

@@ -66,6 +66,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         },
         "flight": flight_document(plan),
         "height": height_document(plan),
+        **({} if plan.layout.survey is None else {"area": plan.layout.survey.document()}),
+        **(
+            {}
+            if plan.layout.continuous is None
+            else {"continuous": plan.layout.continuous.document()}
+        ),
         "limits": [limit._asdict() for limit in plan.limits],
         "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],

@@ -27,6 +27,7 @@ from aosplan.pattern import MOST_SITES, Pattern
 from aosplan.resolve import Message
 from aosplan.spans import Spans, spans_of, united
 from aosplan.tour import shortest_m, total, tour_of
+from aosplan.trigger import Sites
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,9 +44,8 @@ class Survey(NamedTuple):
 
     Attributes
     ----------
-    east_m, north_m, photo
-        Sites, and where there are no-fly zones the corners to turn at, in flight order; whether
-        a photo is taken at each.
+    sites_flown
+        Sites, and where there are no-fly zones the corners to turn at, in flight order.
     origin
         Latitude and longitude from which east and north count.
     area_m2, clear_m2, no_fly_m2
@@ -73,9 +73,7 @@ class Survey(NamedTuple):
         What the user should know.
     """
 
-    east_m: list[float]
-    north_m: list[float]
-    photo: list[bool]
+    sites_flown: Sites
     origin: tuple[float, float]
     area_m2: float
     clear_m2: float
@@ -98,7 +96,7 @@ class Survey(NamedTuple):
     def document(self) -> dict[str, Any]:
         """The survey as plain values: ``area`` of a plan's JSON."""
         own = self._asdict()
-        for name in ("east_m", "north_m", "photo", "notices", "length_m"):
+        for name in ("sites_flown", "notices", "length_m"):
             del own[name]
         plain = {n: list(v) if isinstance(v, tuple) else v for n, v in own.items()}
         return plain | {
@@ -186,9 +184,7 @@ def survey_of(
         )
     ]
     result = Survey(
-        east_m=(east + 0.0).tolist(),
-        north_m=(north + 0.0).tolist(),
-        photo=photo,
+        sites_flown=Sites((east + 0.0).tolist(), (north + 0.0).tolist(), photo),
         origin=area.origin,
         area_m2=float(area.whole.area),
         clear_m2=float(area.clear.area),

@@ -41,12 +41,12 @@ def run(
     to_stdout = any(path == "-" for _, path in chosen)
     if to_stdout and as_json:
         raise RequestError("--json and --out - both write to stdout", "give one of them")
-    if wanted.origin is None:
+    if wanted.origin is None and wanted.area is None:
         for form, path in chosen:
             if form.needs_place:
                 raise RequestError(
                     f"output '{path}': {form.title} needs a place on earth",
-                    "give --origin LAT,LON, or write CSV",
+                    "give --origin LAT,LON or --area FILE, or write CSV",
                 )
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)

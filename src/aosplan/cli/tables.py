@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from aosplan.scene import Scene
     from aosplan.sensitivity import Change
     from aosplan.simulate.compare import Simulation
+    from aosplan.survey import Survey
 
 WIDTH = 80
 
@@ -141,7 +142,30 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"{disparity['pixels']:.3g} px, occluders {disparity['occluder_pixels']:.3g} px "
             f"(d̂ = {disparity['normalized']:.3g})",
         )
+    if plan.layout.survey is not None:
+        yield from _area_rows(plan.layout.survey)
     yield from _flight_rows(plan)
+    if plan.layout.continuous is not None:
+        for integral in plan.layout.continuous.by_samples:
+            yield (
+                "Integral" if integral.samples == 1 else "",
+                f"of the last {integral.samples}: {integral.length_m:.1f} m, "
+                f"{integral.duration_s:.1f} s, V̂ = {_percent(integral.normalized)}, "
+                f"V = {_percent(integral.expected)}",
+            )
+
+
+def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
+    covered = 100.0 * survey.covered_share
+    yield (
+        "Area",
+        f"{survey.area_m2 / 1e4:.4g} ha, {covered if covered == 100.0 else min(covered, 99.99):.4g} % "
+        f"of it covered from {survey.sites} sites",
+    )
+    over = (
+        f", {survey.length_m / survey.shortest_m:.3g} of a lower bound" if survey.shortest_m else ""
+    )
+    yield "", f"lines {survey.axis} the heading{over}"
 
 
 def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
@@ -240,7 +264,7 @@ def _places(pattern: Sites) -> list[tuple[int, int]]:
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
     if written:
         return f"Wrote {', '.join(written)}"
-    if plan.request.origin is None:
+    if not plan.request.has_place:
         return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
     return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
 
