@@ -38,7 +38,7 @@ TOLERANCES_M = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 EARTH_RADIUS_M = 6.371e6
 
-NEARBY_M = 2.0 * FARTHEST_M
+NEARBY_M = 5.0 * FARTHEST_M
 """What is farther away may be a mistake."""
 
 MARGIN_M = 0.1
