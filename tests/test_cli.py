@@ -460,6 +460,10 @@ EFFECTS = {
             and r["waypoints"][0]["index"] == 0
         ),
     ),
+    "altitude_frame": (
+        ["--altitude-frame", "terrain"],
+        lambda r, d: r["flight"]["altitude_frame"] == "terrain",
+    ),
     "clearance": (
         ["--altitude", "21", "--clearance", "0.5"],
         lambda r, d: r["altitude_m"] == 21.0,

@@ -79,7 +79,10 @@ def test_the_usual_place(environment, platform, path):
 
 
 def test_nothing_there_is_nothing_taken(request_of):
-    assert request_of("--altitude", 40) == PlanRequest(altitude=40, model="uniform").document()
+    assert (
+        request_of("--altitude", 40)
+        == PlanRequest(altitude=40, model="uniform", rays="nadir").document()
+    )
 
 
 def test_a_plan_is_one_short_line(mine, request_of):

@@ -60,6 +60,7 @@ def test_defaults_are_those_of_the_contract():
         "climb": 3.0,
         "hold": 1.0,
         "trigger": "stop",
+        "altitude_frame": "takeoff",
         "clearance": 2.0,
         "hold_error": 0.0,
     }

@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from aosplan.pattern import Sites
 
 
+FRAMES = ("takeoff", "terrain")
+"""What the heights in a file are above: the take-off, or the ground below as the autopilot knows it."""
+
+
 class Waypoint(NamedTuple):
     """One position of a flight.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan import quantities as q
 from aosplan.errors import RequestError
+from aosplan.mission import FRAMES
 from aosplan.models import MODELS, RAYS
 from aosplan.pattern import GRIDS
 from aosplan.presets.dji import PAYLOADS
@@ -424,6 +425,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "M",
             "How much nearer to the ground the way between two sites may come.  [3]",
+        ),
+        (
+            "altitude_frame",
+            q.one_of(FRAMES),
+            "text",
+            "FRAME",
+            "What a file's heights are above: takeoff, or terrain, which the autopilot then follows.",
         ),
     ),
 }

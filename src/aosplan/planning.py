@@ -148,6 +148,7 @@ class Plan:
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
             yaw_deg=self.heading_deg % 360.0,
+            altitude_frame=request.altitude_frame,
             autopilot=request.autopilot,
             drone=request.drone,
             payload=request.payload,

@@ -142,6 +142,7 @@ class PlanRequest:
     clearance: float = 2.0
     terrain: str | None = None
     terrain_tolerance: float | None = None
+    altitude_frame: str = "takeoff"
 
     def __post_init__(self) -> None:
         for option in OPTIONS:
