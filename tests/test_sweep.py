@@ -404,3 +404,32 @@ def test_values_of_a_file_are_read_beside_it(tmp_path):
 def test_numbers_that_a_plan_does_not_have_are_nan():
     clear = PlanRequest(altitude=40, integrated_density=0, occluder_size=1, volume_height=9)
     assert math.isnan(results_of(plan(clear))["visibility_normalized"])
+
+
+def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatch):
+    from forests import STANDS, clumped_forest
+
+    from aosplan.models import correlogram as correlogram_module
+    from aosplan.sweep import rows
+    from aosplan.voxel_file import Stand, stand_npz
+
+    volume = clumped_forest(STANDS["beech"], side_m=12.0, voxel_m=0.5)
+    (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(volume)))
+    (tmp_path / "s.toml").write_text(
+        "[sweep]\nscene = 'stand.npz'\naltitude = [40, 60]\nsamples = [4, 9]\nvhat = 0.3\n"
+    )
+    monkeypatch.setattr(rows, "_scenes", {})
+    read, made = [], []
+    scene_of, correlogram = rows.scene_of, correlogram_module.correlogram
+    monkeypatch.setattr(rows, "scene_of", lambda *a, **k: read.append(a) or scene_of(*a, **k))
+    monkeypatch.setattr(
+        correlogram_module, "correlogram", lambda *a, **k: made.append(a) or correlogram(*a, **k)
+    )
+    out = tmp_path / "r.jsonl"
+    assert sweep(tmp_path / "s.toml", "--out", out) == 0
+    assert (len(read), len(made)) == (1, 1)
+    for line in out.read_text().splitlines():
+        row = json.loads(line)
+        inputs = {"altitude": row["altitude"], "samples": row["request_samples"], "vhat": 0.3}
+        expected = results_of(plan(PlanRequest(scene=str(tmp_path / "stand.npz"), **inputs)))
+        assert row["visibility_expected"] == pytest.approx(expected["visibility_expected"])

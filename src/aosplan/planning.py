@@ -230,7 +230,11 @@ class Plan:
 
 
 def plan(
-    request: PlanRequest, *, folder: str = "", progress: Callable[[int, int], None] | None = None
+    request: PlanRequest,
+    *,
+    folder: str = "",
+    progress: Callable[[int, int], None] | None = None,
+    found: ResolvedScene | None = None,
 ) -> Plan:
     """Solve a request: how many photos, how far apart, and where.
 
@@ -242,6 +246,8 @@ def plan(
         Where the request's file names are looked for before the current folder.
     progress
         Called with points read and points in all while a point cloud is read.
+    found
+        The request's scene, where it has been read before.
 
     Raises
     ------
@@ -261,7 +267,8 @@ def plan(
     altitude = altitude_of(request, camera)
     gsd = camera.gsd_m(altitude)
     request, area = over_area(request, folder)
-    found = scene_of(request, folder=folder, progress=progress)
+    if found is None:
+        found = scene_of(request, folder=folder, progress=progress)
     scene, kind, notices = found.scene, found.kind, found.warnings
     model_name = request.model or MODEL_OF[kind]
     _check_model(model_name, kind, request)

@@ -9,8 +9,10 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.options import OPTIONS
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
+from aosplan.resolve import ResolvedScene, scene_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,15 +54,44 @@ STATUSES = ("ok", "infeasible", "invalid")
 """What became of a scenario: a plan, no plan that meets the target, or a wrong request."""
 
 
+SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
+"""Options that decide what is read of a scene."""
+
+MOST_SCENES = 16
+"""Scenes kept; voxels may be large."""
+
+_scenes: dict[tuple[Any, ...], ResolvedScene] = {}
+
+
 def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[str, float]]:
     """Status, reason and results of one scenario; a scenario that cannot be met is no error."""
     try:
-        result = plan(PlanRequest(**values), folder=folder)
+        request = PlanRequest(**values)
+        result = plan(request, folder=folder, found=_scene(request, folder))
     except InfeasibleError as error:
         return "infeasible", error.message, {}
     except RequestError as error:
         return "invalid", error.message, {}
     return "ok", "", results_of(result)
+
+
+def _scene(request: PlanRequest, folder: str) -> ResolvedScene:
+    """The scene of a request, read once for all rows that have it."""
+    key = (folder, *(getattr(request, name) for name in SCENE))
+    if key not in _scenes:
+        if len(_scenes) >= MOST_SCENES:
+            _scenes.clear()
+        found = scene_of(request, folder=folder)
+        if (
+            found.volume is not None
+            and found.correlogram is None
+            and request.model in (None, "measured")
+        ):
+            from aosplan.models.correlogram import correlogram
+
+            found = found._replace(correlogram=correlogram(found.volume))
+        _scenes[key] = found
+    return _scenes[key]
 
 
 def results_of(result: Plan) -> dict[str, float]:
