@@ -5,6 +5,7 @@ import math
 import os
 import subprocess
 import sys
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -13,8 +14,14 @@ from hypothesis import strategies as st
 
 from aosplan.cli.app import run as run_command
 from aosplan.errors import AosplanError
+from aosplan.models.sites import pattern_shortfall
+from aosplan.models.uniform import UniformModel
+from aosplan.pattern import pattern_for
 from aosplan.planning import plan
+from aosplan.problem import GridKind, Problem, Requirement
 from aosplan.request import PlanRequest
+from aosplan.solve import fewest_at
+from aosplan.sweep import lattices
 from aosplan.sweep import scenarios as scenarios_module
 from aosplan.sweep.columns import solve_columns
 from aosplan.sweep.rows import RESULTS, results_of
@@ -99,6 +106,50 @@ def test_columns_have_the_numbers_of_plan(crossing):
         for name in RESULTS:
             found = np.broadcast_to(solved.columns[name], block.shape).reshape(-1)[row]
             assert found == pytest.approx(expected[name], rel=1e-12, nan_ok=True), name
+
+
+@pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
+def test_columns_of_lattices_have_the_numbers_of_patterns(grid):
+    rng = np.random.default_rng(5)
+    samples, dhat = rng.integers(1, 300, 200), 10 ** rng.uniform(-3.0, 0.3, 200)
+    found = lattices.shortfalls(grid, samples, dhat)
+    for index in range(200):
+        pattern = pattern_for(grid, int(samples[index]))
+        assert found[index] == pytest.approx(
+            pattern_shortfall(pattern, float(dhat[index])), rel=1e-14
+        )
+
+
+@pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
+def test_columns_of_samples_have_the_numbers_of_the_solver(grid):
+    rng = np.random.default_rng(6)
+    targets = [Fraction(text) for text in ("0.5", "0.8", "0.9", "0.95", "0.98")]
+    chosen = [targets[index] for index in rng.integers(0, 5, 100)]
+    dhat = 10 ** rng.uniform(-1.0, 0.1, 100)
+    found = lattices.fewest(
+        grid,
+        np.array([float(1 - target) for target in chosen]),
+        np.array([math.ceil(1 / (1 - target)) for target in chosen]),
+        dhat,
+    )
+    for index, target in enumerate(chosen):
+        problem = Problem(
+            UniformModel(0.5, 0.5, 1.0), Requirement("normalized", target), GridKind(grid)
+        )
+        # Nought: more sites would have to be removed than columns care for.
+        assert found[index] in {fewest_at(problem, float(dhat[index])), 0}
+    assert np.count_nonzero(found) > 90
+
+
+def test_fixed_baselines_are_columns_too():
+    crossing = Crossing(
+        {
+            "altitude": column_of([40.0, 60.0]),
+            "baseline": column_of([0.7, 1.5, 2.8, 6.0]),
+            "samples": column_of([9, 49, 50]),
+        }
+    )
+    assert solve_columns(crossing.block(0)).holds.all()
 
 
 def test_columns_serve_the_plain_scenarios():

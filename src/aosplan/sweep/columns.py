@@ -1,9 +1,10 @@
-"""Uniform scenarios solved as whole columns, where neighbouring samples share no occluder.
+"""Uniform scenarios solved as whole columns.
 
-There V̂ = 1 - 1/N, the number of samples follows from the target alone and the baseline from the
-coverage rule, so a block of scenarios is a handful of array operations.  Every quantity is an
-array over just the axes on which it depends.  Scenarios that need more, a bound that binds or a
-baseline below the rule's, and those that cannot be met, are left to `aosplan.sweep.rows`.
+Where neighbouring samples share no occluder V̂ = 1 - 1/N, the number of samples follows from the
+target alone and the baseline from the coverage rule, so a block of scenarios is a handful of array
+operations, and every quantity is an array over just the axes on which it depends.  Fixed baselines
+below the rule's take the steps of `aosplan.sweep.lattices`.  Scenarios that need more, an aperture
+that binds, and those that cannot be met, are left to `aosplan.sweep.rows`.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from aosplan.pattern import MOST_SITES, Sites, pattern_for
 from aosplan.problem import Requirement
 from aosplan.quantities import exact_share
 from aosplan.resolve import find_camera, find_preset_scene
+from aosplan.sweep.lattices import fewest, shortfalls
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -119,20 +121,29 @@ def solve_columns(block: Block) -> Solved | None:
         )
         required = _by_value(_fewest, np.int64, given.get("vhat", np.array([0.98])))
         wanted = given.get("samples", required)
-        holds = holds & (wanted >= required) & (wanted <= MOST_SITES)
-        layout = _layouts(wanted, given.get("grid", np.array(["trimmed"], dtype=object)))
+        grid = given.get("grid", np.array(["trimmed"], dtype=object))
+        baseline = given.get("baseline", unit)
+        shortfall = None
+        if "baseline" in given:
+            closer = _closer(given, grid, required, baseline / unit, holds)
+            wanted, required, shortfall = closer.wanted, closer.required, closer.shortfall
+            holds = holds & closer.known
+        else:
+            holds = holds & (wanted >= required)
+        holds = holds & (wanted <= MOST_SITES)
+        layout = _layouts(wanted, grid)
         samples = layout["samples"]
+        if shortfall is None:
+            shortfall = 1.0 / samples
         if "max_samples" in given:
             holds = holds & (samples <= given["max_samples"])
         if "samples" in given and "max_samples" in given:
             holds = holds & (given["samples"] <= given["max_samples"])
-        baseline = given.get("baseline", unit)
-        holds = holds & (baseline >= unit)
         longer = np.maximum(layout["x"], layout["y"])
         if "max_aperture" in given:
             holds = holds & (longer * baseline <= given["max_aperture"])
         columns = _results(
-            given, layout, samples, required, baseline, unit, height, scene, camera, altitude
+            given, layout, shortfall, required, baseline, unit, height, scene, camera, altitude
         )
     return Solved(columns, np.asarray(holds))
 
@@ -140,7 +151,7 @@ def solve_columns(block: Block) -> Solved | None:
 def _results(
     given: Columns,
     layout: dict[str, Any],
-    samples: Any,
+    shortfall: Any,
     required: Any,
     baseline: Any,
     unit: Any,
@@ -150,8 +161,7 @@ def _results(
     altitude: Any,
 ) -> dict[str, Any]:
     p, t = scene.density, scene.transparency
-    shortfall = 1.0 / samples
-    normalized = 1.0 - shortfall
+    samples, normalized = layout["samples"], 1.0 - shortfall
     focal = camera.focal_length_px
     timing = (
         given.get("speed", np.float64(5.0)),
@@ -311,6 +321,48 @@ def _unit_baseline_m(size: Any, height: Any, altitude: Any, focal: Any) -> Any:
     by_size = size * altitude / height
     by_pixel = (altitude - height) * altitude / (focal * height)
     return np.where(focal * size / (altitude - height) > 1.0, by_size, by_pixel)
+
+
+class _Closer(NamedTuple):
+    """What a fixed baseline makes of each scenario, and where that is known."""
+
+    wanted: Any
+    required: Any
+    shortfall: Any
+    known: Any
+
+
+def _closer(given: Columns, grid: Any, independent: Any, dhat: Any, holds: Any) -> _Closer:
+    """Samples and shortfalls where neighbours may share occluders."""
+    allowed = _by_value(_allowed, np.float64, given.get("vhat", np.array([0.98])))
+    fixed = given.get("samples")
+    parts = [grid, independent, allowed, dhat, holds, *([] if fixed is None else [fixed])]
+    shape = np.broadcast_shapes(*(np.shape(part) for part in parts))
+    kinds, independent, allowed, dhat, holds, *rest = (
+        np.broadcast_to(part, shape).reshape(-1) for part in parts
+    )
+    required = np.zeros(len(dhat), dtype=np.int64)
+    wanted, shortfall = np.ones_like(required), np.full(len(dhat), np.nan)
+    for kind in set(kinds.tolist()):
+        rows = np.flatnonzero(holds & (kinds == kind) & (independent <= MOST_SITES))
+        asked = allowed[rows], independent[rows], dhat[rows]
+        counted = "line" if kind == "line" else "trimmed"
+        required[rows] = fewest(counted, *asked)
+        own = required[rows] if kind == counted else None
+        if rest:
+            own = rest[0][rows]
+        elif own is None:
+            own = fewest(kind, *asked)
+        sound = (own > 0) & (own <= MOST_SITES)
+        wanted[rows] = np.where(sound, own, 1)
+        shortfall[rows] = np.where(sound, shortfalls(kind, wanted[rows], dhat[rows]), np.nan)
+    known = (required > 0) & np.isfinite(shortfall)
+    return _Closer(*(part.reshape(shape) for part in (wanted, required, shortfall, known)))
+
+
+def _allowed(vhat: float | str) -> float:
+    """1 - V̂ of a target."""
+    return float(1 - exact_share(repr(vhat) if isinstance(vhat, float) else vhat, "vhat"))
 
 
 class _Layout(NamedTuple):
