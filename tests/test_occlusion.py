@@ -280,12 +280,25 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
     whole = occlusion.masks(offsets)
     one_by_one = np.concatenate([occlusion.masks([offset]) for offset in offsets])
     assert (one_by_one == whole).all()
+    fresh = np.concatenate([Occlusion(scrub, 20.0).masks([offset]) for offset in offsets])
+    assert (fresh == whole).all()
+    monkeypatch.setattr(occlusion_module, "OCTETS_KEPT", 0)
+    assert (occlusion.masks(offsets) == whole).all()
     monkeypatch.setattr(occlusion_module, "OCTETS_A_VIEW", 100)
     monkeypatch.setattr(occlusion_module, "OCTETS_AT_ONCE", 3000)
     assert (occlusion.masks(offsets) == whole).all()
     counts = joint_counts(whole)
     monkeypatch.setattr(occlusion_module, "TARGETS_AT_ONCE", 1000)
     assert (joint_counts(whole) == counts).all()
+
+
+def test_views_are_the_same_after_any_others(scrub):
+    # Within those before, beyond them on one side, and round the plot.
+    rng = np.random.default_rng(8)
+    occlusion = Occlusion(scrub, 20.0)
+    for reach in (3.0, 2.0, 9.0, 60.0, 5.0):
+        offsets = rng.uniform(-reach, 0.5 * reach, (3, 2))
+        assert (occlusion.masks(offsets) == Occlusion(scrub, 20.0).masks(offsets)).all()
 
 
 def test_a_view_from_far_away_takes_no_more_memory_than_it_should(scrub):

@@ -64,12 +64,41 @@ OCTETS_A_VIEW = 1 << 18
 OCTETS_AT_ONCE = 1 << 24
 """The same for all views that share the work of preparing a slice."""
 
+OCTETS_KEPT = 1 << 26
+"""Memory for slices that later views may use again."""
+
 TARGETS_AT_ONCE = 1 << 24
 """Targets of all views that are unpacked at a time, as float32: it counts exactly up to there."""
 
 BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
     axis=1, dtype=np.uint8
 )
+
+
+class _Tiles(NamedTuple):
+    """Slices as a band of targets sees them, flat octets, ready for the shifts of some views.
+
+    Of each level they begin at the lowest shift and take `spans` of them, along x and y.
+    `slices` has, by level, what has been made so far: the tile by the bits that it has moved by.
+    """
+
+    row: int
+    rows: int
+    lows: NDArray[np.intp]
+    spans: tuple[int, int]
+    octets: int
+    slices: list[dict[int, Octets]]
+
+    @property
+    def stride(self) -> int:
+        """Octets from one octet along x to the next: the band's rows and those to spare."""
+        return self.rows + self.spans[1]
+
+    def hold(self, row: int, rows: int, steps: NDArray[np.intp]) -> bool:
+        """Whether a band at these shifts is among what the tiles were made for."""
+        beyond = steps - self.lows[:, np.newaxis, np.newaxis]
+        inside = bool((beyond >= 0).all() and (beyond <= self.spans).all())
+        return inside and (row, rows) == (self.row, self.rows)
 
 
 class Occlusion:
@@ -138,6 +167,7 @@ class Occlusion:
         self.rows, self.columns = self._window.rows, self._window.columns
         # Octets, but whole words of them.
         self._width = 8 * -(-self.columns // 64)
+        self._tiles: _Tiles | None = None
 
     @property
     def targets_per_voxel(self) -> int:
@@ -196,16 +226,12 @@ class Occlusion:
             self._telecentric(masks[:, :, half:], offsets, row + half)
             return
         steps = self._meetings(offsets)
-        lows = steps.min(axis=(1, 2))
-        steps -= lows[:, np.newaxis, np.newaxis]
-        around = self._plot[::-1]
-        if (steps.max(axis=(0, 1, 2), initial=0) >= around).any():
-            steps %= around  # the plot wraps
-        span_x, span_y = steps.max(axis=(0, 1, 2), initial=0).tolist()
-        # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
-        # it drags along beyond the band's own rows is thrown away in the end.
-        stride = rows + span_y
-        octets = width + span_x // 8 + 1
+        tiles = self._tiles
+        if tiles is None or not tiles.hold(row, rows, steps):
+            tiles = self._tiles_for(row, rows, width, steps)
+        steps -= tiles.lows[:, np.newaxis, np.newaxis]
+        steps %= self._plot[::-1]  # the plot wraps
+        stride, octets = tiles.stride, tiles.octets
         if (views + 1) * octets * stride > OCTETS_AT_ONCE and views > 1:
             half = views // 2
             self._telecentric(masks[:half], offsets[:half], row)
@@ -215,21 +241,42 @@ class Occlusion:
         hidden = np.zeros((views, width * stride), dtype=np.uint8)
         hits = [mask[:size] for mask in hidden]
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
-        for level in self._filled:
-            low_x, low_y = lows[level].tolist()
-            x = (low_x + self._window.column + np.arange(8 * octets)) // self._per_voxel
-            y = (low_y + row + np.arange(stride)) // self._per_voxel
-            near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
-            packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
-            tile = packed.take(y - y[0], axis=0).ravel(order="F")
-            phases: dict[int, Octets] = {0: tile}
+        # A search asks for few views at a time, mostly between those that it began with.
+        kept = len(self._filled) * 8 * octets * stride <= OCTETS_KEPT
+        self._tiles = tiles if kept else None
+        for level in self._filled.tolist():
+            phases = tiles.slices[level]
+            if not phases:
+                phases[0] = self._tile(tiles, level)
             for met, hit in zip(places[level].tolist(), hits, strict=True):
                 for place in set(met):
                     start, bit = divmod(place, 8)
                     if bit not in phases:
-                        phases[bit] = _advanced(tile, stride, bit)
+                        phases[bit] = _advanced(phases[0], stride, bit)
                     np.bitwise_or(hit, phases[bit][start : start + size], out=hit)
+            if not kept:
+                phases.clear()
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
+
+    def _tiles_for(self, row: int, rows: int, width: int, steps: NDArray[np.intp]) -> _Tiles:
+        """Tiles for the shifts of views, still to be made."""
+        lows, highs = steps.min(axis=(1, 2)), steps.max(axis=(1, 2))
+        # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
+        # it drags along beyond the band's own rows is thrown away in the end.
+        spans = np.minimum((highs - lows).max(axis=0, initial=0), np.subtract(self._plot, 1)[::-1])
+        span_x, span_y = spans.tolist()
+        octets = width + span_x // 8 + 1
+        return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
+
+    def _tile(self, tiles: _Tiles, level: int) -> Octets:
+        """A slice's targets, packed along x and flat, from the lowest shift of its views on."""
+        low_x, low_y = tiles.lows[level].tolist()
+        x = (low_x + self._window.column + np.arange(8 * tiles.octets)) // self._per_voxel
+        y = (low_y + tiles.row + np.arange(tiles.stride)) // self._per_voxel
+        near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
+        packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
+        tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
+        return tile
 
     def _meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
         """Shifts [targets] at which views meet each slice, shape (slices, views, 3, x and y)."""
