@@ -154,6 +154,8 @@ def _no_worse(problem: Problem, found: Sequence[Choice]) -> Problem:
 
 
 def _best(found: Sequence[Choice]) -> Choice:
+    if len(found) == 1:
+        return found[0]
     from aosplan.search import CONTRAST_SLACK, VISIBILITY_SLACK
 
     measures = [choice.measure for choice in found]

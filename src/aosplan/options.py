@@ -13,7 +13,6 @@ from aosplan.errors import RequestError
 from aosplan.mission import FRAMES
 from aosplan.models import MODELS, RAYS
 from aosplan.pattern import GRIDS
-from aosplan.presets.dji import PAYLOADS
 from aosplan.problem import OBJECTIVES
 from aosplan.trigger import TRIGGERS
 
@@ -58,6 +57,13 @@ def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> 
             f"{name} {q.shown(value)} is not between {1 / LARGEST:g} and {LARGEST:g}"
         )
     return result
+
+
+def payload(value: Any, name: str) -> str:
+    """What a DJI drone may carry."""
+    from aosplan.presets.dji import PAYLOADS
+
+    return q.one_of(PAYLOADS)(value, name)
 
 
 class Option(NamedTuple):
@@ -346,7 +352,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
         (
             "payload",
-            q.one_of(PAYLOADS),
+            payload,
             "text",
             "NAME",
             "What a DJI drone carries, such as dji-h20t.  [by camera]",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import sys
@@ -75,7 +76,10 @@ GROUP = LazyGroup(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 the surroundings failed, 2 the request is wrong."""
-    sys.exit(run(arguments))
+    status = run(arguments)
+    # All that is left goes with the process; to look through it for garbage takes a fifth of a plan.
+    gc.freeze()
+    sys.exit(status)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

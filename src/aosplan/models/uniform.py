@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.models import Prediction
-from aosplan.models.noise import NEGLIGIBLE, blurred_overlap, overlaps
 from aosplan.models.sites import pattern_shortfall
 from aosplan.spiral import Spiral
 
@@ -39,6 +38,10 @@ class UniformModel(NamedTuple):
     @property
     def independent_baseline_m(self) -> float:
         """Baseline from which K = 1/N; under noise, but for less than rounding."""
+        if self.hold_error_m == 0.0:
+            return self.unit_baseline_m
+        from aosplan.models.noise import NEGLIGIBLE
+
         return self.unit_baseline_m + NEGLIGIBLE * math.sqrt(2.0) * self.hold_error_m
 
     @property
@@ -86,6 +89,7 @@ class UniformModel(NamedTuple):
     def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
         import numpy as np
 
+        from aosplan.models.noise import blurred_overlap, overlaps
         from aosplan.models.rays import bundle, predict_scattered
 
         log_t = math.log(self.transparency)
