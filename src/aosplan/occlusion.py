@@ -250,10 +250,10 @@ class Occlusion:
                 phases[0] = self._tile(tiles, level)
             for met, hit in zip(places[level].tolist(), hits, strict=True):
                 for place in set(met):
-                    start, bit = divmod(place, 8)
+                    start, bit = place >> 3, place & 7
                     if bit not in phases:
                         phases[bit] = _advanced(phases[0], stride, bit)
-                    np.bitwise_or(hit, phases[bit][start : start + size], out=hit)
+                    np.bitwise_or(hit, phases[bit][start : start + size], hit)
             if not kept:
                 phases.clear()
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]

@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache, partial
 from heapq import heapify, heappop, heappush
-from itertools import count
+from itertools import count, takewhile
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.answer import out_of_scan, solution_of
@@ -127,15 +127,23 @@ class Scan:
         if self.problem.sketch is not None and not any(self.errors):
             self._probe()
         while True:
+            self._margins = self._wanted_margins()
             found = look(self)
-            wanted = tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
-            if all(map(float.__le__, wanted, self._margins)):
+            if self._wanted_margins() == self._margins:
                 return found
-            self._margins = wanted
+
+    def _wanted_margins(self) -> tuple[float, ...]:
+        """The margins that the largest errors of the sketch ask for."""
+        return tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
 
     def _probe(self) -> None:
         """Measure the sketch at a few patterns and baselines, far from each other."""
-        fullest = [fullest for fullest, _ in self.families() if fullest.samples <= PROBES[-1]]
+        fullest = [
+            fullest
+            for fullest, _ in takewhile(
+                lambda family: family[0].samples <= PROBES[-1], self.families()
+            )
+        ]
         for wanted in PROBES:
             for pattern in sorted(fullest, key=lambda each: abs(each.samples - wanted))[:1]:
                 for baseline in self.baselines_m(pattern)[::-PROBE_STEPS][:3]:

@@ -148,7 +148,7 @@ def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
     if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
         raise ValueError("its voxels are not of the shape that it says")
     return VoxelVolume(
-        np.unpackbits(packed, axis=2, count=columns).astype(np.bool_),
+        np.unpackbits(packed, axis=2, count=columns).view(np.bool_),
         voxel_m=float(about["voxel_m"]),
         x_min_m=float(about["x_min_m"]),
         y_min_m=float(about["y_min_m"]),
