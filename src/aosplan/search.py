@@ -59,8 +59,11 @@ LEAST_MARGINS = 0.03, 0.005, 0.003
 """Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
 sketch may be off."""
 
-PROBES, PROBE_STEPS = (4, 16, 49), 5
-"""Samples of the patterns at which a sketch is measured at first, and steps of the scan between."""
+PROBES, PROBE_STEPS = (4, 9, 25), 5
+"""Samples of the patterns at which a sketch is measured at first, and steps of the scan between.
+
+Correlograms are off by the most where samples are few: of generated stands, by 1 to 6 % of the
+shortfall at 4 to 16 samples, and by 0 to 3 % at 49."""
 
 CAUTION = 1.5
 """How much more than the largest error of a sketch is allowed for."""
