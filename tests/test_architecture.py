@@ -89,6 +89,37 @@ def test_data_without_files_loads_neither_heavy_modules_nor_rich(arguments):
     assert not packages(command(*arguments)) & (HEAVY | RICH)
 
 
+OF_A_PLAIN_PLAN = """
+    advice answer batteries camera choose cli cli.app cli.options cli.output cli.plan defaults
+    doubts errors flight geodesy geometry layout mission models models.elementwise models.equations
+    models.sites models.uniform options pattern planning presets presets.cameras presets.scenes
+    problem quantities request resolve roots route scene solve spiral summary task track trigger
+"""
+"""Modules that a plan of presets takes.  Each costs every plan about a hundredth: one more belongs
+here only if every plan needs it, and is otherwise imported in the function that does."""
+
+
+def test_a_plain_plan_loads_only_what_every_plan_needs():
+    line = ("plan", "--altitude", "40", "--vhat", "0.98", "--defaults", "none", "--json")
+    found = {name for name in loaded(command(*line)) if name.startswith("aosplan.")}
+    assert sorted(found) == [f"aosplan.{name}" for name in OF_A_PLAIN_PLAN.split()]
+
+
+def test_a_plan_of_saved_voxels_loads_no_scipy(tmp_path):
+    from forests import STANDS, clumped_forest
+
+    from aosplan.models.correlogram import correlogram
+    from aosplan.voxel_file import Stand, stand_npz
+
+    stand = Stand.of(clumped_forest(STANDS["spruce"]))
+    place = tmp_path / "stand.npz"
+    place.write_bytes(stand_npz(stand._replace(correlogram=correlogram(stand.volume))))
+    line = ("plan", "--altitude", "50", "--vhat", "0.8", "--defaults", "none", "--json")
+    found = packages(command(*line, "--scene", str(place)))
+    assert "numpy" in found
+    assert not found & (HEAVY - {"numpy"})
+
+
 @pytest.mark.parametrize(
     "arguments",
     [("plan", "--altitude", "40"), ("scenes",), ("cameras",), ("scene", "paper-forest")],
