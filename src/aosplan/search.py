@@ -59,7 +59,7 @@ LEAST_MARGINS = 0.03, 0.005, 0.003
 """Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
 sketch may be off."""
 
-PROBES, PROBE_STEPS = (4, 9, 25), 5
+PROBES, PROBE_STEPS = (4, 9, 16), 5
 """Samples of the patterns at which a sketch is measured at first, and steps of the scan between.
 
 Correlograms are off by the most where samples are few: of generated stands, by 1 to 6 % of the
