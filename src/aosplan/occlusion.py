@@ -64,7 +64,7 @@ OCTETS_A_VIEW = 1 << 18
 OCTETS_AT_ONCE = 1 << 24
 """The same for all views that share the work of preparing a slice."""
 
-OCTETS_KEPT = 1 << 26
+OCTETS_KEPT = 1 << 27
 """Memory for slices that later views may use again."""
 
 TARGETS_AT_ONCE = 1 << 24
