@@ -1,0 +1,100 @@
+"""Positions of photos: EXIF and XMP as cameras write them, and as they should not."""
+
+from fractions import Fraction
+
+import pytest
+
+from aosplan.errors import RequestError
+from aosplan.photos import read_photos
+
+Image = pytest.importorskip("PIL.Image")
+
+
+def rational(value):
+    from PIL.TiffImagePlugin import IFDRational
+
+    return IFDRational(*Fraction(value).limit_denominator(10**7).as_integer_ratio())
+
+
+def sexagesimal(value):
+    value = abs(value)
+    minutes = (value - int(value)) * 60
+    return rational(int(value)), rational(int(minutes)), rational((minutes - int(minutes)) * 60)
+
+
+def photo(path, latitude=None, longitude=None, xmp=b"", mode="L", **tags):
+    image = Image.new(mode, (8, 6))
+    exif = Image.Exif()
+    if latitude is not None:
+        exif[0x8825] = {
+            1: "S" if latitude < 0 else "N",
+            2: sexagesimal(latitude),
+            3: "W" if longitude < 0 else "E",
+            4: sexagesimal(longitude),
+        } | tags.get("gps", {})
+    image.save(path, exif=exif)
+    if xmp:
+        # As the second segment of the JPEG, where makers put it.
+        segment = b"http://ns.adobe.com/xap/1.0/\0" + xmp
+        content = path.read_bytes()
+        marker = b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big") + segment
+        path.write_bytes(content[:2] + marker + content[2:])
+
+
+@pytest.mark.parametrize(
+    ("latitude", "longitude"), [(48.3358, 14.3261), (-33.5, -70.25), (0.0, 179.999), (-0.5, 0.0)]
+)
+def test_exif_positions_are_read(tmp_path, latitude, longitude):
+    photo(tmp_path / "a.jpg", latitude, longitude)
+    (place,), without = read_photos(str(tmp_path))
+    assert (without, place.altitude_m) == ([], None)
+    assert place.latitude == pytest.approx(latitude, abs=1e-7)
+    assert place.longitude == pytest.approx(longitude, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "xmp",
+    [
+        b'<x:xmpmeta drone-dji:GpsLatitude="+48.123456789" drone-dji:GpsLongitude="-14.5" '
+        b'drone-dji:RelativeAltitude="+40.10"/>',
+        b'<x drone-dji:GpsLatitude="48.123456789" drone-dji:GpsLongtitude="-14.5" '
+        b'drone-dji:RelativeAltitude="40.1"/>',
+        b"<drone-dji:GpsLatitude>48.123456789</drone-dji:GpsLatitude><drone-dji:GpsLongitude>-14.5"
+        b"</drone-dji:GpsLongitude><drone-dji:RelativeAltitude>40.1</drone-dji:RelativeAltitude>",
+    ],
+)
+def test_xmp_goes_before_exif(tmp_path, xmp):
+    photo(tmp_path / "a.JPG", 1.0, 2.0, xmp)
+    (place,), _ = read_photos(str(tmp_path))
+    assert place == (48.123456789, -14.5, 40.1)
+
+
+def test_photos_without_a_place_are_named_and_others_kept_in_order(tmp_path):
+    photo(tmp_path / "b.jpg", 10.0, 20.0)
+    photo(tmp_path / "a.jpg", 11.0, 20.0)
+    photo(tmp_path / "c.jpg")
+    photo(tmp_path / "d.jpg", 0.0, 0.0)
+    (tmp_path / "e.jpg").write_bytes(b"\xff\xd8 no photo")
+    (tmp_path / "f.jpg").write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("no photo")
+    places, without = read_photos(str(tmp_path))
+    assert [place.latitude for place in places] == pytest.approx([11.0, 10.0])
+    assert without == ["c.jpg", "d.jpg", "e.jpg", "f.jpg"]
+
+
+@pytest.mark.parametrize("gps", [{2: (1.0,)}, {2: "x"}, {4: (rational(400), 0, 0)}])
+def test_damaged_positions_are_none(tmp_path, gps):
+    photo(tmp_path / "a.jpg", 10.0, 20.0)
+    try:
+        photo(tmp_path / "b.jpg", 10.0, 20.0, gps=gps)
+    except Exception:  # noqa: BLE001 (what cannot be written cannot be read either)
+        return
+    _, without = read_photos(str(tmp_path))
+    assert without == ["b.jpg"]
+
+
+def test_no_folder_and_no_photo_are_errors(tmp_path):
+    with pytest.raises(RequestError, match="no such file"):
+        read_photos(str(tmp_path / "none"))
+    with pytest.raises(RequestError, match="0 photos looked at"):
+        read_photos(str(tmp_path))
