@@ -22,8 +22,10 @@ from aosplan.results_schema import (
     CalculatorDocument,
     IntegralDocument,
     PosesDocument,
+    ReviewDocument,
     SimulationDocument,
     StatisticsDocument,
+    ThinningDocument,
     TradeoffDocument,
 )
 from aosplan.scene_schema import SceneDocument
@@ -76,6 +78,8 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "visibility": CalculatorDocument,
     "poses": PosesDocument,
     "integral": IntegralDocument,
+    "review": ReviewDocument,
+    "thinning": ThinningDocument,
     "tradeoff": TradeoffDocument,
 }
 

@@ -449,3 +449,11 @@ OPTIONS = tuple(
 )
 
 BY_NAME = {option.name: option for option in OPTIONS}
+
+SHOWING = tuple(
+    option.name
+    for option in OPTIONS
+    if option.panel in ("Altitude", "Scene", "Camera")
+    or option.name in ("coverage", "model", "view", "rays", "origin", "heading", "clearance")
+)
+"""Options that say what given positions show, whatever else is planned."""

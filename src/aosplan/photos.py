@@ -31,8 +31,8 @@ _XMP = re.compile(
 )
 
 
-def read_photos(folder: str) -> tuple[list[Place], list[str]]:
-    """Places of the photos in a folder, in order of their names, and the names of those without one.
+def read_photos(folder: str) -> dict[str, Place | None]:
+    """Places of the photos in a folder by their names, in order; None where a photo says none.
 
     Altitudes are above the take-off where the XMP says them.
 
@@ -47,26 +47,22 @@ def read_photos(folder: str) -> tuple[list[Place], list[str]]:
         names = sorted(
             name
             for name in os.listdir(folder)
-            if name.lower().endswith(SUFFIXES) and name[0] != "."
+            if name.lower().endswith(SUFFIXES)
+            and name[0] != "."
+            and os.path.isfile(os.path.join(folder, name))
         )
     except OSError as error:
         raise RequestError(f"folder '{folder}': {(error.strerror or str(error)).lower()}") from None
-    places, without = [], []
-    for name in names:
-        place = _place(os.path.join(folder, name))
-        if place is None:
-            without.append(name)
-        else:
-            places.append(Place(*place))
-    if not places:
+    places = {name: _place(os.path.join(folder, name)) for name in names}
+    if not any(places.values()):
         raise RequestError(
             f"folder '{folder}' has no photo with a position ({len(names)} photos looked at)",
             "photos end in .jpg or .tif and have GPS in their EXIF or XMP",
         )
-    return places, without
+    return places
 
 
-def _place(path: str) -> tuple[float, float, float | None] | None:
+def _place(path: str) -> Place | None:
     with open(path, "rb") as file:
         found = {name.decode(): float(text) for name, text in _XMP.findall(file.read(XMP_BYTES))}
     latitude = found.get("GpsLatitude")
@@ -79,16 +75,14 @@ def _place(path: str) -> tuple[float, float, float | None] | None:
         latitude, longitude = exif
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0) or latitude == longitude == 0.0:
         return None  # without a fix cameras write zeros
-    return latitude, longitude, found.get("RelativeAltitude")
+    return Place(latitude, longitude, found.get("RelativeAltitude"))
 
 
 def _exif_place(path: str) -> tuple[float, float] | None:
     try:
         from PIL import Image
     except ImportError:
-        raise MissingExtraError(
-            "positions of photos need Pillow", "pip install 'aosplan[pictures]'"
-        ) from None
+        raise MissingExtraError("reading positions from EXIF", "pictures") from None
     try:
         with Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,6 +13,8 @@ from aosplan.quantities import number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+
+    from aosplan.positions import Table
 
 NAMES = (("latitude", "longitude"), ("lat", "lon"), ("lat", "lng"), ("lat", "long"))
 """Names that the two columns of a CSV may have."""
@@ -50,13 +53,40 @@ def read_places(path: str) -> list[Place]:
     elif suffix in {".geojson", ".json"}:
         places = [_place(*point) for point in _points(path)]
     else:
-        from aosplan.positions import read_columns
+        from aosplan.positions import read_csv
 
-        named = read_columns(path, NAMES, ALTITUDES)
-        places = [_place(where, *values) for where, values in named]
+        places = places_of(read_csv(path))
     if not places:
         raise RequestError(f"'{path}' holds no positions")
     return places
+
+
+def local_m(
+    places: Sequence[Place], origin: tuple[float, float], path: str, named: str
+) -> tuple[list[float], list[float]]:
+    """Metres east and north of an origin, by its name in messages.
+
+    Raises
+    ------
+    RequestError
+        Where a place of the file is farther from it than local metres reach.
+    """
+    from aosplan.geodesy import FARTHEST_M, to_local
+
+    latitudes, longitudes, _ = zip(*places, strict=True)
+    east, north = to_local(origin, latitudes, longitudes)
+    farthest = max(map(math.hypot, east, north))
+    if farthest > FARTHEST_M:
+        raise RequestError(
+            f"'{path}': positions are {farthest / 1000.0:.4g} km from {named}, more than "
+            f"{FARTHEST_M / 1000.0:g} km"
+        )
+    return east, north
+
+
+def places_of(table: Table) -> list[Place]:
+    """Places from a table's columns."""
+    return [_place(where, *values) for where, values in table.columns(NAMES, ALTITUDES)]
 
 
 def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> Place:

@@ -111,6 +111,11 @@ class Plan:
         return self.notices + tuple(advice(self))
 
     @property
+    def origin(self) -> tuple[float, float] | None:
+        """Latitude and longitude from which east and north count, or None without a place."""
+        return self.request.origin
+
+    @property
     def extent_m(self) -> tuple[float, float]:
         """Size of the grid along and across the heading [m]."""
         x, y = self.solution.pattern.extent

@@ -8,9 +8,11 @@ from pydantic import Field
 
 from aosplan.checked import Document, Finite, OpenDocument, Pair, Pixels
 from aosplan.plan_schema import (
+    FlightDocument,
     MessageDocument,
     PlanDocument,
     VisibilityDocument,
+    WaypointDocument,
 )
 from aosplan.scene_schema import CorrelogramDocument, LayerDocument
 
@@ -128,6 +130,82 @@ class CalculatorDocument(OpenDocument):
     samples: int
     dhat: Finite | None
     visibility: VisibilityDocument
+
+
+class KeptViewDocument(OpenDocument):
+    """A view by its place among all that were recorded, from 0; metres from the origin."""
+
+    index: Annotated[int, Field(ge=0)]
+    name: str | None
+    east_m: Finite
+    north_m: Finite
+    latitude: Finite | None
+    longitude: Finite | None
+
+
+class ThinningDocument(OpenDocument):
+    """What `aosplan thin --json` prints.
+
+    `bound` is what as many views would show that share no occluder.
+    """
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    request: dict[str, Any]
+    model: str
+    origin: Pair | None
+    positions: int
+    samples: int
+    all: VisibilityDocument
+    kept: VisibilityDocument
+    bound: VisibilityDocument
+    views: list[KeptViewDocument]
+    warnings: list[MessageDocument]
+
+
+class OffSiteDocument(OpenDocument):
+    """Distances of photos from their sites [m]."""
+
+    root_mean_square: Finite
+    largest: Finite
+
+
+class StrayDocument(OpenDocument):
+    """A photo that belongs to no site, by its place among all, from 0."""
+
+    index: Annotated[int, Field(ge=0)]
+    name: str | None
+    east_m: Finite
+    north_m: Finite
+    nearest_site: Annotated[int, Field(ge=0)]
+    off_m: Finite
+
+
+class ReviewDocument(OpenDocument):
+    """What `aosplan review --json` prints.
+
+    `counted` photos are those whose visibility is `flown`; `completed` is that of them and of the
+    `missing` sites, which are waypoints of the plan.
+    """
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    request: dict[str, Any]
+    model: str
+    origin: Pair | None
+    tolerance_m: Finite
+    positions: int
+    counted: int
+    sites: int
+    sites_flown: int
+    off_site_m: OffSiteDocument | None
+    planned: VisibilityDocument
+    flown: VisibilityDocument | None
+    completed: VisibilityDocument | None
+    missing: list[WaypointDocument]
+    strays: list[StrayDocument]
+    topup: FlightDocument | None
+    warnings: list[MessageDocument]
 
 
 class IntrinsicsDocument(Document):

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     Correlation = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
     """Correlation of views by their offsets along x and y [m], elementwise."""
 
-MOST_VIEWS = 8000
-"""Views to choose from: their correlations take half a gigabyte."""
+MOST_VIEWS = 5000
+"""Views to choose from: their correlations take 200 MB."""
 
 WORTHWHILE = 1e-12
 """An exchange lowers the sum of correlations by more than this share of it."""

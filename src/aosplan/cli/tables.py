@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
+    from aosplan.models import Prediction
     from aosplan.pattern import Sites
     from aosplan.planning import Plan
     from aosplan.scene import Scene
@@ -280,6 +281,34 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         table.add_column(name, overflow="fold")
     for row in rows:
         table.add_row(*(one_line(cell) for cell in row))
+    show(table)
+
+
+def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
+    """Names and what there is to say of each."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    for name, text in rows:
+        table.add_row(name, one_line(text))
+    show(table)
+
+
+def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
+    """Sets of samples side by side: their numbers, and what each shows."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("", *columns):
+        table.add_column(name, justify="left" if not name else "right")
+    table.add_row("N", *(str(count) for count, _ in columns.values()))
+    found = [prediction for _, prediction in columns.values()]
+    hidden = [each if each.density else None for each in found]
+    table.add_row("p", *(_percent(each.density) for each in found))
+    table.add_row("V", *(_percent(each.expected) for each in found))
+    table.add_row("V̂", *(_percent(each.normalized) if each else "-" for each in hidden))
+    table.add_row(
+        "effective samples", *(f"{each.effective_samples:.4g}" if each else "-" for each in hidden)
+    )
+    table.add_row("contrast", *(f"{each.contrast:.4g}" if each else "-" for each in hidden))
     show(table)
 
 

@@ -20,7 +20,12 @@ import math
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from aosplan.pattern import Sites
+
+    Floats = NDArray[np.float64]
 
 MODELS = ("uniform", "layered", "measured")
 """Visibility models by name."""
@@ -115,6 +120,16 @@ class VisibilityModel(Protocol):
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
+
+    def predict_positions(self, positions_m: ArrayLike) -> Prediction:
+        """Density and shortfall of samples at known positions, shape (N, 2), from the middle.
+
+        A model with a `heading_deg` takes them east and north, any other along the heading and to
+        its right.
+        """
+
+    def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Correlation of what two samples see by their offset along the same axes, elementwise."""
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """A quick prediction that is no worse; asked for only where `rises_with_baseline`."""

@@ -322,7 +322,7 @@ class CorrelogramModel:
         return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at any positions; takes time and memory by N².
+        """Density and shortfall of samples at any known positions; takes time by N².
 
         Parameters
         ----------
@@ -330,8 +330,18 @@ class CorrelogramModel:
             Shape (N, 2), N from 1: east and north of the middle.
         """
         points = np.asarray(positions_m, dtype=np.float64)
-        apart_m = (points[np.newaxis] - points[:, np.newaxis]).reshape(-1, 2)
-        return self._prediction(points, apart_m, np.ones(len(apart_m)), 0.0)
+        hidden = self._expected(self.correlogram.density_at, points, 0.0, 0.0)
+        alike = 0.0
+        for place in range(1, len(points)):
+            alike += float(self.correlation(*(points[:place] - points[place]).T).sum())
+        density = float(hidden.mean())
+        shortfall = (len(points) + 2.0 * alike) / len(points) ** 2
+        return Prediction(density, 1.0 - density, max(shortfall, 0.0))
+
+    def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
+        """ρ of two views by their offset to the east and to the north."""
+        lag, direction_deg = self._polar(np.column_stack([x_m, y_m]), 0.0)
+        return np.where(lag > 0.0, self.correlogram.correlation_at(lag, direction_deg), 1.0)
 
     def _prediction(
         self, sites_m: Floats, apart_m: Floats, pairs: Floats, heading_deg: float

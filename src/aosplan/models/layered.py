@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -222,14 +223,32 @@ class LayeredModel:
     def _predict_scattered(self, spiral: Spiral, baseline_m: float) -> Prediction:
         points = baseline_m * np.array(list(spiral.offsets()))
         if self.rays != "nadir":
-            from aosplan.models.rays import predict_scattered
-
-            return predict_scattered(
-                points, self.altitude_m, self.rays, self._log_transparency, self._shared_pairs
-            )
+            return self._predict_oblique_at(points)
         apart = baseline_m * spiral.nearest >= self.independent_baseline_m * (1.0 - 1e-15)
         shortfall = 1.0 / spiral.samples if apart else self.positions_shortfall(points)
         return Prediction(self.density, self.transparency, shortfall)
+
+    def _predict_oblique_at(self, points: Floats) -> Prediction:
+        from aosplan.models.rays import predict_scattered
+
+        return predict_scattered(
+            points, self.altitude_m, self.rays, self._log_transparency, self._shared_pairs
+        )
+
+    def predict_positions(self, positions_m: ArrayLike) -> Prediction:
+        """Density and shortfall of samples at known positions, shape (N, 2), from the middle."""
+        if self.hold_error_m > 0.0:
+            sharp = copy(self)
+            sharp.hold_error_m = 0.0
+            return sharp.predict_positions(positions_m)
+        points = np.asarray(positions_m, dtype=np.float64)
+        if self.rays != "nadir":
+            return self._predict_oblique_at(points)
+        return Prediction(self.density, self.transparency, self.positions_shortfall(points))
+
+    def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Cov/(p T) of two nadir samples by their offset along either axis."""
+        return self._pair_covariance(np.abs(x_m), np.abs(y_m))
 
     def positions_shortfall(self, positions: ArrayLike) -> float:
         """Shortfall 1 - V̂ of nadir samples at just these positions, shape (N, 2), metres; costs N²."""

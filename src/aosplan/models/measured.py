@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from aosplan.models.correlogram import CorrelogramModel
     from aosplan.occlusion import ViewKind, Words
     from aosplan.pattern import Sites
     from aosplan.voxels import VoxelVolume
@@ -117,6 +118,7 @@ class MeasuredModel:
             targets_per_voxel=targets_per_voxel,
             focal_height_m=focal_height_m,
         )
+        self._stand = volume, altitude_m, focal_height_m
         top_m = volume.canopy_top_m - focal_height_m
         half_plot_m = 0.5 * min(volume.size_m)
         self._widest_m = half_plot_m * altitude_m / top_m if top_m > 0.0 else math.inf
@@ -214,6 +216,22 @@ class MeasuredModel:
             count as independent: the shortfall is 1/N.
         """
         return self._predict(self._views(positions_m))
+
+    def correlation(
+        self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """ρ of two views by their offset to the east and to the north: the stand's correlogram.
+
+        The voxels of the plot itself would count each of its gaps; it is telecentric.
+        """
+        return self._correlogram.correlation(x_m, y_m)
+
+    @cached_property
+    def _correlogram(self) -> CorrelogramModel:
+        from aosplan.models.correlogram import CorrelogramModel, correlogram
+
+        volume, altitude_m, focal_height_m = self._stand
+        return CorrelogramModel(correlogram(volume, focal_height_m=focal_height_m), altitude_m)
 
     def _predict(self, views: Iterable[Words]) -> Prediction:
         tally = Tally(self.occlusion.words)

@@ -6,11 +6,16 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.models import Prediction
-from aosplan.models.sites import pattern_shortfall
+from aosplan.models.sites import pattern_shortfall, positions_shortfall
 from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from aosplan.pattern import Sites
+
+    Floats = NDArray[np.float64]
 
 
 class UniformModel(NamedTuple):
@@ -77,6 +82,23 @@ class UniformModel(NamedTuple):
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         return Prediction(self.density, self.transparency, shortfall)
 
+    def predict_positions(self, positions_m: ArrayLike) -> Prediction:
+        """Density and shortfall of samples at known positions, shape (N, 2), from the middle."""
+        if self.rays != "nadir":
+            return self._predict_oblique_at(positions_m, 0.0)
+        shortfall = positions_shortfall(positions_m, self.unit_baseline_m)
+        return Prediction(self.density, self.transparency, shortfall)
+
+    def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
+        """Overlap of the occluders of two nadir samples: a triangle along either axis."""
+        import numpy as np
+
+        along_x, along_y = (
+            np.maximum(1.0 - np.abs(apart) / self.unit_baseline_m, 0.0) for apart in (x_m, y_m)
+        )
+        overlap: Floats = along_x * along_y
+        return overlap
+
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The prediction itself, which is quick."""
         return self.predict(pattern, baseline_m)
@@ -89,19 +111,13 @@ class UniformModel(NamedTuple):
     def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
         import numpy as np
 
-        from aosplan.models.noise import blurred_overlap, overlaps
-        from aosplan.models.rays import bundle, predict_scattered
+        from aosplan.models.noise import overlaps
+        from aosplan.models.rays import bundle
 
-        log_t = math.log(self.transparency)
         if isinstance(pattern, Spiral):
-
-            def between(x: Any, y: Any, lengths: Any) -> Any:
-                apart = np.array([x, y]) / self.unit_baseline_m
-                overlap = blurred_overlap(apart, self._spread).prod(axis=0)
-                return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
-
             points = baseline_m * np.array(list(pattern.offsets()))
-            return predict_scattered(points, self.altitude_m, self.rays, log_t, between)
+            return self._predict_oblique_at(points, self._spread)
+        log_t = math.log(self.transparency)
         rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, log_t)
         dhat = baseline_m / self.unit_baseline_m
         along_x = overlaps(pattern.columns, dhat, self._spread)
@@ -112,3 +128,19 @@ class UniformModel(NamedTuple):
             return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
 
         return rays.predict((len(along_y) - 1, len(along_x) - 1), shared)
+
+    def _predict_oblique_at(self, positions_m: ArrayLike, spread: float) -> Prediction:
+        import numpy as np
+
+        from aosplan.models.noise import blurred_overlap
+        from aosplan.models.rays import predict_scattered
+
+        log_t = math.log(self.transparency)
+
+        def between(x: Any, y: Any, lengths: Any) -> Any:
+            apart = np.array([x, y]) / self.unit_baseline_m
+            overlap = blurred_overlap(apart, spread).prod(axis=0)
+            return overlap * np.expm1(np.minimum(-log_t * lengths, 700.0))
+
+        points = np.asarray(positions_m, dtype=np.float64)
+        return predict_scattered(points, self.altitude_m, self.rays, log_t, between)

@@ -1,0 +1,148 @@
+"""``aosplan review``."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from aosplan.cli.options import (
+    command,
+    defaults_option,
+    file_argument,
+    output_options,
+    request_options,
+    text_option,
+)
+from aosplan.cli.output import (
+    chosen_outputs,
+    print_json,
+    print_warnings,
+    progress_bar,
+    write_outputs,
+)
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from aosplan.review import Review
+
+MOST_NAMED = 20
+"""Missing sites that the table names."""
+
+
+def run(
+    *,
+    positions: str,
+    plan: str | None,
+    tolerance: str | None,
+    out: list[str] | None,
+    format: str | None,  # noqa: A002 (the option's name)
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    defaults: str | None,
+    **flags: Any,
+) -> None:
+    """Hold recorded positions against a plan, and write a mission for what is missing."""
+    from aosplan.defaults import request_of
+    from aosplan.quantities import positive
+
+    wanted = request_of(plan, flags, defaults=defaults)
+    within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
+    chosen = chosen_outputs(out or [], format, force=force)
+    to_stdout = any(path == "-" for _, path in chosen)
+    if to_stdout and as_json:
+        raise RequestError("--json and --out - both write to stdout", "give one of them")
+    from aosplan.recorded import read_views
+    from aosplan.review import review
+
+    views = read_views(positions, on_earth=wanted.origin is not None)
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+        found = review(
+            wanted,
+            views,
+            tolerance_m=within,
+            folder=os.path.dirname(plan or ""),
+            progress=progress,
+        )
+    print_warnings(found.warnings, quiet=quiet)
+    written = []
+    if found.topup is not None:
+        written = write_outputs(found.topup.missions, chosen, force=force, quiet=quiet)
+    if as_json:
+        print_json(found.document())
+    elif not (quiet or "-" in written):
+        _show(found, written)
+
+
+def _show(found: Review, written: Sequence[str]) -> None:
+    from aosplan.cli.tables import one_line, print_pairs, print_predictions, show
+
+    print_pairs(_rows(found))
+    planned = found.plan.solution
+    columns = {"planned": (planned.pattern.samples, planned.prediction)}
+    if found.flown is not None:
+        columns["flown"] = found.counted, found.flown
+    if found.completed is not None and found.topup is not None:
+        columns["after the top-up"] = found.counted + len(found.missing), found.completed
+    if len(columns) > 1:
+        show(one_line(""))
+        print_predictions(columns)
+    next_step = "Next: --out topup.waypoints writes a mission for the missing sites."
+    if found.topup is None:
+        next_step = "Nothing is missing: there is nothing to write."
+    elif written:
+        next_step = f"Wrote {', '.join(written)}"
+    show(one_line(""), one_line(next_step))
+
+
+def _rows(found: Review) -> Iterator[tuple[str, str]]:
+    """What was flown, in words."""
+    strays, total = len(found.strays), len(found.sites)
+    aside = f", {strays} of them at no site" if strays else ""
+    yield "Photos", f"{len(found.views)}{aside} (within {found.tolerance_m:.3g} m)"
+    if found.errors_m is not None:
+        yield "Off site", "{:.2f} m root mean square, {:.2f} m at most".format(*found.errors_m)
+    yield "Sites", f"{total - len(found.missing)} of {total} have a photo"
+    if found.topup is None:
+        return
+    named = ", ".join(map(str, found.missing[:MOST_NAMED]))
+    more = f" and {len(found.missing) - MOST_NAMED} more" if len(found.missing) > MOST_NAMED else ""
+    yield "Missing", f"waypoints {named}{more} (from 0)"
+    route = found.topup.route
+    flights = f", {len(route.flights)} flights" if len(route.flights) > 1 else ""
+    yield (
+        "Top-up",
+        f"{len(found.missing)} photos, {route.length_m:.0f} m, {route.total_time_s / 60.0:.1f} min "
+        f"with take-off and return{flights}",
+    )
+
+
+COMMAND = command(
+    "review",
+    run,
+    summary="What a flight's photos show beside what was planned, and a mission for what is missing.",
+    examples=(
+        "aosplan review photos/ plan.json --out topup.waypoints\n"
+        "aosplan review flown.csv request.toml --tolerance 1 --json"
+    ),
+    parameters=[
+        file_argument(
+            "positions", "Folder of photos, CSV, .geojson, .waypoints or .plan with positions."
+        ),
+        file_argument(
+            "plan",
+            "The plan: what `aosplan plan --json` printed, or its request; flags override it.",
+            required=False,
+        ),
+        text_option(
+            "--tolerance",
+            "M",
+            "Farthest that a photo may be from its site.  [half the smaller pitch]",
+        ),
+        *request_options(lambda option: option.name not in ("resume_at", "sensitivity")),
+        defaults_option(),
+        *output_options(),
+    ],
+)

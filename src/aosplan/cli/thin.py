@@ -1,0 +1,103 @@
+"""``aosplan thin``."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from aosplan.cli.options import (
+    command,
+    defaults_option,
+    file_argument,
+    flag_option,
+    json_option,
+    request_options,
+    text_option,
+)
+from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.errors import RequestError
+from aosplan.options import SHOWING
+
+
+def run(
+    *,
+    positions: str,
+    request: str | None,
+    samples: str | None,
+    out: str | None,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    defaults: str | None,
+    **flags: Any,
+) -> None:
+    """Choose the views that share the fewest occluders."""
+    from aosplan.defaults import request_of
+    from aosplan.files import check_output, write_all
+    from aosplan.quantities import whole
+
+    if samples is None:
+        raise RequestError("--samples N is needed", "say how many of the views are to be kept")
+    count = whole(samples, "--samples")
+    wanted = request_of(request, flags, defaults=defaults)
+    if out is not None:
+        check_output(out, force=force)
+        if out == "-" and as_json:
+            raise RequestError("--json and --out - both write to stdout", "give one of them")
+    from aosplan.recorded import read_views
+    from aosplan.thinning import thinned
+
+    views = read_views(positions, on_earth=wanted.origin is not None)
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+        found = thinned(
+            wanted, views, count, folder=os.path.dirname(request or ""), progress=progress
+        )
+    print_warnings(found.warnings, quiet=quiet)
+    if out is not None:
+        write_all({out: found.render()}, force=force)
+    if as_json:
+        print_json(found.document())
+    elif not quiet and out != "-":
+        from aosplan.cli.tables import one_line, print_predictions, show
+
+        print_predictions(
+            {
+                f"all {len(views)}": (len(views), found.every),
+                f"best {count}": (count, found.kept),
+                f"{count} apart": (count, found.bound),
+            }
+        )
+        show(one_line(""), one_line(f"Wrote {out}" if out else "Next: --out kept.csv"))
+
+
+COMMAND = command(
+    "thin",
+    run,
+    summary="The best N of many recorded views: those that share the fewest occluders.",
+    examples=(
+        "aosplan thin views.csv plan.json --samples 50 --out kept.csv\n"
+        "aosplan thin photos/ --samples 25 --altitude 35 --scene stand.laz --json"
+    ),
+    parameters=[
+        file_argument(
+            "positions", "Folder of photos, CSV, .geojson, .waypoints or .plan with positions."
+        ),
+        file_argument(
+            "request",
+            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            required=False,
+        ),
+        text_option("--samples", "N", "How many views to keep."),
+        *request_options(lambda option: option.name in SHOWING),
+        defaults_option(),
+        text_option(
+            "--out",
+            "PATH",
+            "Write the kept views, in order, as CSV; of photos the names.",
+            "Output",
+        ),
+        flag_option("--force", "Overwrite an existing file."),
+        flag_option("--quiet", "No table, no hints."),
+        json_option(),
+    ],
+)

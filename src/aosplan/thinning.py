@@ -1,0 +1,158 @@
+"""Thinning a recording: the best of its views under a scene, beside all of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan import __version__
+from aosplan.errors import RequestError
+from aosplan.options import SHOWING
+from aosplan.planning import plan
+from aosplan.recorded import Views, in_axes, predicted
+from aosplan.request import PlanRequest
+from aosplan.summary import SCHEMA, prediction_document
+from aosplan.thin import MOST_VIEWS, thin
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from aosplan.models import Prediction
+    from aosplan.planning import Plan
+    from aosplan.resolve import Message
+
+ADDED = "original_index"
+"""Column with the place of a view among those that it was chosen from."""
+
+
+class Thinning(NamedTuple):
+    """The chosen views, by their places among all, rising, and what they and all of them show.
+
+    The plan holds scene and model; what it plans is no matter.
+    """
+
+    plan: Plan
+    views: Views
+    east_m: list[float]
+    north_m: list[float]
+    origin: tuple[float, float] | None
+    chosen: list[int]
+    every: Prediction
+    kept: Prediction
+    warnings: tuple[Message, ...]
+
+    @property
+    def bound(self) -> Prediction:
+        """What as many views would show that share no occluder: K = 1/N."""
+        return self.kept._replace(shortfall=1.0 / len(self.chosen))
+
+    def document(self) -> dict[str, Any]:
+        """The choice as plain values: what ``thin --json`` prints."""
+        request = self.plan.request.document()
+        return {
+            "schema": SCHEMA,
+            "version": __version__,
+            "request": {name: value for name, value in request.items() if name in SHOWING},
+            "model": self.plan.model,
+            "origin": None if self.origin is None else list(self.origin),
+            "positions": len(self.views),
+            "samples": len(self.chosen),
+            "all": prediction_document(self.every),
+            "kept": prediction_document(self.kept),
+            "bound": prediction_document(self.bound),
+            "views": [
+                {
+                    "index": index,
+                    "name": self.views.name(index),
+                    "east_m": self.east_m[index],
+                    "north_m": self.north_m[index],
+                    "latitude": None if self.views.places is None else self.views.places[index][0],
+                    "longitude": None if self.views.places is None else self.views.places[index][1],
+                }
+                for index in self.chosen
+            ],
+            "warnings": [warning._asdict() for warning in self.warnings],
+        }
+
+    def render(self) -> bytes:
+        """The chosen views as they were given, and their places among all of them as `ADDED`.
+
+        A CSV; of a folder the names of its photos, one a line.  A file that has the column already
+        keeps it: the places are those in the recording that it was chosen from.
+        """
+        rows = [self.views.rows[index] for index in self.chosen]
+        if self.views.is_folder:
+            return "".join(f"{name}\n" for (name,) in rows).encode("utf-8", "surrogateescape")
+        again = ADDED in self.views.header
+        text = io.StringIO()
+        out = csv.writer(text, lineterminator="\n")
+        out.writerow(self.views.header if again else [ADDED, *self.views.header])
+        for index, row in zip(self.chosen, rows, strict=True):
+            out.writerow(row if again else [index, *row])
+        return text.getvalue().encode()
+
+
+def thinned(
+    wanted: PlanRequest,
+    views: Views,
+    samples: int,
+    *,
+    folder: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Thinning:
+    """Choose the views that share the fewest occluders.
+
+    Parameters
+    ----------
+    wanted
+        Scene, altitude, camera and model; where views are given on earth, their origin, or the
+        middle of them.
+    views
+        The recording.
+    samples
+        How many to choose.
+    folder, progress
+        As of `aosplan.planning.plan`.
+
+    Raises
+    ------
+    RequestError
+        Where there are too few or too many views, or nothing hides anything.
+    """
+    if not isinstance(wanted.heading, float):
+        raise RequestError(
+            f"--heading {wanted.heading}: the views are where they are",
+            "give the direction of their lines, --heading DEG",
+        )
+    if len(views) > MOST_VIEWS:
+        raise RequestError(
+            f"{len(views)} positions are more than the {MOST_VIEWS} that can be chosen from",
+            "leave out every other one, or split the recording",
+        )
+    origin = wanted.origin
+    if views.places is not None and origin is None:
+        origin = views.middle(wanted.heading)
+    kept = {name: getattr(wanted, name) for name in SHOWING}
+    # A plan of one photo is only evaluated: it brings the scene, the model and their checks.
+    scene = plan(
+        PlanRequest(**kept, samples=1, baseline=1.0),
+        folder=folder,
+        progress=progress,
+    )
+    if scene.problem is None:
+        raise RequestError("nothing stands above the focal plane: one photo shows everything")
+    east, north = views.local_m(origin)
+    points = in_axes(scene, east, north)
+    chosen = thin(points, samples, scene.problem.model.correlation)
+    return Thinning(
+        scene,
+        views,
+        east,
+        north,
+        origin,
+        chosen.tolist(),
+        predicted(scene, points),
+        predicted(scene, points[chosen]),
+        (*scene.notices, *views.messages()),
+    )
