@@ -156,6 +156,7 @@ class ThinningDocument(OpenDocument):
     origin: Pair | None
     positions: int
     samples: int
+    best: Literal["normalized", "visibility"]
     all: VisibilityDocument
     kept: VisibilityDocument
     bound: VisibilityDocument

@@ -193,7 +193,7 @@ def review(
     there = np.zeros(len(sites), dtype=bool)
     there[site_of[near]] = True
     missing = [sites[place] for place in np.flatnonzero(~there)]
-    warnings = [*planned.warnings, *views.messages()]
+    warnings = [*planned.notices, *views.messages()]
     if assumed:
         latitude, longitude = planned.origin or (math.nan, math.nan)
         warnings.append(

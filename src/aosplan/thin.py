@@ -6,6 +6,10 @@ those that are left; or taken one by one, always the one that shares least with 
 choices are then bettered by exchanging one view for another as long as that lowers K, and the better
 one counts: no single exchange betters it.  K is never below 1/N, that of views that share nothing.
 
+The least K is not the largest V where views hide unlike shares p of the target: those that share
+least are far apart, and look through more wood.  For V = 1 - ΣΣ_S J_ik / N² what pairs hide in common
+takes the place of c, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
+
 Only the correlations of the model enter, not the stand's own voxels: a choice that is tuned to the gaps of
 one plot shows less on the next.
 """
@@ -33,8 +37,13 @@ WORTHWHILE = 1e-12
 """An exchange lowers the sum of correlations by more than this share of it."""
 
 
-def thin(positions_m: ArrayLike, samples: int, correlation: Correlation) -> NDArray[np.intp]:
-    """Choose views that share the fewest occluders.
+def thin(
+    positions_m: ArrayLike,
+    samples: int,
+    correlation: Correlation,
+    hidden: ArrayLike | None = None,
+) -> NDArray[np.intp]:
+    """Choose views that share the fewest occluders, or that together show most.
 
     Parameters
     ----------
@@ -44,6 +53,8 @@ def thin(positions_m: ArrayLike, samples: int, correlation: Correlation) -> NDAr
         N, how many to choose, from 1 to M.
     correlation
         Correlation of two views by their offset along x and y, 1 at no offset.
+    hidden
+        Shape (M,): share p that each view hides, for the largest V; None for the largest V̂.
 
     Returns
     -------
@@ -56,7 +67,17 @@ def thin(positions_m: ArrayLike, samples: int, correlation: Correlation) -> NDAr
         Where there are fewer views than wanted, or more than `MOST_VIEWS`.
     """
     points = np.asarray(positions_m, dtype=np.float64)
-    count = len(points)
+    check_count(len(points), samples)
+    shared = correlations(points, correlation)
+    if hidden is not None:
+        shared = jointly(shared, np.asarray(hidden, dtype=np.float64))
+    first = int(np.lexsort((points[:, 1], points[:, 0]))[0])
+    starts = fewest_shared(shared, samples), least_shared(shared, samples, first)
+    return min((exchanged(shared, start) for start in starts), key=lambda s: shortfall(shared, s))
+
+
+def check_count(count: int, samples: int) -> None:
+    """Refuse to choose from fewer views than are wanted, or from more than `MOST_VIEWS`."""
     if count < samples:
         raise RequestError(
             f"{count} positions are fewer than --samples {samples}", "ask for fewer samples"
@@ -66,27 +87,29 @@ def thin(positions_m: ArrayLike, samples: int, correlation: Correlation) -> NDAr
             f"{count} positions are more than the {MOST_VIEWS} that can be chosen from",
             "leave out every other one, or split the recording",
         )
-    shared = correlations(points, correlation)
-    first = int(np.lexsort((points[:, 1], points[:, 0]))[0])
-    starts = fewest_shared(shared, samples), least_shared(shared, samples, first)
-    return min((exchanged(shared, start) for start in starts), key=lambda s: shortfall(shared, s))
 
 
 def correlations(points: NDArray[np.float64], correlation: Correlation) -> NDArray[np.float64]:
     """Correlations of all pairs of views, shape (M, M)."""
     shared = np.empty((len(points), len(points)))
     for row, point in enumerate(points):
-        apart = points - point
-        shared[row] = correlation(apart[:, 0], apart[:, 1])
-    # A view's own correlation is 1 whatever the model's table says of no offset.
+        apart = points[:row] - point
+        shared[row, :row] = shared[:row, row] = correlation(apart[:, 0], apart[:, 1])
     np.fill_diagonal(shared, 1.0)
     return shared
+
+
+def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray[np.float64]:
+    """J, what pairs of views hide of the same, from their correlations and what each hides."""
+    spread = np.sqrt(hidden * (1.0 - hidden))
+    joint: NDArray[np.float64] = np.outer(hidden, hidden) + shared * np.outer(spread, spread)
+    return joint
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
     """Drop the view that shares most with those left, until so many are left; which they are."""
     chosen = np.ones(len(shared), dtype=bool)
-    sums = shared.sum(axis=1)
+    sums = shared.sum(axis=1) - 0.5 * shared.diagonal()  # a view and itself are one pair
     for _ in range(len(shared) - samples):
         worst = int(np.argmax(np.where(chosen, sums, -np.inf)))
         chosen[worst] = False
@@ -97,7 +120,7 @@ def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_
 def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArray[np.bool_]:
     """Take the view that shares least with those taken, from a first one on; which they are."""
     chosen = np.zeros(len(shared), dtype=bool)
-    sums = np.zeros(len(shared))
+    sums = 0.5 * shared.diagonal()
     view = first
     for _ in range(samples):
         chosen[view] = True

@@ -12,15 +12,21 @@ from aosplan.options import SHOWING
 from aosplan.planning import plan
 from aosplan.recorded import Views, in_axes, predicted
 from aosplan.request import PlanRequest
+from aosplan.resolve import Message
 from aosplan.summary import SCHEMA, prediction_document
-from aosplan.thin import MOST_VIEWS, thin
+from aosplan.thin import check_count, thin
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from aosplan.models import Prediction
     from aosplan.planning import Plan
-    from aosplan.resolve import Message
+
+QUANTITIES = ("normalized", "visibility")
+"""What a choice may maximise: V̂ or V."""
+
+MORE_HIDDEN = 0.02
+"""Density that a choice for V̂ may add without a warning."""
 
 ADDED = "original_index"
 """Column with the place of a view among those that it was chosen from."""
@@ -38,6 +44,7 @@ class Thinning(NamedTuple):
     north_m: list[float]
     origin: tuple[float, float] | None
     chosen: list[int]
+    best: str
     every: Prediction
     kept: Prediction
     warnings: tuple[Message, ...]
@@ -58,6 +65,7 @@ class Thinning(NamedTuple):
             "origin": None if self.origin is None else list(self.origin),
             "positions": len(self.views),
             "samples": len(self.chosen),
+            "best": self.best,
             "all": prediction_document(self.every),
             "kept": prediction_document(self.kept),
             "bound": prediction_document(self.bound),
@@ -98,6 +106,7 @@ def thinned(
     views: Views,
     samples: int,
     *,
+    best: str = "normalized",
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
 ) -> Thinning:
@@ -112,6 +121,8 @@ def thinned(
         The recording.
     samples
         How many to choose.
+    best
+        What they shall have most of, one of `QUANTITIES`.
     folder, progress
         As of `aosplan.planning.plan`.
 
@@ -125,11 +136,7 @@ def thinned(
             f"--heading {wanted.heading}: the views are where they are",
             "give the direction of their lines, --heading DEG",
         )
-    if len(views) > MOST_VIEWS:
-        raise RequestError(
-            f"{len(views)} positions are more than the {MOST_VIEWS} that can be chosen from",
-            "leave out every other one, or split the recording",
-        )
+    check_count(len(views), samples)
     origin = wanted.origin
     if views.places is not None and origin is None:
         origin = views.middle(wanted.heading)
@@ -144,7 +151,19 @@ def thinned(
         raise RequestError("nothing stands above the focal plane: one photo shows everything")
     east, north = views.local_m(origin)
     points = in_axes(scene, east, north)
-    chosen = thin(points, samples, scene.problem.model.correlation)
+    model = scene.problem.model
+    hidden = model.hidden_at(points) if best == "visibility" else None
+    chosen = thin(points, samples, model.correlation, hidden)
+    every, few = predicted(scene, points), predicted(scene, points[chosen])
+    warnings = [*scene.notices, *views.messages()]
+    if hidden is None and few.density > every.density + MORE_HIDDEN:
+        warnings.append(
+            Message(
+                "more_hidden",
+                f"views that share little are far apart and hide more: V = {few.expected:.3g} of the "
+                f"chosen, {every.expected:.3g} of all; --best visibility chooses for V",
+            )
+        )
     return Thinning(
         scene,
         views,
@@ -152,7 +171,8 @@ def thinned(
         north,
         origin,
         chosen.tolist(),
-        predicted(scene, points),
-        predicted(scene, points[chosen]),
-        (*scene.notices, *views.messages()),
+        best,
+        every,
+        few,
+        tuple(warnings),
     )

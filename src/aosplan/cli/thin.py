@@ -24,6 +24,7 @@ def run(
     positions: str,
     request: str | None,
     samples: str | None,
+    best: str | None,
     out: str | None,
     force: bool,
     quiet: bool,
@@ -34,7 +35,7 @@ def run(
     """Choose the views that share the fewest occluders."""
     from aosplan.defaults import request_of
     from aosplan.files import check_output, write_all
-    from aosplan.quantities import whole
+    from aosplan.quantities import one_of, whole
 
     if samples is None:
         raise RequestError("--samples N is needed", "say how many of the views are to be kept")
@@ -45,12 +46,19 @@ def run(
         if out == "-" and as_json:
             raise RequestError("--json and --out - both write to stdout", "give one of them")
     from aosplan.recorded import read_views
-    from aosplan.thinning import thinned
+    from aosplan.thinning import QUANTITIES, thinned
+
+    quantity = one_of(QUANTITIES)(best or QUANTITIES[0], "--best")
 
     views = read_views(positions, on_earth=wanted.origin is not None)
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         found = thinned(
-            wanted, views, count, folder=os.path.dirname(request or ""), progress=progress
+            wanted,
+            views,
+            count,
+            best=quantity,
+            folder=os.path.dirname(request or ""),
+            progress=progress,
         )
     print_warnings(found.warnings, quiet=quiet)
     if out is not None:
@@ -88,6 +96,11 @@ COMMAND = command(
             required=False,
         ),
         text_option("--samples", "N", "How many views to keep."),
+        text_option(
+            "--best",
+            "WHAT",
+            "What they shall have most of: normalized (V̂) or visibility (V).  [normalized]",
+        ),
         *request_options(lambda option: option.name in SHOWING),
         defaults_option(),
         text_option(

@@ -128,6 +128,9 @@ class VisibilityModel(Protocol):
         its right.
         """
 
+    def hidden_at(self, positions_m: ArrayLike) -> Floats:
+        """Share of the target that a sample at each of these positions does not see, shape (N,)."""
+
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
         """Correlation of what two samples see by their offset along the same axes, elementwise."""
 

@@ -330,13 +330,17 @@ class CorrelogramModel:
             Shape (N, 2), N from 1: east and north of the middle.
         """
         points = np.asarray(positions_m, dtype=np.float64)
-        hidden = self._expected(self.correlogram.density_at, points, 0.0, 0.0)
         alike = 0.0
         for place in range(1, len(points)):
             alike += float(self.correlation(*(points[:place] - points[place]).T).sum())
-        density = float(hidden.mean())
+        density = float(self.hidden_at(points).mean())
         shortfall = (len(points) + 2.0 * alike) / len(points) ** 2
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
+
+    def hidden_at(self, positions_m: ArrayLike) -> Floats:
+        """p of views at known positions, shape (N,), east and north of the middle."""
+        points = np.asarray(positions_m, dtype=np.float64)
+        return self._expected(self.correlogram.density_at, points, 0.0, 0.0)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
         """ρ of two views by their offset to the east and to the north."""

@@ -246,6 +246,12 @@ class LayeredModel:
             return self._predict_oblique_at(points)
         return Prediction(self.density, self.transparency, self.positions_shortfall(points))
 
+    def hidden_at(self, positions_m: ArrayLike) -> Floats:
+        """p of samples at known positions, shape (N,); rays off nadir pass more."""
+        from aosplan.models.rays import hidden_shares
+
+        return hidden_shares(positions_m, self.altitude_m, self.rays, self._log_transparency)
+
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
         """Cov/(p T) of two nadir samples by their offset along either axis."""
         return self._pair_covariance(np.abs(x_m), np.abs(y_m))

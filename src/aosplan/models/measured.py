@@ -217,6 +217,16 @@ class MeasuredModel:
         """
         return self._predict(self._views(positions_m))
 
+    def hidden_at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
+        """p of views at known positions as the stand's correlogram has it, shape (N,).
+
+        In perspective a plot lies below all its views, and they hide about as much from everywhere.
+        """
+        points = np.asarray(positions_m, dtype=np.float64)
+        if self.view == "perspective":
+            return np.full(len(points), self.density)
+        return self._correlogram.hidden_at(points)
+
     def correlation(
         self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ from aosplan.models import Prediction
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
     from aosplan.pattern import Pattern
 
@@ -51,6 +51,18 @@ def ray_lengths(x_m: Any, y_m: Any, altitude_m: float, kind: str) -> Any:
         return 1.0 + tan_x + tan_y
     slope = np.hypot(tan_x, tan_y)
     return np.sqrt(1.0 + slope * slope) if kind == "oblique" else np.ones_like(slope)
+
+
+def hidden_shares(
+    positions_m: ArrayLike, altitude_m: float, kind: str, log_transparency: float
+) -> Floats:
+    """Share that each sample does not see, shape (N,), of positions from the middle, shape (N, 2).
+
+    Parameters as in `bundle`.
+    """
+    x, y = np.asarray(positions_m, dtype=np.float64).T
+    hidden: Floats = -np.expm1(ray_lengths(x, y, altitude_m, kind) * log_transparency)
+    return hidden
 
 
 class Bundle(NamedTuple):

@@ -89,6 +89,13 @@ class UniformModel(NamedTuple):
         shortfall = positions_shortfall(positions_m, self.unit_baseline_m)
         return Prediction(self.density, self.transparency, shortfall)
 
+    def hidden_at(self, positions_m: ArrayLike) -> Floats:
+        """p of samples at known positions, shape (N,); rays off nadir pass more."""
+        from aosplan.models.rays import hidden_shares
+
+        log_t = math.log(self.transparency)
+        return hidden_shares(positions_m, self.altitude_m, self.rays, log_t)
+
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
         """Overlap of the occluders of two nadir samples: a triangle along either axis."""
         import numpy as np
