@@ -113,7 +113,7 @@ class Plan:
     @property
     def origin(self) -> tuple[float, float] | None:
         """Latitude and longitude from which east and north count, or None without a place."""
-        return self.request.origin
+        return self.layout.origin
 
     @property
     def extent_m(self) -> tuple[float, float]:

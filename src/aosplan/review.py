@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan import __version__
+from aosplan.layout import over_area, ways_in_zones
 from aosplan.planning import plan
 from aosplan.recorded import Views, in_axes, predicted, turned
 from aosplan.resolve import Message
@@ -173,7 +174,7 @@ def review(
     """
     # All of the plan is held against the flight, whatever part of it the last battery flew.
     wanted = replace(wanted, resume_at=None, sensitivity=False)
-    assumed = views.places is not None and not _is_placed(wanted)
+    assumed = views.places is not None and not wanted.has_place
     if assumed:
         heading = wanted.heading if isinstance(wanted.heading, float) else 0.0
         wanted = replace(wanted, origin=views.middle(heading))
@@ -213,6 +214,9 @@ def review(
     else:
         flown, completed = _predictions(planned, counted, sites_m[~there])
         warnings += _of_blind(len(points_m) - len(counted))
+    topup = _topup(planned, missing, folder) if missing else None
+    if topup is not None:
+        warnings += topup.notices
     return Review(
         planned,
         views,
@@ -226,13 +230,9 @@ def review(
         flown,
         completed,
         len(counted),
-        _topup(planned, missing, folder) if missing else None,
+        topup,
         tuple(warnings),
     )
-
-
-def _is_placed(request: PlanRequest) -> bool:
-    return request.origin is not None
 
 
 def _nearest(
@@ -262,7 +262,7 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
     """Why no single prediction says what so many sites and photos show; None where one does."""
-    if sites != planned.solution.pattern.samples:
+    if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
         text = "the sites are no single aperture: what is missing is told, and no visibility"
         return Message("no_single_aperture", text)
     if photos > MOST_VIEWS:
@@ -284,28 +284,30 @@ def _predictions(
 
 def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
     """The plan with the way to just the missing sites, in their order and from its take-off."""
-    ways, route = planned.waypoints, planned.route
+    ways = planned.waypoints
     request = replace(planned.request, heading=planned.heading_deg)
-    if route.takeoff is not None:
-        request = replace(request, takeoff=route.takeoff)
-    sites = Sites(
-        [ways.east_m[index] for index in missing],
-        [ways.north_m[index] for index in missing],
-        [True] * len(missing),
+    if planned.route.takeoff is not None:
+        request = replace(request, takeoff=planned.route.takeoff)
+    points = np.array([(ways.east_m[index], ways.north_m[index]) for index in missing])
+    taken = [True] * len(missing)
+    _, area = over_area(request, folder)
+    if request.no_fly is not None and area is not None:
+        from aosplan.detour import Zones
+        from aosplan.survey import routed
+
+        points, taken = routed(points, Zones(area.keep_out))
+    route = lay(
+        request,
+        Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken),
+        origin=planned.origin,
+        altitude_m=planned.altitude_m + request.focal_height,
+        gsd_m=planned.camera.gsd_m(planned.altitude_m),
+        baseline_m=planned.solution.baseline_m,
+        canopy_top_m=planned.scene.canopy_top_m,
+        folder=folder,
     )
-    return replace(
-        planned,
-        route=lay(
-            request,
-            sites,
-            origin=planned.origin,
-            altitude_m=planned.altitude_m + request.focal_height,
-            gsd_m=planned.camera.gsd_m(planned.altitude_m),
-            baseline_m=planned.solution.baseline_m,
-            canopy_top_m=planned.scene.canopy_top_m,
-            folder=folder,
-        ),
-    )
+    warnings = tuple(ways_in_zones(request, area, route))
+    return replace(planned, route=route, notices=warnings)
 
 
 def _of_distances(

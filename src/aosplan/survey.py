@@ -167,7 +167,7 @@ def survey_of(
     sites, in_zone, enclosed = _allowed(wanted.numbers(), at_sites, zones)
     points = at_sites.middles(sites)
     tour = tour_of(sites, lattice.stride, points, timing, zones)
-    way, photo = _routed(points[tour.order], zones)
+    way, photo = routed(points[tour.order], zones)
     east, north = turn.back(way)
 
     share, fewest = _covered(
@@ -291,7 +291,7 @@ def _allowed(wanted: Whole, at_sites: Lattice, zones: Zones) -> tuple[Whole, int
     return kept, len(wanted) - len(sites), len(sites) - len(kept)
 
 
-def _routed(points: Points, zones: Zones) -> tuple[Points, list[bool]]:
+def routed(points: Points, zones: Zones) -> tuple[Points, list[bool]]:
     """The way through points around zones, and which of its points take photos."""
     if not zones:
         return points, [True] * len(points)

@@ -57,7 +57,7 @@ def run(
     from aosplan.recorded import read_views
     from aosplan.review import review
 
-    views = read_views(positions, on_earth=wanted.origin is not None)
+    views = read_views(positions, on_earth=wanted.has_place)
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         found = review(
             wanted,
