@@ -2,6 +2,7 @@
 flown."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -337,6 +338,25 @@ def test_an_empty_folder_is_an_error(tmp_path, command, name_of_command):
     status, _, err = command(name_of_command, "photos", "--altitude=40", *extra)
     assert status == 2
     assert "0 photos looked at" in err
+
+
+def test_names_that_are_no_unicode_are_printed(tmp_path, command):
+    photo = pytest.importorskip("test_photos").photo
+    (tmp_path / "photos").mkdir()
+    photo(tmp_path / "photos" / "far\nout.jpg", 48.001, 14.0)
+    for name in (b"far\xff.jpg", b"none\xff.jpg"):
+        source = tmp_path / "one.jpg"
+        photo(source, *((48.0, 14.001) if name[0] == ord("f") else ()))
+        try:
+            source.rename(tmp_path / "photos" / os.fsdecode(name))
+        except OSError:
+            pytest.skip("this file system has Unicode alone")
+    status, out, err = command("review", "photos", "--altitude=40", "--origin=48,14", "--json")
+    assert status == 0
+    assert [stray["name"] for stray in json.loads(out)["strays"]] == ["far?out.jpg", "far?.jpg"]
+    assert "none?.jpg" in err
+    status, out, _ = command("thin", "photos", "--altitude=40", "--samples=1", "--json")
+    assert (status, len(json.loads(out)["views"])) == (0, 1)
 
 
 def test_a_format_that_needs_a_place_writes_nothing_without_one(tmp_path, command):

@@ -44,8 +44,8 @@ class Views(NamedTuple):
         return len(self.rows)
 
     def name(self, index: int) -> str | None:
-        """Name of a photo, where it has one."""
-        return self.rows[index][0] if self.is_folder else None
+        """Name of a photo, where it has one; what is no Unicode in it as a question mark."""
+        return _readable(self.rows[index][0]) if self.is_folder else None
 
     def middle(self, heading_deg: float) -> tuple[float, float]:
         """Place in the middle of the rectangle along a heading that holds all places."""
@@ -72,7 +72,8 @@ class Views(NamedTuple):
     def messages(self) -> Iterator[Message]:
         """Yield what is missing of the views."""
         if self.unplaced:
-            named = ", ".join(self.unplaced[:5]) + (" ..." if len(self.unplaced) > 5 else "")
+            named = ", ".join(map(_readable, self.unplaced[:5]))
+            named += " ..." if len(self.unplaced) > 5 else ""
             count = len(self.unplaced)
             yield Message(
                 "photos_without_position",
@@ -124,6 +125,10 @@ def read_views(path: str, *, on_earth: bool) -> Views:
     positions = positions_of(table)
     _check_some(path, positions)
     return Views(path, table.header, rows, None, positions, altitudes)
+
+
+def _readable(name: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in name)
 
 
 def _views(

@@ -14,7 +14,7 @@ from aosplan.cli.options import (
     request_options,
     text_option,
 )
-from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.cli.output import print_json, print_warnings, waiting_bar
 from aosplan.errors import RequestError
 from aosplan.options import SHOWING
 
@@ -51,7 +51,7 @@ def run(
     quantity = one_of(QUANTITIES)(best or QUANTITIES[0], "--best")
 
     views = read_views(positions, on_earth=wanted.origin is not None)
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+    with waiting_bar("choosing views", quiet=quiet) as progress:
         found = thinned(
             wanted,
             views,
