@@ -26,7 +26,7 @@ COMMANDS = {
     "scene": "Occluder statistics of a point cloud or scene file.",
     "sweep": "Solve many scenarios and write a row for each.",
     "export": "Write files from a saved plan.",
-    "review": "What a flight's photos show, and a mission for those it missed.",
+    "review": "What a flight shows, and a mission for what it missed.",
     "thin": "The best N of many recorded views.",
     "integrate": "Average recorded images on a focal plane.",
     "cameras": "List the built-in cameras.",
