@@ -308,7 +308,7 @@ def test_nothing_hidden_is_seen_by_any_photo(tmp_path):
         ("f.csv", b"x,y\n1\n", "line 2: 1 values are too few"),
         ("f.csv", b"x,y\n", "holds no positions"),
         ("f.csv", b"", "has no columns"),
-        ("f.csv", b"a,b\n1,2\n", "has no columns"),
+        ("f.csv", b"a,b\n1,2\n", "has no columns latitude and longitude, or"),
         ("f.csv", b"lat,lon\n95,0\n", "is no latitude"),
         ("f.jpg", b"\xff\xd8\xff\xe1", "is not UTF-8 text"),
         ("f.plan", b"{}", "has no mission"),

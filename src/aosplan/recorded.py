@@ -115,6 +115,7 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         rows = [["" if value is None else repr(value) for value in place] for place in places]
         return _views(path, [NAMES[0][0], NAMES[0][1], ALTITUDES[0]], rows, places)
     table = read_csv(path)
+    table.columns((*NAMES, *IN_METRES))  # one or the other; if neither is there, both are named
     rows = [row for _, row in table.rows]
     if table.pair(NAMES) and (on_earth or not table.pair(IN_METRES)):
         return _views(path, table.header, rows, places_of(table))
