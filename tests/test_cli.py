@@ -792,6 +792,7 @@ plan --altitude 40 --grid circle
 plan --altitude 40 --lanes 3
 plan --altitude 40 --grid spiral --lanes 3
 plan --altitude 40 --grid spiral --lane-pitch 1.5
+plan --altitude 40 --grid spiral --trigger distance
 plan --altitude 40 --heading worst
 tradeoff --altitude 40 --out table.txt
 tradeoff --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9
