@@ -87,6 +87,7 @@ def test_options_that_are_left_open_are_all_compared():
     assert {kind.lanes for kind in kinds("lanes", "best", 2.0)} == {2, 3, 4, 5}
     assert all(kind.lane_pitch >= 2.0 for kind in kinds("spiral", None, "best"))
     assert kinds("trimmed") == (GridKind(),)
+    assert [kind.name for kind in kinds("best", spirals=False)] == ["trimmed", "lanes", "line"]
 
 
 # --- Headings ------------------------------------------------------------------------------

@@ -792,6 +792,7 @@ plan --altitude 40 --grid circle
 plan --altitude 40 --lanes 3
 plan --altitude 40 --grid spiral --lanes 3
 plan --altitude 40 --grid spiral --lane-pitch 1.5
+plan --altitude 40 --grid spiral --trigger distance
 plan --altitude 40 --heading worst
 tradeoff --altitude 40 --out table.txt
 tradeoff --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9
@@ -877,6 +878,7 @@ visibility --slice-density 0.1 --samples 50 --dhat 1
 visibility --density 0.5 --height-ratio 9 --samples 50 --dhat 1
 visibility --density 0.5 --positions missing.csv --spacing 1
 visibility --density 0.5 --positions missing.csv
+visibility --density 0.5 --samples 9 --dhat 1 --heading 30
 visibility --density 0.5 --samples 50 --dhat 1 --spacing 1
 scene
 scene nope
@@ -1288,6 +1290,17 @@ def test_the_calculator_takes_the_waypoints_of_a_plan(folder, document, command)
     assert result["visibility"]["normalized"] == pytest.approx(
         planned["visibility"]["normalized"], abs=1e-5
     )
+
+
+@pytest.mark.parametrize(("heading", "ending"), [(30, "csv"), (-75.5, "geojson"), (360, "plan")])
+def test_the_calculator_turns_the_waypoints_of_a_heading(folder, document, heading, ending):
+    where = ["--origin", "48.3358,14.3261", f"--heading={heading}", "--out", f"a.{ending}"]
+    planned = document("plan", "--altitude", "40", "--baseline", "1.9", *where)
+    spacing = planned["baseline_m"] / planned["disparity"]["normalized"]
+    line = ["visibility", "--positions", f"a.{ending}", "--spacing", spacing, "--density", "0.5"]
+    wanted = pytest.approx(planned["visibility"]["normalized"], abs=1e-5)
+    assert document(*line, f"--heading={heading}")["visibility"]["normalized"] == wanted
+    assert (document(*line)["visibility"]["normalized"] == wanted) == (heading == 360)
 
 
 def test_the_calculator_shows_no_number_where_nothing_is_hidden(command):

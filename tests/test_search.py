@@ -106,6 +106,19 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
     assert found.baseline_m == 3.5
 
 
+@pytest.mark.parametrize("density", [0.9, 0.98, 0.998])
+def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
+    """Not half a per cent of the ground, which a single photo may be within."""
+    model = UniformModel(density, 1.0 - density, 3.5)
+    found = solve(Problem(model, vhat("0.98"), objective="visibility"))
+    # V = (1 - p)(1 + p V̂), and V̂ = 1 - 1/N at most.
+    best = (1.0 - density) * (1.0 + density * (1.0 - 1.0 / 400.0))
+    assert found.prediction.expected >= 0.99 * best * (1.0 - 1e-12)
+    alone = Problem(model, vhat("0.98"), bounds=Bounds(samples=found.pattern.samples - 1))
+    fewer = solve(alone._replace(objective="visibility"))
+    assert fewer.prediction.expected < 0.99 * best
+
+
 def test_contrast_grows_with_independent_samples_up_to_their_bound():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=64), objective="contrast"))
     # Contrast goes with √N: 63 are within 1 % of 64, and 62 are not.

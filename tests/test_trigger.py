@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.pattern import GRIDS
+from aosplan.errors import RequestError
+from aosplan.pattern import LATTICES
 from aosplan.planning import plan
-from aosplan.request import PlanRequest
+from aosplan.request import PlanRequest, request_from
 from aosplan.trigger import Sites, with_turns
 
 
@@ -72,7 +73,7 @@ def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
 
 
 @pytest.mark.parametrize("heading", [0.0, 57.0, 300.0])
-@pytest.mark.parametrize("grid", GRIDS)
+@pytest.mark.parametrize("grid", LATTICES)
 def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
     stopping = plan(PlanRequest(altitude=40, grid=grid, heading=heading))
     result = passing(grid=grid, heading=heading)
@@ -136,6 +137,22 @@ def test_points_without_a_photo_stay_between_the_lines():
     assert found.east_m == pytest.approx([-1, 0, 2, 3, 5, 3, 2, 0, -1])
     assert found.north_m == pytest.approx([0, 0, 0, 0, 3, 6, 6, 6, 6])
     assert [place for place, photo in enumerate(found.photo) if photo] == [1, 2, 6, 7]
+
+
+def test_a_spiral_has_no_lines_to_fly_through():
+    with pytest.raises(RequestError, match="no straight lines") as refused:
+        passing(grid="spiral")
+    assert "--trigger stop" in refused.value.hint
+    best = passing(grid="best")
+    assert best.solution.limits[-1].quantity == "choice"
+    assert "spiral" not in best.solution.limits[-1].message
+
+
+def test_what_is_asked_for_drops_the_spiral_or_the_trigger_below_it():
+    spiral = {"altitude": 40, "grid": "spiral", "lane_pitch": 5}
+    assert request_from(spiral, overrides={"trigger": "distance"}).grid == "trimmed"
+    passing_by = {"altitude": 40, "trigger": "distance", "max_blur": 2}
+    assert request_from(passing_by, overrides={"grid": "spiral"}).trigger == "stop"
 
 
 def test_a_grid_without_lines_is_a_warning():

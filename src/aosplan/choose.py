@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.answer import limits_of
+from aosplan.answer import BEST, limits_of
 from aosplan.errors import InfeasibleError
 from aosplan.flight import path_of
 from aosplan.pattern import NARROWEST_TURNS
@@ -84,9 +84,16 @@ class Choice(NamedTuple):
 
 
 def kinds(
-    grid: str, lanes: int | str | None = None, lane_pitch: float | str | None = None
+    grid: str,
+    lanes: int | str | None = None,
+    lane_pitch: float | str | None = None,
+    *,
+    spirals: bool = True,
 ) -> tuple[GridKind, ...]:
-    """The kinds of grid that are compared for what was asked: each option a value, or ``best``."""
+    """The kinds of grid that are compared for what was asked: each option a value, or ``best``.
+
+    Without `spirals`, the best is sought among grids of straight lines.
+    """
 
     def all_of(name: str) -> Iterator[GridKind]:
         numbers = LANES if lanes == "best" and name == "lanes" else (count,)
@@ -99,7 +106,8 @@ def kinds(
 
     count = 3 if lanes in (None, "best") else int(lanes)
     pitch = 4.0 if lane_pitch in (None, "best") else float(lane_pitch)
-    names = COMPARED if grid == "best" else (grid,)
+    compared = (name for name in COMPARED if spirals or name != "spiral")
+    names = compared if grid == "best" else (grid,)
     return tuple(kind for name in names for kind in all_of(name))
 
 
@@ -156,14 +164,12 @@ def _no_worse(problem: Problem, found: Sequence[Choice]) -> Problem:
 def _best(found: Sequence[Choice]) -> Choice:
     if len(found) == 1:
         return found[0]
-    from aosplan.search import CONTRAST_SLACK, VISIBILITY_SLACK
+    from aosplan.search import near_best
 
     measures = [choice.measure for choice in found]
     objective = found[0].problem.objective
-    if objective == "visibility":
-        near = [measure >= max(measures) - VISIBILITY_SLACK for measure in measures]
-    elif objective == "contrast":
-        near = [measure >= max(measures) * (1.0 - CONTRAST_SLACK) for measure in measures]
+    if objective in BEST:
+        near = [measure >= near_best(objective, max(measures)) for measure in measures]
     else:
         slack = APERTURE_SLACK if objective == "aperture" else 1.0 + 1e-12
         near = [measure <= min(measures) * slack for measure in measures]

@@ -98,10 +98,7 @@ def survey_for(
 
     footprint = camera.footprint_m(altitude_m)
     pattern = solution.pattern
-    if not isinstance(pattern, Pattern):
-        raise InfeasibleError(
-            "the best grid is a spiral, which cannot be repeated over an area", "--grid lanes can"
-        )
+    assert isinstance(pattern, Pattern)  # over an area no spiral is asked for, nor compared
     if request.grid == "line" and solution.baseline_m > 0.0:
         # Each line serves all the ground beside it that its images show.
         widest = footprint[1] / solution.baseline_m

@@ -297,6 +297,12 @@ class PlanRequest:
         defaults = {name: LANE_DEFAULTS[name] for name in LANE_OPTIONS.get(self.grid, ())}
         for name, default in defaults.items():
             object.__setattr__(self, name, getattr(self, name) or default)
+        if self.grid == "spiral" and self.trigger == "distance":
+            raise RequestError(
+                "--grid spiral with --trigger distance: a spiral has no straight lines to fly "
+                "through",
+                "give --grid lanes or line, or --trigger stop",
+            )
         least = NARROWEST_TURNS if self.grid == "spiral" else 1.0
         if isinstance(self.lane_pitch, float) and self.lane_pitch < least:
             raise RequestError(
@@ -419,6 +425,10 @@ def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
         dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
     if upper.get("trigger") == "stop":
         dropped |= {"max_blur", "exposure_time"}
+    elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
+        dropped |= {"grid", *LANE_DEFAULTS}
+    elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
+        dropped |= {"trigger", "max_blur", "exposure_time"}
     if "drone" in upper:
         dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
     return {name: value for name, value in lower.items() if name not in dropped}

@@ -69,10 +69,16 @@ CAUTION = 1.5
 """How much more than the largest error of a sketch is allowed for."""
 
 VISIBILITY_SLACK = 0.005
-"""How far below the best visibility the fewest samples may stay."""
+"""How far below the best visibility the fewest samples may stay, where that is 0.5 or more."""
 
-CONTRAST_SLACK = 0.01
-"""The same for contrast, relative."""
+RELATIVE_SLACK = 0.01
+"""The same for lower visibilities and for contrast, as a share of the best."""
+
+
+def near_best(objective: str, best: float) -> float:
+    """The least visibility or contrast that counts as near the best."""
+    enough = best * (1.0 - RELATIVE_SLACK)
+    return enough if objective == "contrast" else max(enough, best - VISIBILITY_SLACK)
 
 
 class Candidate(NamedTuple):
@@ -189,9 +195,7 @@ class Scan:
 
     def near(self, value: float) -> float:
         """The least value that counts as near the best."""
-        if self.problem.objective == "contrast":
-            return value * (1.0 - CONTRAST_SLACK)
-        return value - VISIBILITY_SLACK
+        return near_best(self.problem.objective, value)
 
     def hopeful_value(self, candidate: Candidate) -> float:
         """The highest value that the model might say."""

@@ -68,7 +68,8 @@ def _as_written(share: float | str) -> str:
 
 def kinds_of(request: PlanRequest) -> tuple[GridKind, ...]:
     """The kinds of grid that a request leaves open."""
-    return kinds(request.grid, request.lanes, request.lane_pitch)
+    spirals = request.trigger == "stop" and request.area is None
+    return kinds(request.grid, request.lanes, request.lane_pitch, spirals=spirals)
 
 
 def _check_density(above: Scene, density: float, request: PlanRequest) -> None:

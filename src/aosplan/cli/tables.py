@@ -414,9 +414,10 @@ def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
     band = max(top / PICTURE_ROWS, 1.0)
     filled = [0.0] * (int(top / band - 1e-9) + 1)
     for layer in layers:
-        middle = 0.5 * (layer["bottom_m"] + layer["top_m"])
-        thickness = layer["top_m"] - layer["bottom_m"]
-        filled[min(int(middle / band), len(filled) - 1)] += layer["density"] * thickness / band
+        low, high = layer["bottom_m"] / band, layer["top_m"] / band
+        for index in range(int(low), min(math.ceil(high), len(filled))):
+            within = max(min(high, index + 1) - max(low, index), 0.0)
+            filled[index] += layer["density"] * within
     densest = max(filled) or 1.0
     bar = "█" if _speaks_unicode() else "#"
     return [

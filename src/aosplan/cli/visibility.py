@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from aosplan import __version__
@@ -25,6 +26,7 @@ def run(
     dhat: str | None,
     positions: str | None,
     spacing: str | None,
+    heading: str | None,
     as_json: bool,
 ) -> None:
     """Evaluate Eq. 1 to 4 for a grid, or for any set of positions."""
@@ -39,11 +41,13 @@ def run(
                 "--positions needs --spacing M",
                 "the offset at which an occluder has moved by its own size: o h/H",
             )
-        count, shortfall = _positions(positions, q.positive(spacing, "--spacing", "m"))
+        turned = 0.0 if heading is None else q.number(heading, "--heading", "deg")
+        count, shortfall = _positions(positions, q.positive(spacing, "--spacing", "m"), turned)
         unit: float | None = None
     else:
-        if spacing is not None:
-            raise RequestError("--spacing goes with --positions")
+        for name, value in (("--spacing", spacing), ("--heading", heading)):
+            if value is not None:
+                raise RequestError(f"{name} goes with --positions")
         if dhat is None:
             raise RequestError("--dhat X is needed", "d̂ = 1 is the optimal baseline")
         unit = q.at_least_zero(dhat, "--dhat")
@@ -126,12 +130,16 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
     return count, pattern_shortfall(pattern_for("trimmed", count), dhat)
 
 
-def _positions(path: str, spacing_m: float) -> tuple[int, float]:
+def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, float]:
     from aosplan.models.sites import positions_shortfall
     from aosplan.positions import read_positions
 
     points = read_positions(path)
-    return len(points), positions_shortfall(points, spacing_m)
+    # The model's occluders are squares along the heading.
+    turn = math.radians(math.fmod(heading_deg, 360.0))
+    along, across = math.cos(turn), math.sin(turn)
+    turned = [(x * along - y * across, x * across + y * along) for x, y in points]
+    return len(points), positions_shortfall(turned if turn else points, spacing_m)
 
 
 def _options() -> list[Any]:
@@ -148,6 +156,11 @@ def _options() -> list[Any]:
             "CSV with x,y or east_m,north_m in metres, .waypoints, .plan or .geojson, instead.",
         ),
         text_option("--spacing", "M", "Offset at which an occluder has moved by its own size."),
+        text_option(
+            "--heading",
+            "DEG",
+            "Flight lines of the positions, from true north: occluders are squares along them.  [0]",
+        ),
         json_option(),
     ]
 

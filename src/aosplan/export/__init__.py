@@ -86,7 +86,7 @@ def render(mission: Mission, chosen: Format) -> bytes:
     """
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
-            f"{chosen.title} needs a place on earth", "give --origin LAT,LON, or write CSV"
+            f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
         )
     write: Callable[[Mission], bytes] = import_module(f"{__name__}.{chosen.name}").render
     return write(mission)

@@ -216,11 +216,15 @@ def simulate(
             f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
             "--samples or --max-samples plan fewer",
         )
-    if plan.request.hold_error > 0.0 or plan.request.rays not in (None, "nadir"):
+    if plan.request.hold_error > 0.0:
         raise RequestError(
-            f"--hold-error {plan.request.hold_error:g} with --rays {plan.request.rays or 'nadir'}: "
-            "a simulation flies to every site exactly, and knows how its rays run",
-            "simulate the plan without --hold-error, and with nadir rays",
+            f"--hold-error {plan.request.hold_error:g}: a simulation flies to every site exactly",
+            "simulate the plan without --hold-error",
+        )
+    if plan.request.rays not in (None, "nadir"):
+        raise RequestError(
+            f"--rays {plan.request.rays}: a simulation knows how its rays run",
+            "simulate the plan with --rays nadir",
         )
     above = plan.scene.above(plan.request.focal_height)
     settings = settings._replace(forest=_forest(plan, settings))
