@@ -60,6 +60,20 @@ def chosen_outputs(
     return chosen
 
 
+def writes_stdout(chosen: Sequence[tuple[Format, str]], *, as_json: bool) -> bool:
+    """Whether an output goes to stdout, where nothing else may then be printed.
+
+    Raises
+    ------
+    RequestError
+        Where ``--json`` would print there as well.
+    """
+    found = any(path == "-" for _, path in chosen)
+    if found and as_json:
+        raise RequestError("--json and --out - both write to stdout", "give one of them")
+    return found
+
+
 def write_outputs(
     missions: Callable[[], Iterable[Mission]],
     chosen: list[tuple[Format, str]],

@@ -18,6 +18,7 @@ from aosplan.cli.output import (
     print_warnings,
     progress_bar,
     write_outputs,
+    writes_stdout,
 )
 from aosplan.defaults import request_of
 from aosplan.errors import RequestError
@@ -38,9 +39,7 @@ def run(
     """Plan a flight, write it and show it."""
     wanted = request_of(request, flags, defaults=defaults)
     chosen = chosen_outputs(out or [], format, force=force)
-    to_stdout = any(path == "-" for _, path in chosen)
-    if to_stdout and as_json:
-        raise RequestError("--json and --out - both write to stdout", "give one of them")
+    to_stdout = writes_stdout(chosen, as_json=as_json)
     if wanted.origin is None and wanted.area is None:
         for form, path in chosen:
             if form.needs_place:

@@ -19,8 +19,8 @@ from aosplan.cli.output import (
     print_warnings,
     progress_bar,
     write_outputs,
+    writes_stdout,
 )
-from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -51,9 +51,7 @@ def run(
     wanted = request_of(plan, flags, defaults=defaults)
     within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
     chosen = chosen_outputs(out or [], format, force=force)
-    to_stdout = any(path == "-" for _, path in chosen)
-    if to_stdout and as_json:
-        raise RequestError("--json and --out - both write to stdout", "give one of them")
+    writes_stdout(chosen, as_json=as_json)
     from aosplan.recorded import read_views
     from aosplan.review import review
 

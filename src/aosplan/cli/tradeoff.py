@@ -15,6 +15,7 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.defaults import request_of
 from aosplan.errors import RequestError
 from aosplan.summary import SCHEMA
 
@@ -36,14 +37,8 @@ def run(
     """Show what each number of samples takes and gives, for every kind of grid asked for."""
     from aosplan.files import check_output, write_all
     from aosplan.planning import plan
-    from aosplan.request import request_from
 
-    values: dict[str, Any] = {}
-    if request is not None:
-        from aosplan.documents import read_request
-
-        values = read_request(request)
-    wanted = request_from(values, overrides=flags, where=request or "")
+    wanted = request_of(request, flags, defaults="none")
     if out is not None:
         if not out.lower().endswith(ENDINGS):
             raise RequestError(f"--out '{out}' does not end in {', '.join(ENDINGS)}")

@@ -7,7 +7,7 @@ grows with neither.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -27,6 +27,14 @@ TILE_TARGETS = 1 << 23
 
 BATCH_OCTETS = 1 << 26
 """Memory for the views of a tile that are made at a time."""
+
+
+class _Given(TypedDict):
+    volume: VoxelVolume
+    altitude_m: float
+    view: ViewKind
+    targets_per_voxel: int
+    focal_height_m: float
 
 
 class VoxelViews:
@@ -61,28 +69,24 @@ class VoxelViews:
         _, rows, columns = volume.occupied.shape
         whole = Window(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
         self.window = window or whole
-        self._volume = volume
-        self._altitude_m = altitude_m
-        self._view = view
-        self._per_voxel = targets_per_voxel
-        self._focal_height_m = focal_height_m
+        # What the views on any part of the targets have in common.
+        self._given: _Given = {
+            "volume": volume,
+            "altitude_m": altitude_m,
+            "view": view,
+            "targets_per_voxel": targets_per_voxel,
+            "focal_height_m": focal_height_m,
+        }
 
     def within(self, window: Window) -> VoxelViews:
         """The same views on a part of the targets."""
-        return VoxelViews(
-            self._volume,
-            self._altitude_m,
-            view=self._view,
-            targets_per_voxel=self._per_voxel,
-            focal_height_m=self._focal_height_m,
-            window=window,
-        )
+        return VoxelViews(**self._given, window=window)
 
     def counts(self, positions_m: ArrayLike) -> Counts:
         """How often the targets are hidden from cameras, shape (N, 2), east and north."""
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):
-            occlusion = self._occlusion(tile)
+            occlusion = Occlusion(**self._given, window=tile)
             tally = Tally(occlusion.words)
             for masks in _batches(occlusion, positions_m):
                 for mask in masks:
@@ -101,23 +105,13 @@ class VoxelViews:
         window = self.window
         blocked = np.zeros((window.rows, window.columns), dtype=np.int32)
         for tile in tiles(window, TILE_TARGETS):
-            occlusion = self._occlusion(tile)
+            occlusion = Occlusion(**self._given, window=tile)
             row, column = tile.row - window.row, tile.column - window.column
             part = blocked[row : row + tile.rows, column : column + tile.columns]
             for masks in _batches(occlusion, positions_m):
                 for mask in masks:
                     part += occlusion.unpack(mask[np.newaxis])[0]
         return blocked
-
-    def _occlusion(self, window: Window) -> Occlusion:
-        return Occlusion(
-            self._volume,
-            self._altitude_m,
-            view=self._view,
-            targets_per_voxel=self._per_voxel,
-            focal_height_m=self._focal_height_m,
-            window=window,
-        )
 
 
 def tiles(window: Window, most_targets: int) -> Iterator[Window]:
