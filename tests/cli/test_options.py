@@ -1,0 +1,328 @@
+# ruff: noqa: ARG005 (an effect compares a result with the default, or does not need it)
+"""Every option of `plan`, and the effect that it has: `EFFECTS`, one entry an option."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent
+
+from aosplan.options import OPTIONS
+
+STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
+STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]
+
+
+def hidden(result):
+    return result["scene"]["integrated_density"]
+
+
+def legs_of(waypoints):
+    places = [(w["east_m"], w["north_m"]) for w in waypoints]
+    return [math.dist(*pair) for pair in pairwise(places)]
+
+
+EFFECTS = {
+    "altitude": (
+        ["--altitude", "50"],
+        lambda r, d: math.isclose(r["baseline_m"] / d["baseline_m"], 1.25),
+    ),
+    "gsd": (["--gsd", "0.1"], lambda r, d: math.isclose(r["camera"]["gsd_m"], 0.1)),
+    "target_size": (
+        ["--target-size", "2", "--target-pixels", "20"],
+        lambda r, d: math.isclose(r["camera"]["gsd_m"], 0.1),
+    ),
+    "target_pixels": (
+        ["--target-size", "2", "--target-pixels", "40"],
+        lambda r, d: math.isclose(r["camera"]["gsd_m"], 0.05),
+    ),
+    "focal_height": (
+        ["--focal-height", "1"],
+        lambda r, d: r["waypoints"][0]["altitude_m"] == 41.0 and r["altitude_m"] == 40.0,
+    ),
+    "vhat": (["--vhat", "90%"], lambda r, d: r["samples"] == 10),
+    "visibility": (
+        ["--visibility", "0.6"],
+        lambda r, d: (
+            r["visibility"]["expected"] >= 0.6
+            and r["visibility"]["target_quantity"] == "visibility"
+        ),
+    ),
+    "scene": (["--scene", "savanna"], lambda r, d: r["scene"]["name"] == "savanna"),
+    "density": (
+        ["--density", "0.01", *UNIFORM],
+        lambda r, d: math.isclose(r["visibility"]["density"], 1 - 0.99**90),
+    ),
+    "integrated_density": (
+        ["--integrated-density", "30%", *UNIFORM],
+        lambda r, d: r["visibility"]["density"] == 0.3,
+    ),
+    "occluder_size": (
+        ["--density", "0.01", "--occluder-size", "0.4", "--volume-height", "18"],
+        # b = o h/H with the 2 % quantile of height at 2 + 0.02 x 18 m.
+        lambda r, d: math.isclose(r["baseline_m"], 0.4 * 40 / 2.36),
+    ),
+    "volume_height": (
+        ["--density", "0.01", "--occluder-size", "0.2", "--volume-height", "8"],
+        lambda r, d: r["scene"]["canopy_top_m"] == 10.0,
+    ),
+    "volume_base": (
+        ["--density", "0.01", *UNIFORM, "--volume-base", "5"],
+        lambda r, d: math.isclose(r["baseline_m"], 0.2 * 40 / 5.36),
+    ),
+    "stems_per_hectare": (
+        [*STEMS, "--stems-per-hectare", "600"],
+        # Dense leaves: what is seen lies between the crowns.
+        lambda r, d: math.isclose(hidden(r), 1 - math.exp(-0.06 * math.pi * 6.25), rel_tol=1e-6),
+    ),
+    "crown_diameter": (
+        [*STEMS, "--crown-diameter", "8"],
+        lambda r, d: math.isclose(hidden(r), 1 - math.exp(-0.04 * math.pi * 16), rel_tol=1e-6),
+    ),
+    "leaf_area_index": (
+        [*STEMS, "--leaf-area-index", "1e-6"],
+        # Thin leaves: Beer-Lambert with G = 1/2, whatever the crowns.
+        lambda r, d: math.isclose(hidden(r), 0.5e-6, rel_tol=1e-5),
+    ),
+    "camera": (
+        ["--camera", "dji-m3t-wide"],
+        lambda r, d: (
+            r["camera"]["name"] == "dji-m3t-wide" and r["camera"]["gsd_m"] < d["camera"]["gsd_m"]
+        ),
+    ),
+    "focal_length": (
+        [*LENS, "--focal-length", "18.2"],
+        lambda r, d: math.isclose(2 * r["camera"]["gsd_m"], d["camera"]["gsd_m"]),
+    ),
+    "sensor_width": (
+        [*LENS, "--sensor-width", "15.36"],
+        lambda r, d: math.isclose(r["camera"]["gsd_m"], 2 * d["camera"]["gsd_m"]),
+    ),
+    "sensor_height": (
+        [*LENS, "--sensor-height", "3"],
+        lambda r, d: math.isclose(r["camera"]["footprint_m"][0], 40 * 3 / 9.1),
+    ),
+    "fov": (
+        ["--fov", "90", "--image-width", "640", "--image-height", "320"],
+        lambda r, d: r["camera"]["footprint_m"] == pytest.approx([40, 80]),
+    ),
+    "image_width": (
+        [*LENS, "--image-width", "1280"],
+        lambda r, d: math.isclose(2 * r["camera"]["gsd_m"], d["camera"]["gsd_m"]),
+    ),
+    "image_height": (
+        [*LENS, "--image-height", "320"],
+        # Square pixels: half as many along the heading as across it.
+        lambda r, d: math.isclose(2 * r["camera"]["footprint_m"][0], r["camera"]["footprint_m"][1]),
+    ),
+    "coverage": (
+        ["--coverage", "50%"],
+        # The middle of the paper's forest is at (2.506 + 20.044) / 2 m.
+        lambda r, d: math.isclose(r["baseline_m"], 0.2 * 40 / 11.275, rel_tol=1e-4),
+    ),
+    "model": (["--model", "layered"], lambda r, d: r["visibility"]["model"] == "layered"),
+    "optimize": (
+        ["--optimize", "aperture"],
+        lambda r, d: extent(r) < extent(d) and r["samples"] > d["samples"],
+    ),
+    "max_aperture": (
+        ["--max-aperture", "18.5"],
+        lambda r, d: extent(r) <= 18.5 < extent(d) and r["visibility"]["normalized"] >= 0.98,
+    ),
+    "max_samples": (
+        ["--optimize", "aperture", "--max-samples", "60"],
+        lambda r, d: 50 < r["samples"] <= 60,
+    ),
+    "baseline": (
+        ["--baseline", "2"],
+        lambda r, d: r["baseline_m"] == 2.0 and r["visibility"]["normalized"] >= 0.98,
+    ),
+    "samples": (["--samples", "60"], lambda r, d: r["samples"] == 60),
+    "grid": (["--grid", "line"], lambda r, d: r["grid"]["rows"] == 1 and r["samples"] == 50),
+    "lanes": (
+        ["--grid", "lanes", "--lanes", "5"],
+        lambda r, d: r["grid"]["rows"] == 5 and r["samples"] % 5 == 0,
+    ),
+    "lane_pitch": (
+        ["--grid", "spiral", "--lane-pitch", "2"],
+        lambda r, d: r["grid"]["pitch_m"][1] == 2 * r["grid"]["pitch_m"][0],
+    ),
+    "origin": (
+        ["--origin", "48.3358,14.3261"],
+        lambda r, d: (
+            abs(r["waypoints"][0].get("latitude", 0) - 48.3358) < 1e-3
+            and abs(r["waypoints"][0]["longitude"] - 14.3261) < 1e-3
+        ),
+    ),
+    "heading": (
+        ["--heading", "90"],
+        lambda r, d: r["waypoints"][0]["east_m"] == pytest.approx(d["waypoints"][0]["north_m"]),
+    ),
+    "line_length": (
+        ["--grid", "line", "--line-length", "400"],
+        lambda r, d: len(r["waypoints"]) == 143 and r["samples"] == 50,  # 142 legs of 2.8 m
+    ),
+    "area": (FIELD, lambda r, d: r.get("area", {}).get("covered_share") == 1.0),
+    "clear": (
+        [*FIELD, "--clear", str(AREAS / "meadow.kml")],
+        lambda r, d: "area" in r and 0.3 < r["area"]["clear_m2"] / r["area"]["area_m2"] < 0.5,
+    ),
+    "no_fly": (
+        [*FIELD, "--no-fly", str(AREAS / "mast.geojson")],
+        lambda r, d: "area" in r and r["area"]["sites_in_no_fly"] > 0,
+    ),
+    "buffer": (
+        [*FIELD, "--no-fly", str(AREAS / "mast.geojson"), "--buffer", "20"],
+        lambda r, d: "area" in r and r["area"]["sites_in_no_fly"] > 100,
+    ),
+    "max_sites": (
+        [*FIELD, "--max-sites", "7777"],
+        lambda r, d: r["request"].get("max_sites") == 7777,
+    ),
+    "speed": (
+        ["--speed", "1"],
+        # Legs are longer than v²/a = 0.5 m, so each takes L/v + v/a.
+        lambda r, d: math.isclose(r["flight"]["time_s"], r["flight"]["length_m"] + 49 / 2 + 50),
+    ),
+    "acceleration": (
+        ["--acceleration", "8"],
+        # At twice the acceleration's root, legs from stop to stop take half the time.
+        lambda r, d: math.isclose(
+            r["flight"]["time_s"] - 50,
+            sum(
+                2 * math.sqrt(leg / 8) if leg < 25 / 8 else leg / 5 + 5 / 8
+                for leg in legs_of(r["waypoints"])
+            ),
+        ),
+    ),
+    "hold": (
+        ["--hold", "3"],
+        lambda r, d: math.isclose(r["flight"]["time_s"] - d["flight"]["time_s"], 100),
+    ),
+    "hold_error": (
+        ["--hold-error", "0.5"],
+        lambda r, d: r["baseline_m"] == d["baseline_m"] and r["samples"] > d["samples"],
+    ),
+    "rays": (
+        ["--rays", "oblique"],
+        lambda r, d: r["visibility"]["density"] > d["visibility"]["density"] + 0.005,
+    ),
+    "sensitivity": (
+        ["--sensitivity"],
+        lambda r, d: r["sensitivity"] is not None and len(r["sensitivity"]) == 6,
+    ),
+    "drone": (
+        ["--drone", "ardupilot-copter"],
+        lambda r, d: r["flight"].get("drone") == "ardupilot-copter" and r["request"]["speed"] == 10,
+    ),
+    "climb": (
+        ["--climb", "1"],
+        # 40 m up and as much down, each with a second or three of ramps.
+        lambda r, d: math.isclose(
+            r["flight"]["total_time_s"] - d["flight"]["total_time_s"],
+            2 * (40 / 1 + 1 / 2) - 2 * (40 / 3 + 3 / 2),
+        ),
+    ),
+    "trigger": (
+        ["--trigger", "distance"],
+        lambda r, d: (
+            r["flight"]["spacing_m"] == r["baseline_m"]
+            and sum(w.get("photo", True) for w in r["waypoints"]) == 50 < len(r["waypoints"])
+        ),
+    ),
+    "max_blur": (
+        ["--trigger", "distance", "--max-blur", "0.5"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], 0.5 * r["camera"]["gsd_m"] / 0.01),
+    ),
+    "exposure_time": (
+        ["--trigger", "distance", "--exposure-time", "0.05"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], r["camera"]["gsd_m"] / 0.05),
+    ),
+    "photo_interval": (
+        ["--trigger", "distance", "--photo-interval", "2"],
+        lambda r, d: math.isclose(r["flight"]["speed_mps"], r["baseline_m"] / 2),
+    ),
+    "wind_speed": (
+        ["--wind-speed", "14", "--wind-from", "0"],
+        # Northward legs have 15 - 14 m/s left, the others what they had.
+        lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 10,
+    ),
+    "wind_from": (
+        ["--wind-speed", "14", "--wind-from", "90"],
+        # Across the lines it takes their 5 m/s from √(15² - 14²) = 5.4, against it 1 is left.
+        lambda r, d: 0 < r["flight"]["time_s"] - d["flight"]["time_s"] < 10,
+    ),
+    "airspeed": (
+        ["--wind-speed", "14", "--wind-from", "0", "--airspeed", "14.5"],
+        lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 50,
+    ),
+    "takeoff": (
+        ["--origin", "48,14", "--takeoff", "48,14.01"],
+        # 0.01 degrees of longitude are 746 m there.
+        lambda r, d: r["flight"]["flights"][0]["length_m"] > 1400 + r["flight"]["length_m"],
+    ),
+    "flight_time": (
+        ["--flight-time", "2"],
+        lambda r, d: (
+            len(r["flight"]["flights"]) > 1
+            and all(flight["time_s"] <= 120 for flight in r["flight"]["flights"])
+        ),
+    ),
+    "resume_at": (
+        ["--resume-at", "20"],
+        lambda r, d: (
+            [w["north_m"] for w in r["waypoints"]] == [w["north_m"] for w in d["waypoints"][20:]]
+            and r["waypoints"][0]["index"] == 0
+        ),
+    ),
+    "altitude_frame": (
+        ["--altitude-frame", "terrain"],
+        lambda r, d: r["flight"]["altitude_frame"] == "terrain",
+    ),
+    "clearance": (
+        ["--altitude", "21", "--clearance", "0.5"],
+        lambda r, d: r["altitude_m"] == 21.0,
+    ),
+    "autopilot": (
+        ["--autopilot", "ardupilot"],
+        lambda r, d: r["flight"].get("autopilot") == "ardupilot",
+    ),
+    "payload": (
+        ["--payload", "dji-h20t"],
+        lambda r, d: r["flight"].get("payload") == "dji-h20t",
+    ),
+}
+
+CLOUD_ONLY = ("voxel", "ground", "min_height", "crown_base", "view")
+TERRAIN = ("terrain", "terrain_tolerance")
+"""Tested where there is a terrain, in test_terrain.py."""
+
+
+def test_every_option_has_its_effect_tested():
+    assert {*EFFECTS, *CLOUD_ONLY, *TERRAIN} == {option.name for option in OPTIONS}
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_options_have_their_effect(document, name):
+    arguments, holds = EFFECTS[name]
+    altitude = (
+        []
+        if {"altitude", "gsd", "target_size", "target_pixels", "clearance"} & {name}
+        else [
+            "--altitude",
+            "40",
+        ]
+    )
+    default = document("plan", "--altitude", "40")
+    result = document("plan", *altitude, *arguments)
+    assert holds(result, default)
+    assert not holds(default, default)
+
+
+@pytest.mark.parametrize(
+    ("flag", "value"), [("--voxel", "0.5"), ("--ground", "class"), ("--min-height", "1")]
+)
+def test_options_of_point_clouds_are_refused_for_other_scenes(command, flag, value):
+    refused = command("plan", "--altitude", "40", flag, value)
+    check_refusal(*refused)
+    assert f"{flag} goes with a point cloud" in refused[2]

@@ -1,0 +1,35 @@
+"""`cameras`, `scenes`, `formats`: every preset is listed, and plans."""
+
+import pytest
+
+from aosplan.presets.cameras import CAMERAS
+from aosplan.presets.scenes import SCENES
+
+
+@pytest.mark.parametrize(("name", "known"), [("cameras", CAMERAS), ("scenes", SCENES)])
+def test_presets_are_listed(command, document, name, known):
+    assert [row["name"] for row in document(name)] == list(known)
+    _, out, _ = command(name)
+    assert all(preset in out for preset in known)
+
+
+@pytest.mark.parametrize("name", ["cameras", "scenes", "formats"])
+def test_tables_fit_in_80_columns(command, name):
+    _, out, _ = command(name)
+    assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("scene", [*SCENES])
+@pytest.mark.parametrize("camera", ["dji-m3t-thermal", max(CAMERAS, key=len)])
+def test_plan_tables_fit_in_80_columns(command, scene, camera):
+    line = ["plan", "--altitude", "90", "--scene", scene, "--camera", camera]
+    _, out, _ = command(*line, "--origin", "48.3358,14.3261")
+    assert max(map(len, out.splitlines())) <= 80
+    assert all(line == line.rstrip() for line in out.splitlines())
+
+
+def test_every_camera_and_scene_plans(document):
+    for camera in CAMERAS:
+        assert document("plan", "--altitude=90", f"--camera={camera}")["camera"]["name"] == camera
+    for scene in SCENES:
+        assert document("plan", "--altitude=90", f"--scene={scene}")["scene"]["name"] == scene

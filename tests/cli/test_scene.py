@@ -1,0 +1,36 @@
+"""`scene`: the statistics of a scene, and saving it."""
+
+import math
+
+import pytest
+from command_line import check_refusal
+
+
+def test_scene_statistics_have_the_names_of_the_contract(document):
+    result = document("scene", "paper-forest")
+    assert result["schema"] == 1
+    assert result["integrated_density"] == 0.567
+    assert result["canopy_top_m"] == pytest.approx(20.044, abs=1e-3)
+    names = {"bottom_m", "top_m", "density", "occluder_size_m"}
+    assert all(set(layer) == names for layer in result["layers"])
+    assert {"mean_density", "baseline_curve", "warnings"} <= set(result)
+    clear = math.prod(1 - layer["density"] for layer in result["layers"])
+    assert 1 - clear == pytest.approx(0.567)
+
+
+def test_a_saved_scene_plans_like_the_scene_it_was_saved_from(folder, document, command):
+    assert command("scene", "savanna", "--save", "s.toml", "--quiet") == (0, "", "")
+    saved, preset = (
+        document("plan", "--altitude=40", "--scene=s.toml"),
+        document("plan", "--altitude=40", "--scene=savanna"),
+    )
+    for result in (saved, preset):
+        del result["request"]["scene"]
+    assert saved == preset
+
+
+def test_a_saved_scene_is_not_overwritten_unless_forced(folder, command):
+    (folder / "s.toml").write_text("old")
+    check_refusal(*command("scene", "savanna", "--save", "s.toml"))
+    assert (folder / "s.toml").read_text() == "old"
+    assert command("scene", "savanna", "--save", "s.toml", "--quiet", "--force")[0] == 0

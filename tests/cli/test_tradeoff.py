@@ -1,0 +1,36 @@
+"""`tradeoff`: one table in three forms."""
+
+import csv
+
+import pytest
+from command_line import loads
+
+
+def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
+    line = ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "30"]
+    rows = document(*line, "--optimize", "aperture")["rows"]
+    assert [row["samples"] for row in rows] == list(range(1, 31))
+    chosen = document("plan", *line[1:], "--optimize", "aperture")
+    (own,) = (row for row in rows if row["chosen"])
+    assert (own["samples"], own["baseline_m"]) == (chosen["samples"], chosen["baseline_m"])
+    assert own["time_s"] == pytest.approx(chosen["flight"]["time_s"], rel=1e-12)
+    assert [own["extent_x_m"], own["extent_y_m"]] == chosen["grid"]["extent_m"]
+    for name in ("table.csv", "table.json", "table.jsonl"):
+        status, _, err = command(*line, "--optimize", "aperture", "--out", name)
+        assert (status, err) == (0, "")
+    assert loads((folder / "table.json").read_text())["rows"] == rows
+    lines = (folder / "table.jsonl").read_text().splitlines()
+    assert [loads(line) for line in lines] == rows
+    with open(folder / "table.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [set(row) for row in table] == [set(row) for row in rows]
+    for cells, row in zip(table, rows, strict=True):
+        assert float(cells["baseline_m"]) == row["baseline_m"]
+        assert cells["meets"] == str(row["meets"]).lower()
+
+
+def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
+    status, out, err = command("tradeoff", "--altitude", "40", "--grid", "best")
+    assert (status, err) == (0, "")
+    assert all(len(line) <= 80 for line in out.splitlines())
+    assert sum("◀" in line for line in out.splitlines()) == 2  # the plan, and the note
