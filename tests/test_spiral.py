@@ -8,7 +8,7 @@ import pytest
 from forests import STANDS, clumped_forest
 from reference import exact
 
-from aosplan.cli.tables import grid_picture
+from aosplan.cli.drawing import grid_picture
 from aosplan.flight import path_of
 from aosplan.mission import local_sites
 from aosplan.models.correlogram import CorrelogramModel, correlogram

@@ -87,8 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status.  Without arguments it prints its help."""
     given = list(sys.argv[1:] if arguments is None else arguments)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal without Unicode shows "?" for V̂
+    _write_what_can_be_shown()
     try:
         status = GROUP.main(
             args=given or ["--help"],
@@ -125,10 +124,24 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return status if isinstance(status, int) else 0
 
 
+def _write_what_can_be_shown() -> None:
+    """Let no character be an error: without UTF-8, ``>=`` stands for ``≥`` and ``V^`` for V̂."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            errors = "replace"  # of what is no Unicode, such as parts of a file's name
+            if not stream.encoding.lower().startswith("utf"):
+                from aosplan.cli.screen import HANDLER
+
+                errors = HANDLER
+            stream.reconfigure(errors=errors)
+
+
 def _report(message: str, hint: str, status: int) -> int:
-    print(f"error: {_one_line(message)}", file=sys.stderr)
+    from aosplan.cli.screen import say
+
+    say("error", _one_line(message))
     if hint:
-        print(f"hint: {_one_line(hint)}", file=sys.stderr)
+        say("hint", _one_line(hint))
     return status
 
 

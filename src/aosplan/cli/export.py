@@ -24,7 +24,9 @@ def run(
     missions = read_missions(plan)
     written = write_outputs(lambda: missions, chosen, force=force, quiet=quiet)
     if not quiet and "-" not in written:
-        print(f"Wrote {', '.join(written)}")
+        from aosplan.cli.screen import readable, wrote
+
+        print(readable(wrote(written)))
 
 
 COMMAND = command(

@@ -24,7 +24,7 @@ def run(*, as_json: bool) -> None:
             ]
         )
         return
-    from aosplan.cli.tables import print_rows
+    from aosplan.cli.tables import one_line, print_pairs, print_rows, show
 
     rows = [
         (
@@ -33,13 +33,12 @@ def run(*, as_json: bool) -> None:
             form.title,
             "yes" if form.needs_place else "no",
             form.altitudes,
-            _limits_text(form),
         )
         for form in known.values()
     ]
-    print_rows(
-        ("name", "endings", "format", "needs --origin", "heights above", "in one file"), rows
-    )
+    print_rows(("name", "endings", "format", "place", "heights above"), rows)
+    show(one_line(""), one_line("What one file holds:"))
+    print_pairs((form.name, _limits_text(form)) for form in known.values())
 
 
 def _limits_text(form: Format) -> str:

@@ -12,6 +12,7 @@ from typer.core import TyperOption
 from aosplan import __version__
 from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
 from aosplan.cli.output import print_json
+from aosplan.cli.screen import say
 from aosplan.errors import RequestError
 from aosplan.quantities import number, positive
 from aosplan.summary import SCHEMA
@@ -104,7 +105,7 @@ def run(
     }
     if not quiet:
         for warning in document["warnings"]:
-            print(f"warning: {warning['message']}", file=sys.stderr)
+            say("warning", warning["message"])
     if as_json:
         print_json(document)
     elif not quiet:

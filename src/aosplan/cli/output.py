@@ -28,9 +28,10 @@ def print_json(document: Any) -> None:
 
 def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
     """Warnings on stderr, a line each."""
-    if not quiet:
-        for warning in warnings:
-            print(f"warning: {warning.message}", file=sys.stderr)
+    for warning in () if quiet else warnings:
+        from aosplan.cli.screen import say
+
+        say("warning", warning.message)
 
 
 def chosen_outputs(
@@ -109,9 +110,10 @@ def write_outputs(
             hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")
             hints += _leftovers(path, len(needed))
     write_all(contents, force=force)
-    if not quiet:
-        for hint in hints:
-            print(f"hint: {hint}", file=sys.stderr)
+    for hint in () if quiet else hints:
+        from aosplan.cli.screen import say
+
+        say("hint", hint)
     return list(contents)
 
 

@@ -75,6 +75,7 @@ def run(
 
 
 def _show(found: Review, written: Sequence[str]) -> None:
+    from aosplan.cli.screen import wrote
     from aosplan.cli.tables import one_line, print_pairs, print_predictions, show
 
     print_pairs(_rows(found))
@@ -91,7 +92,7 @@ def _show(found: Review, written: Sequence[str]) -> None:
     if found.topup is None:
         next_step = "Nothing is missing: there is nothing to write."
     elif written:
-        next_step = f"Wrote {', '.join(written)}"
+        next_step = wrote(written)
     show(one_line(""), one_line(next_step))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperArgument
@@ -15,6 +14,7 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.cli.screen import say
 from aosplan.errors import RequestError
 from aosplan.resolve import VOXEL_SUFFIX
 
@@ -54,9 +54,7 @@ def run(
         resolved = scene_of(request, progress=progress, also=more)
     print_warnings(resolved.warnings, quiet=quiet)
     if resolved.kept and not quiet:
-        print(
-            "note: read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)", file=sys.stderr
-        )
+        say("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
     table = resolved.correlogram
     if table is None and resolved.volume is not None and (as_json or save is not None):
         from aosplan.models.correlogram import correlogram

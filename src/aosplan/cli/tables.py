@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.answer import BEST
+from aosplan.cli.drawing import flight_picture, grid_picture
+from aosplan.cli.screen import is_coloured, is_styled, is_terminal, readable, speaks_unicode, wrote
 from aosplan.spiral import Spiral
 
 if TYPE_CHECKING:
@@ -29,20 +32,43 @@ if TYPE_CHECKING:
 
 WIDTH = 80
 
-PICTURE_COLUMNS = 36
-PICTURE_ROWS = 20
-"""Largest grid that is drawn site by site."""
+NARROWEST = 20
+"""Columns below which a terminal has to wrap lines itself."""
+
+PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
+"""Spaces at the end of a line, and the escape sequences behind them."""
+
+BANDS = 20
+"""Most bands of a profile."""
+
+MOST_NAMED = 60
+"""Characters of a name that are shown."""
+
+HEADLINES = ("Baseline", "Samples", "Visibility")
+"""Rows of a plan that are what was asked for: in colour, where there are colours."""
+
+ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Bound by": "yellow"}
+
+
+def screen_width() -> int:
+    """Columns to write in: those of the terminal, at most 80; in a pipe 80."""
+    return max(min(Console().width, WIDTH), NARROWEST) if is_terminal(sys.stdout) else WIDTH
 
 
 def show(*parts: RenderableType) -> None:
     """Print to stdout, no wider than 80 columns: styled on a terminal, plain text in a pipe."""
-    screen = Console(highlight=False)
-    if not screen.is_terminal or screen.width > WIDTH:
-        screen.width = WIDTH
+    screen = Console(
+        width=screen_width(),
+        highlight=False,
+        color_system="standard" if is_styled(sys.stdout) else None,
+        no_color=not is_coloured(sys.stdout),
+        force_terminal=True,
+        legacy_windows=False,
+    )
     with screen.capture() as capture:
         screen.print(*parts, sep="\n")
     # Tables are padded to the right, which nobody wants in a file.
-    print("\n".join(line.rstrip() for line in capture.get().splitlines()))
+    print("\n".join(PADDING.sub(r"\1", line) for line in capture.get().splitlines()))
 
 
 def print_plan(plan: Plan, written: Sequence[str]) -> None:
@@ -51,10 +77,21 @@ def print_plan(plan: Plan, written: Sequence[str]) -> None:
     table.add_column(style="bold")
     table.add_column()
     for name, text in _plan_rows(plan):
-        table.add_row(name, one_line(text))
-    picture = grid_picture(plan.solution.pattern, plain=not _speaks_unicode())
+        table.add_row(name, one_line(text, ROW_STYLES.get(name, "")))
+    picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
     show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
+
+
+def _picture(plan: Plan) -> list[str]:
+    """The flight over an area, or the grid of a plan."""
+    plain, width = not speaks_unicode(), screen_width() - 2
+    if plan.layout.survey is None:
+        return grid_picture(plan.solution.pattern, plain=plain, width=width)
+    flown = plan.waypoints
+    return flight_picture(
+        list(zip(flown.east_m, flown.north_m, strict=True)), plain=plain, width=width
+    )
 
 
 def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
@@ -69,10 +106,10 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     measured = f"{near}, on a plot that wraps around at its edges"
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
-    yield "Baseline", f"b = {solution.baseline_m:.2f} m"
-    yield "Samples", f"N = {pattern.samples}, {_shape_text(pattern, plan.grid.name)}"
+    yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
+    yield "Samples", f"N = {pattern.samples:,}, {_shape_text(pattern, plan.grid.name)}"
     x, y = plan.extent_m
-    yield "Aperture", f"a = {plan.aperture_m:.1f} m (grid {x:.1f} x {y:.1f} m)"
+    yield "Aperture", f"a = {plan.aperture_m:,.1f} m (grid {x:,.1f} x {y:,.1f} m)"
     if prediction.density > 0.0:
         symbol = "V̂" if request.visibility is None else "V"
         wanted = request.vhat if request.visibility is None else request.visibility
@@ -161,7 +198,7 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
     yield (
         "Area",
         f"{survey.area_m2 / 1e4:.4g} ha, {covered if covered == 100.0 else min(covered, 99.99):.4g} % "
-        f"of it covered from {survey.sites} sites",
+        f"of it covered from {survey.sites:,} sites",
     )
     over = (
         f", {survey.length_m / survey.shortest_m:.3g} of a lower bound" if survey.shortest_m else ""
@@ -171,7 +208,7 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
 
 def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     route, request = plan.route, plan.request
-    yield "Flight", f"{route.length_m:.0f} m, {_minutes(route.time_s)} (first photo to last)"
+    yield "Flight", f"{route.length_m:,.0f} m, {_minutes(route.time_s)} (first photo to last)"
     if request.trigger == "distance":
         yield (
             "",
@@ -197,7 +234,9 @@ def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 
 def _minutes(seconds: float) -> str:
     whole = round(seconds)
-    return f"{whole // 60} min {whole % 60} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600:,} h {whole // 60 % 60} min"
 
 
 def _scene_text(scene: Scene, *, custom_base: bool) -> str:
@@ -210,13 +249,18 @@ def _scene_text(scene: Scene, *, custom_base: bool) -> str:
     )
 
 
-def one_line(text: str) -> Text:
-    """Text without markup and control characters, which a file may have put into a name."""
-    return Text("".join(c if c.isprintable() else "?" for c in text))
+def one_line(text: str, style: str = "") -> Text:
+    """Text without markup and control characters, in characters that the screen has."""
+    return Text(readable(text), style=style)
 
 
 def _named(title: str, name: str) -> str:
-    return f"{title} ({name})" if title else name
+    return f"{_short(title)} ({_short(name)})" if title else _short(name)
+
+
+def _short(name: str) -> str:
+    """A name, which a file may have made as long as it likes."""
+    return name if len(name) <= MOST_NAMED else f"{name[: MOST_NAMED - 1]}…"
 
 
 def _shape_text(pattern: Sites, kind: str) -> str:
@@ -235,50 +279,19 @@ def _percent(value: float) -> str:
     return f"{percent:.{decimals}f} %"
 
 
-def grid_picture(pattern: Sites, *, plain: bool = False) -> list[str]:
-    """The grid as text, x to the right and y down; nothing for a single site or a huge grid."""
-    places = _places(pattern) if 1 < pattern.samples <= PICTURE_COLUMNS * PICTURE_ROWS else []
-    rows, columns = (max((place[axis] for place in places), default=0) + 1 for axis in (0, 1))
-    if not places or columns > 2 * PICTURE_COLUMNS or rows > 2 * PICTURE_ROWS:
-        return []
-    dot, first, last, arrow = ("o", "S", "E", "->") if plain else ("●", "▶", "■", "→")
-    lines = [[" "] * columns for _ in range(rows)]
-    for (row, column), mark in zip(places, [first, *[dot] * (len(places) - 2), last], strict=True):
-        lines[row][column] = mark
-    drawn = ["".join(line).rstrip() for line in lines]
-    return [*drawn, "", f"{first} first photo   {last} last photo   {arrow} heading"]
-
-
-def _places(pattern: Sites) -> list[tuple[int, int]]:
-    """Where the sites are drawn, as (line, character) in flight order: two characters a baseline.
-
-    Rows farther apart than one baseline are drawn with one empty line between them.
-    """
-    if isinstance(pattern, Spiral):
-        offsets = list(pattern.offsets())
-        left, top = (min(offset[axis] for offset in offsets) for axis in (0, 1))
-        return [(round(y - top), round(2.0 * (x - left))) for x, y in offsets]
-    apart = 2 if round(pattern.row_pitch) > 1 else 1
-    return [(apart * row, 2 * column) for row, column in pattern.sites()]
-
-
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
     if written:
-        return f"Wrote {', '.join(written)}"
+        return wrote(written)
     if not plan.request.has_place:
         return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
     return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
-
-
-def _speaks_unicode() -> bool:
-    return (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
 
 
 def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     """A plain table with a header."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in header:
-        table.add_column(name, overflow="fold")
+        table.add_column(one_line(name), overflow="fold")
     for row in rows:
         table.add_row(*(one_line(cell) for cell in row))
     show(table)
@@ -298,13 +311,13 @@ def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
     """Sets of samples side by side: their numbers, and what each shows."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", *columns):
-        table.add_column(name, justify="left" if not name else "right")
+        table.add_column(one_line(name), justify="left" if not name else "right")
     table.add_row("N", *(str(count) for count, _ in columns.values()))
     found = [prediction for _, prediction in columns.values()]
     hidden = [each if each.density else None for each in found]
     table.add_row("p", *(_percent(each.density) for each in found))
     table.add_row("V", *(_percent(each.expected) for each in found))
-    table.add_row("V̂", *(_percent(each.normalized) if each else "-" for each in hidden))
+    table.add_row(one_line("V̂"), *(_percent(each.normalized) if each else "-" for each in hidden))
     table.add_row(
         "effective samples", *(f"{each.effective_samples:.4g}" if each else "-" for each in hidden)
     )
@@ -321,7 +334,7 @@ def print_simulation(
     view = "" if settings.forest == "noise" else f", {settings.view} view"
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", "planned", "predicted", "simulated", "standard error"):
-        table.add_column(name, justify="left" if not name else "right")
+        table.add_column(one_line(name), justify="left" if not name else "right")
     for symbol, name in (("p", "density"), ("V", "expected"), ("V̂", "normalized")):
         value, error = getattr(found, name), getattr(found, f"{name}_standard_error")
         if math.isnan(value):
@@ -330,14 +343,14 @@ def print_simulation(
         numbers = [*(getattr(model, name) for model in models), value]
         # Rounding around 0 is no minus.
         shown = [_percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
-        table.add_row(symbol, *shown, f"{100 * error:.2f} %")
+        table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
     verdict = ["They agree."] if simulation.agree else ["They disagree:"]
     verdict += [f"  {difference}" for difference in simulation.differences]
     if similar:
         single, integral = similar["similarity"].values()
         verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
     if written:
-        verdict.append(f"Wrote {', '.join(written)}")
+        verdict.append(wrote(written))
     kind = "blocks of the plot" if settings.forest == "cloud" else "volumes"
     show(
         one_line(
@@ -411,7 +424,7 @@ def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
     if not layers:
         return []
     top = max(layer["top_m"] for layer in layers)
-    band = max(top / PICTURE_ROWS, 1.0)
+    band = max(top / BANDS, 1.0)
     filled = [0.0] * (int(top / band - 1e-9) + 1)
     for layer in layers:
         low, high = layer["bottom_m"] / band, layer["top_m"] / band
@@ -419,7 +432,7 @@ def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
             within = max(min(high, index + 1) - max(low, index), 0.0)
             filled[index] += layer["density"] * within
     densest = max(filled) or 1.0
-    bar = "█" if _speaks_unicode() else "#"
+    bar = "█" if speaks_unicode() else "#"
     return [
         Text(
             f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}"

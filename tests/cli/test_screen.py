@@ -1,0 +1,140 @@
+"""Colours, characters and widths: what the output is written to decides."""
+
+import ast
+import io
+import re
+from pathlib import Path
+
+import pytest
+from command_line import on_a_terminal, process
+
+import aosplan
+from aosplan.cli import screen
+
+ESCAPE = re.compile(r"\x1b\[[0-9;]*m")
+COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|4[0-7]|38|48|9[0-7])[0-9;]*m")
+
+LISTS = ["cameras", "drones", "scenes", "formats"]
+TABLES = [
+    ["plan", "--altitude", "40"],
+    ["plan", "--altitude", "40", "--samples", "10000"],
+    ["plan", "--altitude", "40", "--grid", "spiral", "--samples", "400"],
+    ["tradeoff", "--altitude", "40", "--vhat", "0.9"],
+    ["scene", "paper-forest"],
+    ["visibility", "--density", "0.5", "--samples", "50", "--dhat", "1"],
+    *([name] for name in LISTS),
+]
+
+
+class Stream(io.StringIO):
+    """A stream that says what it is told to."""
+
+    def __init__(self, *, terminal, encoding="utf-8"):
+        super().__init__()
+        self.terminal, self.named = terminal, encoding
+
+    @property
+    def encoding(self):
+        return self.named
+
+    def isatty(self):
+        return self.terminal
+
+
+@pytest.mark.parametrize(
+    ("environment", "terminal", "pipe"),
+    [
+        ({}, True, False),
+        ({"NO_COLOR": "1"}, False, False),
+        ({"NO_COLOR": "0"}, False, False),  # whatever its value
+        ({"NO_COLOR": ""}, True, False),  # unless it is empty
+        ({"FORCE_COLOR": "1"}, True, True),
+        ({"FORCE_COLOR": ""}, True, False),
+        ({"CLICOLOR": "0"}, False, False),
+        ({"CLICOLOR": "1"}, True, False),
+        ({"CLICOLOR_FORCE": "1"}, True, True),
+        ({"CLICOLOR_FORCE": "0"}, True, False),
+        ({"CLICOLOR": "0", "CLICOLOR_FORCE": "1"}, True, True),
+        ({"NO_COLOR": "1", "FORCE_COLOR": "1"}, False, False),
+        ({"NO_COLOR": "1", "CLICOLOR_FORCE": "1"}, False, False),
+        ({"TERM": "dumb"}, False, False),
+        ({"TERM": "dumb", "FORCE_COLOR": "1"}, True, True),
+    ],
+)
+def test_colours_follow_the_conventions(monkeypatch, environment, terminal, pipe):
+    for name in ("NO_COLOR", "FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in ({"TERM": "xterm"} | environment).items():
+        monkeypatch.setenv(name, value)
+    assert screen.is_coloured(Stream(terminal=True)) is terminal
+    assert screen.is_coloured(Stream(terminal=False)) is pipe
+
+
+def test_a_terminal_shows_headlines_bounds_and_words_of_warning_in_colour():
+    shown = on_a_terminal("plan", "--altitude", "40", "--grid", "line", "--baseline", "2")
+    assert re.search(r"\x1b\[1;36mb = 2\.00 m", shown)
+    assert re.search(r"\x1b\[33m.*baseline", shown)
+    assert "\x1b[1;33mwarning:\x1b[0m " in shown
+    plain = on_a_terminal(
+        "plan", "--altitude", "40", "--grid", "line", "--baseline", "2", NO_COLOR="1"
+    )
+    assert not COLOUR.search(plain)
+    assert ESCAPE.sub("", plain) == ESCAPE.sub("", shown)
+
+
+@pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
+def test_a_dumb_terminal_gets_ascii_without_escapes(arguments):
+    shown = on_a_terminal(*arguments, TERM="dumb")
+    assert "\x1b" not in shown
+    assert shown.isascii()
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
+    ids=["ascii", "C"],
+)
+@pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
+def test_nothing_is_lost_without_unicode(arguments, environment):
+    done = process(*arguments, **environment)
+    assert done.returncode == 0
+    for text in (done.stdout.decode("ascii"), done.stderr.decode("ascii")):
+        assert "?" not in text
+        assert "\\" not in text
+        assert max(map(len, text.splitlines() if text == done.stdout.decode() else [""])) <= 80
+
+
+def test_every_character_of_the_project_has_one_in_ascii():
+    beyond = set()
+    for path in sorted(Path(aosplan.__file__).parent.rglob("*.py")):
+        if path.name in {"markup.py", "scenes.py"}:  # classes of characters; names of people
+            continue
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        said = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                beyond |= set() if id(node) in said else {c for c in node.value if not c.isascii()}
+    assert beyond
+    assert beyond <= set(screen.PLAIN)
+    assert all(text.isascii() for text in screen.PLAIN.values())
+
+
+@pytest.mark.parametrize("columns", [40, 60, 80, 200])
+@pytest.mark.parametrize("arguments", TABLES[:1] + TABLES[2:], ids=" ".join)
+def test_tables_fit_the_terminal(arguments, columns):
+    shown = ESCAPE.sub("", on_a_terminal(*arguments, COLUMNS=str(columns)))
+    lines = [line.replace("\u0302", "") for line in shown.splitlines()]
+    lines = [line for line in lines if not re.match("(warning|hint): |Sources|Cruise", line)]
+    assert max(map(len, lines)) <= min(columns, 80)
+
+
+@pytest.mark.parametrize("columns", ["1", "5", "20", "0", "-3", "x", "99999999999"])
+def test_absurd_widths_are_no_traceback(columns):
+    shown = on_a_terminal("plan", "--altitude", "40", COLUMNS=columns)
+    assert "rror" not in shown
+    assert "b = 2.80 m" in re.sub(r"\s+", " ", ESCAPE.sub("", shown)) or columns in "15"
+
+
+def test_long_lists_of_files_are_named_in_part():
+    assert screen.wrote(["a.csv", "b.csv"]) == "Wrote a.csv, b.csv"
+    assert screen.wrote([f"{i}" for i in range(100)]) == "Wrote 0, 1, 2, 3, 4, 5 and 94 more"
