@@ -78,9 +78,12 @@ GROUP = LazyGroup(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 the surroundings failed, 2 the request is wrong."""
-    status = run(arguments)
-    # All that is left goes with the process; to look through it for garbage takes a fifth of a plan.
-    gc.freeze()
+    leave(run(arguments))
+
+
+def leave(status: int) -> None:
+    """Exit.  What is left in memory goes with the process."""
+    gc.freeze()  # to look through it for garbage takes a fifth of a plan
     sys.exit(status)
 
 
@@ -100,9 +103,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except TyperException as error:
         return _report_usage(error)
     except BrokenPipeError:
-        # The reader has gone; what is left in the buffer must not raise again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return _unheard()
     except OSError as error:
         failed = SurroundingsError(
             f"{error.filename or 'output'}: {error.strerror or error}".lower()
@@ -139,10 +140,24 @@ def _write_what_can_be_shown() -> None:
 def _report(message: str, hint: str, status: int) -> int:
     from aosplan.cli.screen import say
 
-    say("error", _one_line(message))
-    if hint:
-        say("hint", _one_line(hint))
+    try:
+        say("error", _one_line(message))
+        if hint:
+            say("hint", _one_line(hint))
+    except BrokenPipeError:
+        return _unheard()
     return status
+
+
+def _unheard() -> int:
+    """The reader has gone: what is left in the buffers must not raise again at exit."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(nowhere, stream.fileno())
+    return 1
 
 
 def _report_usage(error: TyperException) -> int:

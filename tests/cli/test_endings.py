@@ -1,0 +1,118 @@
+"""How processes end that are interrupted, or that nobody listens to: without a traceback."""
+
+import os
+import random
+import shlex
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+STARTED = """
+import sys
+
+class Telling:
+    def find_spec(self, name, path, target=None):
+        if name == "aosplan.cli.app":
+            print("begun", file=sys.stderr, flush=True)
+
+sys.meta_path.insert(0, Telling())
+from aosplan.__main__ import main
+main()
+"""
+"""Says so when the first module of the program is about to be loaded: Python is up by then."""
+
+PROGRAM = shlex.join([sys.executable, "-m", "aosplan"])
+
+LINES = [
+    ["plan", "--altitude", "40"],
+    ["plan", "--altitude", "40", "--origin", "48,14", "--out", "a.geojson", "--force"],
+    ["scene", "paper-forest"],
+]
+
+
+def signalled(number, after_s, arguments, restore=signal.default_int_handler):
+    """Status and stderr of a process that a signal met some time after its first line ran."""
+    with subprocess.Popen(
+        [sys.executable, "-c", STARTED, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, restore),  # noqa: PLW1509 (one thread)
+    ) as running:
+        assert running.stderr.readline() == "begun\n"
+        time.sleep(after_s)
+        running.send_signal(number)
+        err = running.stderr.read()
+        return running.wait(timeout=60), err
+
+
+@pytest.mark.parametrize("arguments", LINES, ids=" ".join)
+def test_ctrl_c_at_any_moment_is_status_130_and_silent(folder, arguments):
+    moments = random.Random(str(arguments))
+    for _ in range(5):
+        status, err = signalled(signal.SIGINT, moments.uniform(0.0, 0.12), arguments)
+        assert status in {0, 130}  # done, or interrupted
+        assert "Traceback" not in err
+        assert "KeyboardInterrupt" not in err
+        assert not [name for name in os.listdir(folder) if name != "a.geojson"]
+    assert signalled(signal.SIGINT, 0.0, arguments)[0] == 130
+
+
+def test_what_has_ctrl_c_ignored_keeps_it_ignored():
+    status, err = signalled(signal.SIGINT, 0.0, ["plan", "--altitude", "40"], signal.SIG_IGN)
+    assert (status, err) == (0, "")
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.05])
+def test_a_termination_is_silent(after_s):
+    status, err = signalled(signal.SIGTERM, after_s, ["plan", "--altitude", "40"])
+    assert (status, err) == (-signal.SIGTERM, "")
+
+
+def shell(text):
+    return subprocess.run(
+        ["sh", "-c", text], capture_output=True, check=False, text=True, timeout=60
+    )
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "plan --altitude 40 | head -1",
+        "cameras | true",
+        "cameras --json | true",
+        "plan --help | true",
+        "--version | true",
+        "plan --altitude 40 --out csv:- | true",
+        "plan --altitude 10 2>&1 | true",
+        "plan --altitude 40 --grid line 2>&1 | true",
+    ],
+)
+def test_readers_that_leave_early_are_no_error(line):
+    assert shell(f"{PROGRAM} {line}").stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "status"),
+    [
+        ("plan --altitude 40 >&-", 0),
+        ("plan --altitude 40 --json >&-", 0),
+        ("plan --altitude 40 --out a.csv --quiet >&- 2>&- <&-", 0),
+        ("plan --altitude 10 2>&-", 2),
+        ("plan - <&-", 2),
+        ("plan --altitude 40 --grid line 2>&- | wc -l", 0),
+    ],
+)
+def test_closed_streams_take_nothing_with_them(folder, line, status):
+    done = shell(f"{PROGRAM} {line}")
+    assert done.returncode == status
+    assert "Traceback" not in done.stderr
+    written = folder / "a.csv"
+    if written.exists():  # no word of another stream has gone into it
+        rows = written.read_text().splitlines()
+        assert rows[0].startswith("index,")
+        assert len(rows) == 51
+    assert ("a.csv" in line) == written.exists()
