@@ -30,8 +30,8 @@ FORMAT = Format(
             speed_mps=(0.0, 15.0),
             height_m=(-200.0, 500.0),
             hold_s=(0.0, 32.0),
-            source="99 waypoints, legs and speeds of DJI's Mobile SDK 4; heights and stays of "
-            "Litchi's CSV",
+            source="2 to 99 waypoints, legs of 0.5 to 2000 m and speeds of DJI's Mobile SDK 4 "
+            "(DJIWaypointMission); heights and stays of Litchi's CSV",
         ),
     ),
 )

@@ -39,8 +39,8 @@ FORMAT = Format(
             leg_m=(0.5, 2000.0),
             speed_mps=(0.1, 15.0),
             height_m=(None, 1500.0),
-            source="indices of 16 bits, globalTransitionalSpeed and takeOffSecurityHeight of the "
-            "specification; legs as Pilot 2 takes them",
+            source="indices and takeOffSecurityHeight of the specification; speeds and legs "
+            "those of DJI's Mobile SDK 4, as the specification bounds neither",
         ),
     ),
 )

@@ -45,7 +45,10 @@ CAMERAS: dict[str, CameraPreset] = {
         sensor_height_mm=6.144,
         image_width_px=640,
         image_height_px=512,
-        source="Mavic 3 Enterprise Series specifications, DJI",
+        source=(
+            "Mavic 3 Enterprise Series specifications, DJI (40 mm equivalent, 61° diagonal); compare"
+            " the calibration in s-du/IRMapper, cam_calib_m3t_opencv.xml (765 px, 9.2 mm)"
+        ),
         assumed=(
             "sensor size from 12 µm pitch; focal length from the 40 mm equivalent, which the"
             " images record too; DJI also states 61° diagonal, with lens distortion, where 9.1 mm"
@@ -78,7 +81,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Zenmuse H20 Series specifications, DJI (13.5 mm, 40.6° diagonal)",
-        assumed="sensor size from 12 µm pitch",
+        assumed="sensor size from 12 µm pitch; focal length unconfirmed",
     ),
     "dji-h30t-thermal": CameraPreset(
         title="DJI Zenmuse H30T, thermal camera",
@@ -122,7 +125,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_height_px=512,
         source=(
             "Mavic 2 Enterprise Advanced specifications, DJI (about 9 mm); focal length confirmed"
-            " by the calibration in s-du/IRMapper, cam_calib_m2t_opencv.xml (751 px, 9.0 mm)"
+            " by the calibration in s-du/IRMapper, cam_calib_m2t_opencv.xml (751 px, 9.0 mm; 9.12 mm in Theta-Limited/DroneModels)"
         ),
         assumed=(
             "sensor size from 12 µm pitch; DJI states no field of view, and its equivalent of"
@@ -160,7 +163,11 @@ CAMERAS: dict[str, CameraPreset] = {
         sensor_height_mm=4.8,
         image_width_px=8000,
         image_height_px=6000,
-        source="Mavic 3 Enterprise Series specifications, DJI (1/2-inch, 84°, 24 mm equivalent)",
+        source=(
+            "Mavic 3 Enterprise Series specifications, DJI (1/2-inch, 84°, 24 mm equivalent);"
+            " compare the calibration in s-du/IRMapper, rgb_cam_calib_m3t_opencv.xml (2794 px at"
+            " 4000 px image width)"
+        ),
         assumed=(
             "sensor size is the nominal 1/2-inch area (0.8 µm pitch);"
             " focal length from 84° diagonal field of view, rounded to 0.1 mm"
@@ -179,7 +186,7 @@ CAMERAS: dict[str, CameraPreset] = {
             " 24 mm equivalent)"
         ),
         assumed=(
-            "sensor size from 3.3 µm pitch; focal length as the images record it, which gives 83°"
+            "sensor size from 3.3 µm pitch; focal length as the images record it (12.29 mm, 3725 px), which gives 83°"
         ),
     ),
     "dji-m30t-wide": CameraPreset(
@@ -190,7 +197,10 @@ CAMERAS: dict[str, CameraPreset] = {
         sensor_height_mm=4.8,
         image_width_px=4000,
         image_height_px=3000,
-        source="Matrice 30 Series specifications, DJI (1/2-inch, 4.5 mm, 84° diagonal)",
+        source=(
+            "Matrice 30 Series specifications, DJI (1/2-inch, 4.5 mm, 84° diagonal); compare the"
+            " calibration in s-du/Thermogram, rgb_cam_calib_m30t_opencv.xml (2863 px)"
+        ),
         assumed="sensor size is the nominal 1/2-inch area",
     ),
     "dji-h20t-wide": CameraPreset(
@@ -202,7 +212,10 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=4056,
         image_height_px=3040,
         source="Zenmuse H20 Series specifications, DJI (1/2.3-inch, 4.5 mm, 82.9° diagonal)",
-        assumed="sensor size from 1.55 µm pitch, the usual one for 12 megapixels at 1/2.3 inch",
+        assumed=(
+            "sensor size from 1.55 µm pitch, the usual one for 12 megapixels at 1/2.3 inch;"
+            " Theta-Limited/DroneModels, droneModels.json, calibrates a lens 4 % wider, 2775 px"
+        ),
     ),
     "dji-h30t-wide": CameraPreset(
         title="DJI Zenmuse H30T, wide camera",
@@ -271,7 +284,11 @@ CAMERAS: dict[str, CameraPreset] = {
         sensor_height_mm=7.2,
         image_width_px=8064,
         image_height_px=6048,
-        source="Mini 3 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent)",
+        source=(
+            "Mini 3 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent); compare the"
+            " calibration in Theta-Limited/DroneModels, droneModels.json (FC3582, 9.63 mm wide for"
+            " 6.7 mm)"
+        ),
         assumed=(
             "sensor size is the nominal 1/1.3-inch area; focal length from the 24 mm equivalent"
             " and 82.1°, taken as that of the Zenmuse H30T wide camera"
@@ -288,20 +305,22 @@ CAMERAS: dict[str, CameraPreset] = {
         source="Mini 4 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent)",
         assumed=(
             "sensor size is the nominal 1/1.3-inch area; focal length from the 24 mm equivalent"
-            " and 82.1°, taken as that of the Zenmuse H30T wide camera"
+            " and 82.1°, taken as that of the Zenmuse H30T wide camera; Theta-Limited/DroneModels,"
+            " droneModels.json, calibrates a lens 7 % narrower (FC8482)"
         ),
     ),
     "dji-air-2s": CameraPreset(
         title="DJI Air 2S",
         band="colour",
         focal_length_mm=8.2,
-        sensor_width_mm=13.2,
-        sensor_height_mm=8.8,
+        sensor_width_mm=13.1328,
+        sensor_height_mm=8.7552,
         image_width_px=5472,
         image_height_px=3648,
-        source="Air 2S specifications, DJI (1-inch, 88°, 22 mm equivalent)",
+        source="Air 2S specifications, DJI (1-inch, 2.4 µm pixels, 88°, 22 mm equivalent)",
         assumed=(
-            "sensor size is the nominal 1-inch area; focal length from 88° diagonal field of view"
+            "sensor size from 2.4 µm pitch; focal length from 88° diagonal field of view, rounded to"
+            " 0.1 mm"
         ),
     ),
     "dji-air-3-wide": CameraPreset(
@@ -322,12 +341,15 @@ CAMERAS: dict[str, CameraPreset] = {
         title="DJI Phantom 4 Pro",
         band="colour",
         focal_length_mm=8.8,
-        sensor_width_mm=13.2,
-        sensor_height_mm=8.8,
+        sensor_width_mm=13.1328,
+        sensor_height_mm=8.7552,
         image_width_px=5472,
         image_height_px=3648,
-        source="Phantom 4 Pro specifications, DJI (1-inch, 8.8 mm, 84°, 24 mm equivalent)",
-        assumed="sensor size is the nominal 1-inch area",
+        source=(
+            "Phantom 4 Pro specifications, DJI (1-inch, 8.8 mm, 84°, 24 mm equivalent); the images"
+            " record 3666.67 px"
+        ),
+        assumed="sensor size from 2.4 µm pitch, which the recorded focal length in pixels implies",
     ),
     "dji-p1-35mm": CameraPreset(
         title="DJI Zenmuse P1, 35 mm lens",
@@ -338,6 +360,10 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=8192,
         image_height_px=5460,
         source="Zenmuse P1 specifications, DJI (35.9 x 24 mm, 63.5° diagonal with 35 mm)",
+        assumed=(
+            "nominal data-sheet values; Theta-Limited/DroneModels, droneModels.json, calibrates a lens"
+            " 3 % narrower, 8233 px"
+        ),
     ),
     # FLIR
     "flir-vue-pro-640-9mm": CameraPreset(
@@ -575,7 +601,8 @@ CAMERAS: dict[str, CameraPreset] = {
         ),
         assumed=(
             "sensor size from 12 µm pitch; focal length from 57° horizontal field of view;"
-            " 160 x 120 is the thermal data, not the enlarged photo; nominal data-sheet values"
+            " 160 x 120 is the thermal data, not the enlarged photo; nominal data-sheet values;"
+            " Theta-Limited/DroneModels gives the ANAFI USA's Boson 320, 4.3 mm, instead"
         ),
     ),
     "autel-evo-2-dual-640t-thermal": CameraPreset(

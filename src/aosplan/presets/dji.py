@@ -1,6 +1,6 @@
 """Numbers by which DJI's files name drones and cameras.
 
-Source: DJI Cloud API documentation, product support (type and sub_type of aircraft, type of
+Source: DJI Cloud API documentation 1.14, product support (type and sub_type of aircraft, type of
 cameras), as DJI WPML refers to it.
 """
 

@@ -4,6 +4,9 @@ Makers publish top speeds, climb and hovering or flight times in still air; hard
 an acceleration, and none a cruise speed for missions.  Those are ours, and `assumed` says so:
 2 m/s² is what small quadcopters reach at about 12 degrees of tilt, 10 m/s a cruise that leaves
 the gimbal time.  A published flight time runs a new battery empty: plan with less.
+
+`source` names the maker's page; `assumed` calls "unconfirmed" what we know of it from one
+reading alone.
 """
 
 from __future__ import annotations
@@ -38,8 +41,8 @@ class DronePreset(NamedTuple):
 
 
 _CRUISE = "cruise speed and acceleration assumed"
-_WPML = "waypoints of a mission: WPML specification, DJI Cloud API (65,535)"
-_LITCHI = "waypoints: DJI Fly and older Litchi versions stop at 99"
+_WPML = "waypoints of a mission: WPML specification, DJI Cloud API (indices up to 65,535)"
+_SDK = "waypoints: DJI Mobile SDK 4, DJIWaypointMission (2 to 99), as older Litchi versions fly"
 
 DRONES: dict[str, DronePreset] = {
     "dji-m3t": DronePreset(
@@ -92,7 +95,7 @@ DRONES: dict[str, DronePreset] = {
         camera=None,
         photo_interval_s=0.7,
         source=f"Matrice 3D Series specifications, DJI (normal mode); {_WPML}",
-        assumed=_CRUISE,
+        assumed=f"{_CRUISE}; speeds and photo interval unconfirmed",
     ),
     "dji-m3td": DronePreset(
         title="DJI Matrice 3TD",
@@ -105,7 +108,7 @@ DRONES: dict[str, DronePreset] = {
         camera=None,
         photo_interval_s=2.0,
         source=f"Matrice 3D Series specifications, DJI (normal mode); {_WPML}",
-        assumed=f"{_CRUISE}; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the Mavic 3T",
     ),
     "dji-m30": DronePreset(
         title="DJI Matrice 30",
@@ -117,8 +120,8 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m30t-wide",
         photo_interval_s=2.0,
-        source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s); {_WPML}",
-        assumed=f"{_CRUISE}; photo interval that of the Mavic 3T; wide camera that of the 30T",
+        source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
+        assumed=f"{_CRUISE}; wide camera that of the 30T",
     ),
     "dji-m30t": DronePreset(
         title="DJI Matrice 30T",
@@ -130,8 +133,8 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m30t-thermal",
         photo_interval_s=2.0,
-        source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s); {_WPML}",
-        assumed=f"{_CRUISE}; photo interval that of the Mavic 3T",
+        source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
+        assumed=f"{_CRUISE}; photo interval that of the wide camera",
     ),
     "dji-m300": DronePreset(
         title="DJI Matrice 300 RTK with Zenmuse H20T",
@@ -147,7 +150,7 @@ DRONES: dict[str, DronePreset] = {
             "Matrice 300 RTK specifications, DJI (positioning mode: 17 m/s, climb 5, descent 3 m/s;"
             f" 55 min without payload); {_WPML}"
         ),
-        assumed=f"{_CRUISE}; flight time with the camera; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
     ),
     "dji-m350": DronePreset(
         title="DJI Matrice 350 RTK with Zenmuse H30T",
@@ -163,7 +166,7 @@ DRONES: dict[str, DronePreset] = {
             "Matrice 350 RTK specifications, DJI (climb 6, descent 5 m/s; 55 min without payload);"
             f" {_WPML}"
         ),
-        assumed=f"{_CRUISE}; flight time with the camera; photo interval that of the Mavic 3T",
+        assumed=f"{_CRUISE}; climb unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
     ),
     "dji-m4t": DronePreset(
         title="DJI Matrice 4T",
@@ -176,7 +179,7 @@ DRONES: dict[str, DronePreset] = {
         camera="dji-m4t-thermal",
         photo_interval_s=0.7,
         source=f"Matrice 4 Series specifications, DJI (normal mode); {_WPML}",
-        assumed=_CRUISE,
+        assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
     "dji-m4e": DronePreset(
         title="DJI Matrice 4E",
@@ -187,9 +190,9 @@ DRONES: dict[str, DronePreset] = {
         endurance_min=49.0,
         most_waypoints=65_535,
         camera="dji-m4e-wide",
-        photo_interval_s=0.7,
+        photo_interval_s=0.5,
         source=f"Matrice 4 Series specifications, DJI (normal mode); {_WPML}",
-        assumed=_CRUISE,
+        assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
     "dji-m4d": DronePreset(
         title="DJI Matrice 4D",
@@ -200,9 +203,9 @@ DRONES: dict[str, DronePreset] = {
         endurance_min=54.0,
         most_waypoints=65_535,
         camera=None,
-        photo_interval_s=0.7,
+        photo_interval_s=0.5,
         source=f"Matrice 4D Series specifications, DJI (normal mode); {_WPML}",
-        assumed=_CRUISE,
+        assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
     "dji-m4td": DronePreset(
         title="DJI Matrice 4TD",
@@ -215,7 +218,7 @@ DRONES: dict[str, DronePreset] = {
         camera=None,
         photo_interval_s=0.7,
         source=f"Matrice 4D Series specifications, DJI (normal mode); {_WPML}",
-        assumed=_CRUISE,
+        assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
     "dji-m2ea": DronePreset(
         title="DJI Mavic 2 Enterprise Advanced",
@@ -227,8 +230,10 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-m2ea-thermal",
         photo_interval_s=2.0,
-        source="Mavic 2 Enterprise Advanced specifications, DJI (50 km/h outside sport mode)",
-        assumed=f"{_CRUISE}; descent 3 m/s; waypoints: the 99 of DJI's older mission interface",
+        source=(
+            f"Mavic 2 Enterprise Advanced specifications, DJI (50 km/h outside sport mode); {_SDK}"
+        ),
+        assumed=f"{_CRUISE}; descent 3 m/s; speed and photo interval unconfirmed",
     ),
     "dji-mini-3-pro": DronePreset(
         title="DJI Mini 3 Pro",
@@ -240,8 +245,8 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-mini-3-pro",
         photo_interval_s=2.0,
-        source="Mini 3 Pro specifications, DJI (normal mode)",
-        assumed=f"{_CRUISE}; {_LITCHI}",
+        source=f"Mini 3 Pro specifications, DJI (normal mode); {_SDK}",
+        assumed=_CRUISE,
     ),
     "dji-mini-4-pro": DronePreset(
         title="DJI Mini 4 Pro",
@@ -253,8 +258,8 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-mini-4-pro",
         photo_interval_s=2.0,
-        source="Mini 4 Pro specifications, DJI (normal mode)",
-        assumed=f"{_CRUISE}; {_LITCHI}",
+        source=f"Mini 4 Pro specifications, DJI (normal mode); {_SDK}",
+        assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
     "dji-air-2s": DronePreset(
         title="DJI Air 2S",
@@ -266,8 +271,8 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-air-2s",
         photo_interval_s=2.0,
-        source="Air 2S specifications, DJI (normal mode)",
-        assumed=f"{_CRUISE}; {_LITCHI}",
+        source=f"Air 2S specifications, DJI (normal mode); {_SDK}",
+        assumed=_CRUISE,
     ),
     "autel-evo-2-dual-640t": DronePreset(
         title="Autel EVO II Dual 640T",
@@ -280,20 +285,20 @@ DRONES: dict[str, DronePreset] = {
         camera="autel-evo-2-dual-640t-thermal",
         photo_interval_s=2.0,
         source="EVO II Dual 640T specifications, Autel Robotics (standard mode)",
-        assumed=f"{_CRUISE}; descent 3 m/s; photo interval: the shortest of its time lapse",
+        assumed=f"{_CRUISE}; descent 3 m/s; flight time and speed unconfirmed; photo interval: the shortest of its time lapse",
     ),
     "parrot-anafi-usa": DronePreset(
         title="Parrot ANAFI USA",
         speed_mps=8.0,
         acceleration_mps2=2.0,
-        climb_mps=4.0,
+        climb_mps=3.0,
         airspeed_mps=14.7,
         endurance_min=32.0,
         most_waypoints=None,
         camera=None,
         photo_interval_s=1.0,
-        source="ANAFI USA specifications, Parrot",
-        assumed=f"{_CRUISE}; climb and photo interval",
+        source="ANAFI USA specifications, Parrot (climb 4, descent 3 m/s)",
+        assumed=f"{_CRUISE}; photo interval",
     ),
     "parrot-anafi-thermal": DronePreset(
         title="Parrot ANAFI Thermal",
@@ -306,7 +311,7 @@ DRONES: dict[str, DronePreset] = {
         camera="parrot-anafi-thermal",
         photo_interval_s=1.0,
         source="ANAFI Thermal specifications, Parrot",
-        assumed=f"{_CRUISE}; photo interval",
+        assumed=f"{_CRUISE}; photo interval; flight time and speeds unconfirmed",
     ),
     "ardupilot-copter": DronePreset(
         title="ArduCopter, any frame with the parameters it comes with",

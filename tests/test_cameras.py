@@ -1,0 +1,84 @@
+"""Built-in cameras: square pixels, and lenses that agree with what their sources state."""
+
+import re
+from math import atan, degrees, hypot
+
+import pytest
+
+from aosplan.presets.cameras import CAMERAS
+
+# Makers round fields of view to a degree, and state them for the image before its correction;
+# where the two differ by more than this, the preset says so.
+FIELD_TOLERANCE = 0.02
+# What single calibrated cameras differ by from their type.
+CALIBRATION_TOLERANCE = 0.03
+
+
+def field_deg(extent_mm, camera):
+    return degrees(2 * atan(extent_mm / (2 * camera.focal_length_mm)))
+
+
+def stated_fields(camera):
+    """(degrees, extent of the sensor that they span) that the source states."""
+    width, height = camera.sensor_width_mm, camera.sensor_height_mm
+    for angle, axis in re.findall(r"([\d.]+)° (diagonal|horizontal)", camera.source):
+        yield float(angle), width if axis == "horizontal" else hypot(width, height)
+    for across, down in re.findall(r"([\d.]+)° x ([\d.]+)°", camera.source):
+        yield float(across), width
+        yield float(down), height
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_pixels_are_square(name):
+    camera = CAMERAS[name]
+    assert camera.image_width_px >= camera.image_height_px
+    pitches = (
+        camera.sensor_width_mm / camera.image_width_px,
+        camera.sensor_height_mm / camera.image_height_px,
+    )
+    assert pitches[0] == pytest.approx(pitches[1], rel=6e-3)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_pitch_that_is_named_is_the_pitch(name):
+    camera = CAMERAS[name]
+    pitches = set(re.findall(r"([\d.]+) µm", camera.source + camera.assumed))
+    for pitch in pitches:
+        assert camera.sensor_width_mm == pytest.approx(
+            float(pitch) * 1e-3 * camera.image_width_px, rel=1e-4
+        )
+
+
+@pytest.mark.parametrize("name", [n for n, camera in CAMERAS.items() if [*stated_fields(camera)]])
+def test_the_pinhole_sees_what_the_maker_states_or_the_preset_says_why_not(name):
+    camera = CAMERAS[name]
+    for stated, extent_mm in stated_fields(camera):
+        off = field_deg(extent_mm, camera) / stated - 1
+        # Angles stated as whole degrees are good to half of one.
+        rounding = 0.5 / stated if stated == round(stated) else 0.05 / stated
+        if abs(off) > FIELD_TOLERANCE + rounding:
+            assert f"{stated:g}°" in camera.assumed
+
+
+def calibrations():
+    """Focal lengths in pixels that sources give, at the preset's image width."""
+    pattern = r"\(([\d.]+) px(?: at (\d+) px image width)?"
+    for name, camera in CAMERAS.items():
+        for focal_px, width_px in re.findall(pattern, camera.source):
+            scale = camera.image_width_px / float(width_px or camera.image_width_px)
+            yield pytest.param(name, float(focal_px) * scale, id=f"{name}-{focal_px}")
+
+
+@pytest.mark.parametrize(("name", "calibrated_px"), [*calibrations()])
+def test_the_focal_length_is_that_of_calibrated_cameras(name, calibrated_px):
+    camera = CAMERAS[name]
+    focal_px = camera.focal_length_mm / camera.sensor_width_mm * camera.image_width_px
+    assert focal_px == pytest.approx(calibrated_px, rel=CALIBRATION_TOLERANCE)
+
+
+def test_focal_lengths_that_the_images_record_in_pixels():
+    """CalibratedFocalLength in the XMP of the two mapping drones' photos."""
+    for name, recorded_px in (("dji-phantom-4-pro", 3666.666504), ("dji-m3e-wide", 3725.151611)):
+        camera = CAMERAS[name]
+        focal_px = camera.focal_length_mm / camera.sensor_width_mm * camera.image_width_px
+        assert focal_px == pytest.approx(recorded_px, rel=3e-4)
