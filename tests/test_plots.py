@@ -24,6 +24,7 @@ from aosplan.plots.curve import curve_of
 from aosplan.plots.density import density_of
 from aosplan.plots.grid import grid_of, nice_length_m, numbered
 from aosplan.plots.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
+from aosplan.plots.sweep import Cell, Map
 from aosplan.plots.tradeoff import tradeoff_of
 from aosplan.plots.visibility import visibility_of
 from aosplan.request import PlanRequest
@@ -55,6 +56,9 @@ def stand():
     return ResolvedScene(layered_scene(volume, "stand"), "cloud", volume=volume)
 
 
+CELLS = ((Cell(2, 2, 31.5), Cell(3, 2, 40.25)), (Cell(1, 1, 120.0), Cell(1, 0, None)))
+
+
 @cache
 def shown(kind):
     return {
@@ -66,6 +70,9 @@ def shown(kind):
         "density": lambda: density_of(stand()),
         "baseline-curve": lambda: curve_of(scene().scene, 0.98, 40.0),
         "correlogram": lambda: correlations_of(stand()),
+        "sweep": lambda: Map(
+            "altitude", "vhat", "flight_time_s", 7, 5, (30, 50), (0.8, 0.98), CELLS
+        ),
     }[kind]()
 
 
@@ -178,11 +185,12 @@ def test_scale_bars_are_round(span, length):
 @pytest.mark.parametrize("count", [1, 2, 50, 999, 500_000])
 @pytest.mark.parametrize("spacing_mm", [10.0, 4.6, 2.0, 0.01])
 def test_numbers_are_few_and_apart_and_name_both_ends(count, spacing_mm):
-    found = numbered(count, spacing_mm)
+    found = numbered([(0, 0), (1, count - 1)] if count > 1 else [(0, 0)], spacing_mm)
     assert found[0] == 0
     assert found[-1] == count - 1
+    assert found == sorted(set(found))
     if spacing_mm < 4.6:
-        assert len(found) <= 42
+        assert len(found) <= 22
 
 
 # The words

@@ -34,6 +34,9 @@ def run(
     dark: bool,
     width_mm: str | None,
     dpi: str | None,
+    x: str | None,
+    y: str | None,
+    value: str | None,
     force: bool,
     quiet: bool,
     as_json: bool,
@@ -49,7 +52,14 @@ def run(
         form_of(out)
         check_output(out, force=force)
         check_extra()
-    shown = (_of_scene if chosen.source == "scene" else _of_plan)(chosen, file, flags, quiet=quiet)
+    shown: Shown
+    if chosen.source == "results":
+        shown = _of_results(file, flags, x, y, value)
+    elif any((x, y, value)):
+        raise RequestError(f"--x, --y and --value go with sweep, not with {chosen.name}")
+    else:
+        of = _of_scene if chosen.source == "scene" else _of_plan
+        shown = of(chosen, file, flags, quiet=quiet)
     if out is not None:
         write_all({out: rendered(chosen, shown, form_of(out), look)}, force=force)
     if as_json:
@@ -156,6 +166,20 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
     return curve_of(found.scene.above(request.focal_height), request.coverage, altitude)
 
 
+def _of_results(
+    file: str | None, flags: dict[str, Any], x: str | None, y: str | None, value: str | None
+) -> Shown:
+    """The numbers of a figure of a sweep's results."""
+    from aosplan.plots.sweep import results_of
+
+    given = next((name for name, found in flags.items() if found is not None), None)
+    if given is not None:
+        raise RequestError(f"--{given.replace('_', '-')} does not go with the results of a sweep")
+    if file is None:
+        raise RequestError("no results are given", "name what aosplan sweep --out wrote")
+    return results_of(file, x, y, value)
+
+
 def _is_request(path: str) -> bool:
     """Whether a file is a request or an earlier result, and not a scene."""
     from aosplan.files import read_table
@@ -172,19 +196,21 @@ COMMAND = command(
     summary="Draw a figure of a plan or of a scene, and say in words what it shows.",
     examples=(
         "aosplan plot visibility --altitude 40 --out visibility.png\n"
-        "aosplan plot grid plan.json --dark --out grid.svg\n"
-        "aosplan plot correlogram stand.npz --out correlogram.pdf"
+        "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
     ),
     parameters=[
         file_argument("kind", "; ".join(f"{k.name}: {k.summary}" for k in KINDS.values()) + "."),
         file_argument(
             "file",
             "Request file or earlier result; for density, baseline-curve and correlogram a scene "
-            "does as well.",
+            "does as well; for sweep its results.",
             required=False,
         ),
         *request_options(),
         text_option("--out", "PATH", "The figure: .png, .svg or .pdf.", "Output"),
+        text_option("--x", "COLUMN", "Sweep: along the figure.  [samples]", "Sweep"),
+        text_option("--y", "COLUMN", "Sweep: up the figure.  [flight_time_s]", "Sweep"),
+        text_option("--value", "COLUMN", "Sweep: the result to map over both.", "Sweep"),
         flag_option("--dark", "On a dark background."),
         text_option("--width-mm", "MM", "Width on paper.  [170]", "Output"),
         text_option("--dpi", "N", "Pixels an inch of a .png.  [150]", "Output"),

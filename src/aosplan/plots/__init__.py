@@ -62,6 +62,7 @@ KINDS = {
         Kind(
             "correlogram", "how alike views are by lag and direction", "scene", "correlogram", 0.5
         ),
+        Kind("sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66),
     )
 }
 """Every kind by its name."""

@@ -24,11 +24,17 @@ if TYPE_CHECKING:
 NUMBERED_MM = 4.6
 """Spacing on paper from which each waypoint has its number."""
 
-DOTTED_MM = 1.0
+DOTTED_MM = 1.6
 """Spacing on paper from which each waypoint has a dot."""
 
-MOST_NUMBERS = 40
+MOST_NUMBERS = 20
 """Numbers of waypoints that are too close to have one each."""
+
+MOST_NUMBERED = 400
+"""More waypoints have no numbers but those at which a flight begins or ends."""
+
+NARROWEST = 0.6
+"""Shorter side of the map over its longer side, at least."""
 
 STEPS = (1, 2, 5)
 
@@ -66,7 +72,7 @@ class Grid(NamedTuple):
     @property
     def title(self) -> str:
         """What it is, in one line."""
-        over = "" if self.area_m2 is None else f" over {self.area_m2:.4g} m²"
+        over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
         return f"{self.photos} photos{over} for {self.scene}"
 
     @property
@@ -189,19 +195,18 @@ def nice_length_m(span_m: float) -> float:
     return max(step * power for step in STEPS if step * power <= 0.25 * span_m)
 
 
-def numbered(count: int, spacing_mm: float) -> list[int]:
-    """Which of so many waypoints, this far apart on paper, have their number beside them."""
+def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]:
+    """Which waypoints have their number beside them, where they are this far apart on paper.
+
+    All, or every so many; of very many only the first and the last of each flight.
+    """
+    count, ends = flights[-1][1] + 1, {place for flight in flights for place in flight}
     if spacing_mm >= NUMBERED_MM:
         return list(range(count))
-    if count == 1:
-        return [0]
-    step = next(
-        step * 10**power
-        for power in range(12)
-        for step in STEPS
-        if count / (step * 10**power) <= MOST_NUMBERS
-        and step * 10**power * spacing_mm >= NUMBERED_MM
-    )
+    if count > MOST_NUMBERED:
+        return sorted(ends if len(ends) <= MOST_NUMBERS else {0, count - 1})
+    steps = (step * 10**power for power in range(4) for step in STEPS)
+    step = next(s for s in steps if count / s <= MOST_NUMBERS and s * spacing_mm >= NUMBERED_MM)
     return sorted({0, *range(0, count - step // 2, step), count - 1})
 
 
@@ -297,7 +302,7 @@ def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
                 mec=theme.background,
                 zorder=5,
             )
-    for place in numbered(len(shown.east_m), spacing_mm):
+    for place in numbered(shown.flights, spacing_mm):
         end = place in (0, len(shown.east_m) - 1)
         panel.annotate(
             str(place),

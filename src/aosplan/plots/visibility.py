@@ -231,8 +231,10 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
     for panel in axes[0]:
         panel.legend(loc="lower right")
         panel.set_ylim(-0.03, 1.06)
-    room = 0.12 * max(shown.maximum - shown.minimum, 1e-6)
-    axes[1][0].set_ylim(shown.minimum - room, shown.maximum + 1.5 * room)
+    heights = [v for curve in (*shown.by_samples, *shown.by_baseline) for v in curve.expected]
+    low, high = min(shown.minimum, *heights), max(shown.maximum, *heights)
+    room = 0.12 * max(high - low, 1e-6)
+    axes[1][0].set_ylim(low - room, high + 1.5 * room)
     symbol = r"$\hat{V}$" if shown.target_quantity == "normalized" else "$V$"
     axes[0][0].annotate(
         f"target {symbol} = {shown.target:.6g}",
