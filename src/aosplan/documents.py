@@ -20,6 +20,7 @@ from aosplan.plan_schema import PlanDocument
 from aosplan.quantities import nearest_hint
 from aosplan.results_schema import (
     CalculatorDocument,
+    FigureDocument,
     IntegralDocument,
     PosesDocument,
     ReviewDocument,
@@ -81,6 +82,7 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "review": ReviewDocument,
     "thinning": ThinningDocument,
     "tradeoff": TradeoffDocument,
+    "figure": FigureDocument,
 }
 
 

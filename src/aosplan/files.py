@@ -123,6 +123,27 @@ def _checked_depth(value: Any) -> Any:
     return value
 
 
+def check_input(path: str) -> None:
+    """Refuse a file that is not there, for libraries that open it themselves.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such file.
+    SurroundingsError
+        Where it cannot be read.
+    """
+    try:
+        with open(path, "rb"):
+            return
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        raise RequestError(f"no file {path!r}") from None
+    except IsADirectoryError:
+        raise RequestError(f"'{path}' is a folder, not a file") from None
+    except OSError as error:
+        raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
+
+
 def check_output(path: str, *, force: bool) -> None:
     """Refuse an output path before any work is done for it.
 

@@ -13,5 +13,9 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 def xml_text(text: str) -> str:
     """Text as XML 1.0 takes it: escaped, shortened, without characters that it forbids."""
-    shown = text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
-    return html.escape(_FORBIDDEN.sub("\ufffd", shown))
+    return escaped(text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…")
+
+
+def escaped(text: str) -> str:
+    """The whole text as XML 1.0 takes it: escaped, without characters that it forbids."""
+    return html.escape(_FORBIDDEN.sub("\ufffd", text))

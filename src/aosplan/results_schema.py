@@ -122,6 +122,17 @@ class StatisticsDocument(OpenDocument):
     warnings: list[MessageDocument]
 
 
+class FigureDocument(OpenDocument):
+    """What `aosplan plot --json` prints: a figure in words, and the numbers in it."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    kind: str
+    title: str
+    description: str
+    data: dict[str, Any]
+
+
 class CalculatorDocument(OpenDocument):
     """What `aosplan visibility --json` prints."""
 

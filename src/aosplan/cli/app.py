@@ -25,6 +25,7 @@ COMMANDS = {
     "tradeoff": "What each number of photos takes and gives.",
     "scene": "Occluder statistics of a point cloud or scene file.",
     "sweep": "Solve many scenarios and write a row for each.",
+    "plot": "Draw a figure of a plan or of a scene.",
     "export": "Write files from a saved plan.",
     "review": "What a flight shows, and a mission for what it missed.",
     "thin": "The best N of many recorded views.",

@@ -34,6 +34,10 @@ def run(
     force: bool,
     yes: bool,
     quiet: bool,
+    plot: str | None,
+    plot_x: str | None,
+    plot_y: str | None,
+    plot_value: str | None,
 ) -> None:
     """Solve every scenario of a file and write a row for each."""
     from aosplan.sweep.frame import chosen_results
@@ -63,6 +67,10 @@ def run(
         tuple(name for text in per or [] for name in text.split(",")),
     )
     check(sweep)
+    if plot is not None:
+        _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
+    elif any((plot_x, plot_y, plot_value)):
+        raise RequestError("--plot-x, --plot-y and --plot-value go with --plot")
     with _bar(scenarios.rows, quiet=quiet) as advance:
         try:
             rows = run_sweep(
@@ -78,6 +86,50 @@ def run(
             raise
     if not quiet:
         print(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios")
+    if plot is not None:
+        _draw(plot, out, plot_x, plot_y, plot_value, force=force, quiet=quiet)
+
+
+def _check_plot(
+    plot: str,
+    names: list[str],
+    x: str | None,
+    y: str | None,
+    value: str | None,
+    *,
+    force: bool,
+) -> None:
+    """Refuse a figure that could not be drawn, before anything is solved for it."""
+    from aosplan.plots.canvas import check_extra, form_of
+    from aosplan.plots.sweep import check_columns
+
+    form_of(plot)
+    check_output(plot, force=force)
+    check_extra()
+    check_columns(names, x, y, value, flags="--plot-")
+
+
+def _draw(
+    plot: str,
+    results: str,
+    x: str | None,
+    y: str | None,
+    value: str | None,
+    *,
+    force: bool,
+    quiet: bool,
+) -> None:
+    from aosplan.files import write_all
+    from aosplan.plots import KINDS
+    from aosplan.plots.canvas import form_of, rendered
+    from aosplan.plots.style import printable
+    from aosplan.plots.sweep import results_of
+
+    shown = results_of(results, x, y, value)
+    write_all({plot: rendered(KINDS["sweep"], shown, form_of(plot))}, force=force)
+    if not quiet:
+        print(printable(shown.description()))
+        print(f"Wrote {plot}")
 
 
 @contextlib.contextmanager
@@ -132,6 +184,10 @@ COMMAND = command(
             "TOML with a table [sweep] of options, or a CSV or Parquet with a row a scenario.",
         ),
         text_option("--out", "PATH", "Result: .csv, .parquet or .jsonl.", "Output"),
+        text_option("--plot", "PATH", "Draw the result: .png, .svg or .pdf.", "Output"),
+        text_option("--plot-x", "COLUMN", "Along the figure.  [samples]", "Output"),
+        text_option("--plot-y", "COLUMN", "Up the figure.  [flight_time_s]", "Output"),
+        text_option("--plot-value", "COLUMN", "A result to map over both.", "Output"),
         text_option("--columns", "LIST|all", "Results to write.  [the usual ones]", "Output"),
         text_option("--where", "SQL", "Keep the rows for which this holds.", "Output"),
         text_option(

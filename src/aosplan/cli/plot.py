@@ -1,0 +1,221 @@
+"""``aosplan plot``."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan import quantities as q
+from aosplan.cli.options import (
+    command,
+    file_argument,
+    flag_option,
+    json_option,
+    request_options,
+    text_option,
+)
+from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.defaults import request_of
+from aosplan.errors import RequestError
+from aosplan.plots import KINDS, Kind, Shown
+from aosplan.plots.style import printable
+from aosplan.summary import SCHEMA
+
+if TYPE_CHECKING:
+    from aosplan.plots.canvas import Look
+
+
+def run(
+    *,
+    kind: str,
+    file: str | None,
+    out: str | None,
+    dark: bool,
+    width_mm: str | None,
+    dpi: str | None,
+    x: str | None,
+    y: str | None,
+    value: str | None,
+    force: bool,
+    quiet: bool,
+    as_json: bool,
+    **flags: Any,
+) -> None:
+    """Draw a figure, and say in words what it shows."""
+    from aosplan.files import check_output, write_all
+    from aosplan.plots.canvas import check_extra, form_of, rendered
+
+    chosen = _kind(kind)
+    look = look_of(dark=dark, width_mm=width_mm, dpi=dpi)
+    if out is not None:
+        form_of(out)
+        check_output(out, force=force)
+        check_extra()
+    shown: Shown
+    if chosen.source == "results":
+        shown = _of_results(file, flags, x, y, value)
+    elif any((x, y, value)):
+        raise RequestError(f"--x, --y and --value go with sweep, not with {chosen.name}")
+    else:
+        of = _of_scene if chosen.source == "scene" else _of_plan
+        shown = of(chosen, file, flags, quiet=quiet)
+    if out is not None:
+        write_all({out: rendered(chosen, shown, form_of(out), look)}, force=force)
+    if as_json:
+        print_json(document(chosen, shown))
+    elif not quiet:
+        print(printable(shown.description()))
+        print(f"Wrote {out}" if out else "Next: --out figure.png")
+
+
+def document(kind: Kind, shown: Shown) -> dict[str, Any]:
+    """What ``plot --json`` prints."""
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "kind": kind.name,
+        "title": shown.title,
+        "description": shown.description(),
+        "data": shown.document(),
+    }
+
+
+def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> Look:
+    """How a figure is drawn, from the options that say so."""
+    from aosplan.plots.canvas import Look
+    from aosplan.plots.style import DARK, LIGHT
+
+    look = Look(DARK if dark else LIGHT)
+    if width_mm is not None:
+        look = look._replace(width_mm=q.positive(width_mm, "--width-mm", "mm"))
+    if dpi is not None:
+        look = look._replace(dpi=q.positive(dpi, "--dpi"))
+    look.check()
+    return look
+
+
+def _kind(name: str) -> Kind:
+    for kind in KINDS.values():
+        if kind.name.replace("-", "") == name.replace("-", "").lower():
+            return kind
+    raise RequestError(
+        f"unknown kind of figure '{name}'",
+        q.nearest_hint(name, KINDS) or f"one of {', '.join(KINDS)}",
+    )
+
+
+def _of_plan(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
+    """The numbers of a figure of a plan."""
+    from aosplan.planning import plan
+
+    wanted, folder = request_of(file, flags, defaults="none"), os.path.dirname(file or "")
+    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+        result = plan(wanted, folder=folder, progress=progress)
+    print_warnings(result.warnings, quiet=quiet)
+    if kind.name == "visibility":
+        from aosplan.plots.visibility import visibility_of
+
+        return visibility_of(result)
+    if kind.name == "tradeoff":
+        from aosplan.plots.tradeoff import tradeoff_of
+
+        return tradeoff_of(result)
+    from aosplan.layout import over_area
+    from aosplan.plots.grid import grid_of
+
+    return grid_of(result, over_area(result.request, folder)[1])
+
+
+def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
+    """The numbers of a figure of a scene: one that is named, or that of a request."""
+    from aosplan.request import request_from
+    from aosplan.resolve import scene_of
+
+    given = {name: value for name, value in flags.items() if value is not None}
+    folder = ""
+    if file is not None and _is_request(file):
+        from aosplan.documents import read_request
+
+        given, folder = read_request(file) | given, os.path.dirname(file)
+    elif file is not None:
+        if "scene" in given:
+            raise RequestError(f"'{file}' and --scene {given['scene']}", "name one scene")
+        given["scene"] = file
+    if not given:
+        raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
+    # A request needs an altitude, and these figures none.
+    ways = ("altitude", "gsd", "target_size")
+    high = any(name in given for name in ways)
+    request = request_from(given if high else given | {"altitude": 1.0})
+    with progress_bar(request.scene or "", quiet=quiet) as progress:
+        found = scene_of(request, folder=folder, progress=progress)
+    print_warnings(found.warnings, quiet=quiet)
+    if kind.name == "density":
+        from aosplan.plots.density import density_of
+
+        return density_of(found)
+    if kind.name == "correlogram":
+        from aosplan.plots.correlogram import correlations_of
+
+        return correlations_of(found)
+    from aosplan.plots.curve import curve_of
+    from aosplan.resolve import altitude_of, camera_of
+
+    altitude = altitude_of(request, camera_of(request, folder=folder)) if high else None
+    return curve_of(found.scene.above(request.focal_height), request.coverage, altitude)
+
+
+def _of_results(
+    file: str | None, flags: dict[str, Any], x: str | None, y: str | None, value: str | None
+) -> Shown:
+    """The numbers of a figure of a sweep's results."""
+    from aosplan.plots.sweep import results_of
+
+    given = next((name for name, found in flags.items() if found is not None), None)
+    if given is not None:
+        raise RequestError(f"--{given.replace('_', '-')} does not go with the results of a sweep")
+    if file is None:
+        raise RequestError("no results are given", "name what aosplan sweep --out wrote")
+    return results_of(file, x, y, value)
+
+
+def _is_request(path: str) -> bool:
+    """Whether a file is a request or an earlier result, and not a scene."""
+    from aosplan.files import read_table
+
+    if not path.lower().endswith((".toml", ".json")):
+        return False
+    table = read_table(path)
+    return "request" in table or any(name in table for name in ("scene", "altitude", "gsd"))
+
+
+COMMAND = command(
+    "plot",
+    run,
+    summary="Draw a figure of a plan or of a scene, and say in words what it shows.",
+    examples=(
+        "aosplan plot visibility --altitude 40 --out visibility.png\n"
+        "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
+    ),
+    parameters=[
+        file_argument("kind", "; ".join(f"{k.name}: {k.summary}" for k in KINDS.values()) + "."),
+        file_argument(
+            "file",
+            "Request file or earlier result; for density, baseline-curve and correlogram a scene "
+            "does as well; for sweep its results.",
+            required=False,
+        ),
+        *request_options(),
+        text_option("--out", "PATH", "The figure: .png, .svg or .pdf.", "Output"),
+        text_option("--x", "COLUMN", "Sweep: along the figure.  [samples]", "Sweep"),
+        text_option("--y", "COLUMN", "Sweep: up the figure.  [flight_time_s]", "Sweep"),
+        text_option("--value", "COLUMN", "Sweep: the result to map over both.", "Sweep"),
+        flag_option("--dark", "On a dark background."),
+        text_option("--width-mm", "MM", "Width on paper.  [170]", "Output"),
+        text_option("--dpi", "N", "Pixels an inch of a .png.  [150]", "Output"),
+        flag_option("--force", "Overwrite an existing file."),
+        flag_option("--quiet", "No description, no warnings."),
+        json_option(),
+    ],
+)
