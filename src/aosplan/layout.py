@@ -38,12 +38,15 @@ class Layout(NamedTuple):
         What the sites cover, where an area is given.
     continuous
         What a line flown on and on shows, where the grid is one.
+    area
+        What is covered, and where not to fly.
     """
 
     sites: Sites
     origin: tuple[float, float] | None
     survey: Survey | None = None
     continuous: Continuous | None = None
+    area: Area | None = None
 
     @property
     def notices(self) -> tuple[Message, ...]:
@@ -83,7 +86,7 @@ def layout_of(
     continuous = continuous_for(request, solution, problem)
     if area is not None:
         survey = survey_for(request, area, solution, camera, altitude_m)
-        return Layout(survey.sites_flown, survey.origin, survey, continuous)
+        return Layout(survey.sites_flown, survey.origin, survey, continuous, area)
     pattern = flown_pattern(request, solution)
     east, north = local_sites(pattern, solution.baseline_m, request.heading_deg)
     return Layout(Sites(east, north, [True] * len(east)), request.origin, None, continuous)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from aosplan.export import Format
     from aosplan.mission import Mission
@@ -61,28 +61,29 @@ def chosen_outputs(
     return chosen
 
 
-def writes_stdout(chosen: Sequence[tuple[Format, str]], *, as_json: bool) -> bool:
-    """Whether an output goes to stdout, where nothing else may then be printed.
+def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
+    """Whether one of the outputs goes to stdout, where nothing else may then be printed.
 
     Raises
     ------
     RequestError
         Where ``--json`` would print there as well.
     """
-    found = any(path == "-" for _, path in chosen)
+    found = "-" in paths
     if found and as_json:
-        raise RequestError("--json and --out - both write to stdout", "give one of them")
+        raise RequestError("--json and an output - both write to stdout", "give one of them")
     return found
 
 
 def write_outputs(
     missions: Callable[[], Iterable[Mission]],
     chosen: list[tuple[Format, str]],
+    pages: Mapping[str, bytes] | None = None,
     *,
     force: bool,
     quiet: bool = False,
 ) -> list[str]:
-    """Write missions to all outputs, or to none; what was written.
+    """Write missions, and pages by their paths, to all outputs or to none; what was written.
 
     An output that needs several files has them numbered, with a hint that says so.
 
@@ -91,14 +92,14 @@ def write_outputs(
     RequestError
         Where a mission is beyond the limits of a format, or two outputs share a file.
     """
-    if not chosen:
+    if not chosen and not pages:
         return []
     from aosplan.export import files
     from aosplan.files import write_all
 
-    contents: dict[str, bytes] = {}
+    contents = dict(pages or {})
     hints = []
-    flown = list(missions())
+    flown = list(missions()) if chosen else []
     for form, path in chosen:
         needed = files(flown, form, path)
         for name in needed:

@@ -5,18 +5,22 @@ from __future__ import annotations
 import os
 from typing import Any
 
+from aosplan import quantities as q
 from aosplan.cli.options import (
     command,
     defaults_option,
     file_argument,
+    flag_option,
     output_options,
     request_options,
+    text_option,
 )
 from aosplan.cli.output import (
     chosen_outputs,
     print_json,
     print_warnings,
     progress_bar,
+    waiting_bar,
     write_outputs,
     writes_stdout,
 )
@@ -33,13 +37,19 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    report: str | None,
+    no_report_picture: bool,
+    report_seed: str | None,
     defaults: str | None,
     **flags: Any,
 ) -> None:
     """Plan a flight, write it and show it."""
     wanted = request_of(request, flags, defaults=defaults)
     chosen = chosen_outputs(out or [], format, force=force)
-    to_stdout = writes_stdout(chosen, as_json=as_json)
+    seed = _report_seed(report, report_seed, picture=not no_report_picture)
+    if report is not None:
+        _check_report(report, [path for _, path in chosen], seed=seed, force=force)
+    to_stdout = writes_stdout([*(path for _, path in chosen), report], as_json=as_json)
     if wanted.origin is None and wanted.area is None:
         for form, path in chosen:
             if form.needs_place:
@@ -50,13 +60,48 @@ def run(
     with progress_bar(wanted.scene or "", quiet=quiet) as progress:
         result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
     print_warnings(result.warnings, quiet=quiet)
-    written = write_outputs(result.missions, chosen, force=force, quiet=quiet)
+    pages = {}
+    if report is not None:
+        from aosplan.report import report_page
+
+        with waiting_bar("drawing the report", quiet=quiet):
+            pages[report] = report_page(result, seed=seed)
+    written = write_outputs(result.missions, chosen, pages, force=force, quiet=quiet)
     if as_json:
         print_json(result.document())
     elif not (quiet or to_stdout):
         from aosplan.cli.tables import print_plan
 
         print_plan(result, written)
+
+
+def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
+    """The seed of the report's picture; None for a report without one."""
+    if report is None:
+        lonely = "--no-report-picture" if not picture else "--report-seed" if seed else ""
+        if lonely:
+            raise RequestError(f"{lonely} without --report", "give --report PAGE.html too")
+        return None
+    if not picture:
+        if seed is not None:
+            raise RequestError("--report-seed and --no-report-picture contradict each other")
+        return None
+    from aosplan.report import SEED
+
+    return SEED if seed is None else q.index(seed, "--report-seed")
+
+
+def _check_report(path: str, others: list[str], *, seed: int | None, force: bool) -> None:
+    """Refuse a report before any work is done for it."""
+    from aosplan.files import check_output
+    from aosplan.report import SUFFIXES, check_extra
+
+    if path != "-" and not path.lower().endswith(SUFFIXES):
+        raise RequestError(f"report '{path}' does not end in .html", "a report is a page")
+    check_output(path, force=force)
+    if os.path.realpath(path) in map(os.path.realpath, others):
+        raise RequestError(f"output '{path}' is given twice")
+    check_extra(picture=seed is not None)
 
 
 COMMAND = command(
@@ -77,5 +122,8 @@ COMMAND = command(
         *request_options(),
         defaults_option(),
         *output_options(),
+        text_option("--report", "PAGE.html", "Write a page of the plan, to look at.", "Output"),
+        text_option("--report-seed", "N", "Of the simulated picture on it.  [1]", "Output"),
+        flag_option("--no-report-picture", "A page without the simulated picture."),
     ],
 )

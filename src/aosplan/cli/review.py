@@ -51,7 +51,7 @@ def run(
     wanted = request_of(plan, flags, defaults=defaults)
     within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
     chosen = chosen_outputs(out or [], format, force=force)
-    writes_stdout(chosen, as_json=as_json)
+    writes_stdout((path for _, path in chosen), as_json=as_json)
     from aosplan.recorded import read_views
     from aosplan.review import review
 

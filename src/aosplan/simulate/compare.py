@@ -206,33 +206,16 @@ def simulate(
     Raises
     ------
     RequestError
-        Where the forest does not go with the scene, there is no target area, there are more than
-        `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
+        As `posed`.
     """
-    settings = settings or Settings()
+    settings, experiment, predicted = posed(plan, settings or Settings())
     views = plan.solution.pattern.samples
-    if views > MOST_VIEWS:
-        raise RequestError(
-            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
-            "--samples or --max-samples plan fewer",
-        )
-    if plan.request.hold_error > 0.0:
-        raise RequestError(
-            f"--hold-error {plan.request.hold_error:g}: a simulation flies to every site exactly",
-            "simulate the plan without --hold-error",
-        )
-    if plan.request.rays not in (None, "nadir"):
-        raise RequestError(
-            f"--rays {plan.request.rays}: a simulation knows how its rays run",
-            "simulate the plan with --rays nadir",
-        )
     above = plan.scene.above(plan.request.focal_height)
-    settings = settings._replace(forest=_forest(plan, settings))
-    if above is None or plan.coverage is None:
+    if experiment is None or above is None:
         return Simulation(
             plan,
             settings,
-            plan.solution.prediction,
+            predicted,
             Estimate(0.0, 1.0, math.nan, 0.0, 0.0, math.nan),
             views,
             0,
@@ -240,7 +223,6 @@ def simulate(
             dict.fromkeys(QUANTITIES, 0.0),
             None,
         )
-    experiment, predicted = _experiment(plan, above, settings)
     samples = []
     targets, check = 0, FEWEST_SAMPLES
     for counts in experiment.samples():
@@ -264,6 +246,39 @@ def simulate(
     return Simulation(
         plan, settings, predicted, found, views, targets, len(samples), tolerance, experiment
     )
+
+
+def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
+    """The experiment that answers for a plan, and the model's answer to its question.
+
+    The settings come with the name of the forest; without occluders there is no experiment.
+
+    Raises
+    ------
+    RequestError
+        Where the forest does not go with the scene, there is no target area, there are more than
+        `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
+    """
+    if (views := plan.solution.pattern.samples) > MOST_VIEWS:
+        raise RequestError(
+            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
+            "--samples or --max-samples plan fewer",
+        )
+    if plan.request.hold_error > 0.0:
+        raise RequestError(
+            f"--hold-error {plan.request.hold_error:g}: a simulation flies to every site exactly",
+            "simulate the plan without --hold-error",
+        )
+    if plan.request.rays not in (None, "nadir"):
+        raise RequestError(
+            f"--rays {plan.request.rays}: a simulation knows how its rays run",
+            "simulate the plan with --rays nadir",
+        )
+    above = plan.scene.above(plan.request.focal_height)
+    settings = settings._replace(forest=_forest(plan, settings))
+    if above is None or plan.coverage is None:
+        return settings, None, plan.solution.prediction
+    return settings, *_experiment(plan, above, settings)
 
 
 class Pictures(NamedTuple):
@@ -294,16 +309,12 @@ def pictures(simulation: Simulation) -> Pictures:
 
     if simulation.experiment is None:
         raise RequestError("nothing stands above the focal plane: there is nothing to draw")
-    every, one = (blocked[::-1] for blocked in simulation.experiment.images())
-    share = every / simulation.views
-    chart = p.resolution_chart(*share.shape)
-    optimum = p.integral_image(chart, np.asarray(share.mean()))
-    single, integral = (p.integral_image(chart, veil) for veil in (one.astype(float), share))
+    shown = p.panels(*simulation.experiment.images(), simulation.views)
     return Pictures(
-        p.png(p.side_by_side([single, integral, optimum])),
-        p.png(1.0 - share),
-        p.similarity(single, optimum),
-        p.similarity(integral, optimum),
+        p.png(p.side_by_side([shown.single, shown.integral, shown.endless])),
+        p.png(1.0 - shown.share),
+        p.similarity(shown.single, shown.endless),
+        p.similarity(shown.integral, shown.endless),
     )
 
 

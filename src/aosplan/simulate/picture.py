@@ -9,7 +9,7 @@ structure is what makes it less similar to that.
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -101,6 +101,36 @@ def integral_image(target: Image, blocked_share: Image) -> Image:
     veil = np.broadcast_to(np.asarray(blocked_share, dtype=np.float64), target.shape)
     image: Image = (target * (1.0 - veil))[..., np.newaxis] + np.multiply.outer(veil, LEAVES)
     return image
+
+
+class Panels(NamedTuple):
+    """A chart through the trees: in one view, in the integral of all, in that of endless ones.
+
+    `share` is X, the share of the views that does not see each target.
+    """
+
+    single: Image
+    integral: Image
+    endless: Image
+    share: Image
+
+
+def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Panels:
+    """Draw what an experiment's images hold, the far end of the area on top.
+
+    Parameters
+    ----------
+    every, one
+        How many of all views, and of the middle one, are blocked; shape (rows, columns), the near
+        end first.
+    views
+        How many there are.
+    """
+    share = every[::-1] / views
+    chart = resolution_chart(*share.shape)
+    veils = (one[::-1].astype(float), share, np.asarray(share.mean()))
+    single, integral, endless = (integral_image(chart, veil) for veil in veils)
+    return Panels(single, integral, endless, share)
 
 
 def similarity(image: Image, reference: Image) -> float:
