@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 
 from aosplan.cli.app import COMMANDS
-from aosplan.documents import DOCUMENTS
+from aosplan.documents import DOCUMENTS, json_schema
 from aosplan.export import formats
+from aosplan.meanings import MEANINGS
 
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.insert(0, str(DOCS))
@@ -70,6 +71,24 @@ def test_every_unit_that_a_field_names_is_known(name):
         suffix = field.rpartition("_")[2] if "_" in field else ""
         looks_like_a_unit = re.fullmatch(r"m|m2|mm|cm|km|px|deg|rad|s|ms|min|mps\d?|kmh", suffix)
         assert not looks_like_a_unit or documents.unit(field), field
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_field_of_a_document_says_what_it_means(name):
+    schema = json_schema(name)
+    for table in (schema, *schema.get("$defs", {}).values()):
+        for field, about in table["properties"].items():
+            assert about.get("description"), (table["title"], field)
+
+
+def test_every_meaning_is_of_a_field_that_exists():
+    fields = set()
+    for name in DOCUMENTS:
+        schema = json_schema(name)
+        for table in (schema, *schema.get("$defs", {}).values()):
+            for field in table["properties"]:
+                fields |= {field, f"{table['title']}.{field}"}
+    assert set(MEANINGS) <= fields
 
 
 def test_every_format_is_in_the_table_of_formats():
