@@ -14,6 +14,7 @@ from aosplan.camera import Camera
 from aosplan.checked import Document, Finite, Pair, Pixels, checked
 from aosplan.errors import RequestError
 from aosplan.files import read_table
+from aosplan.meanings import meaning
 from aosplan.mission import Conduct, Mission, Waypoint, Waypoints, split
 from aosplan.options import OPTIONS
 from aosplan.plan_schema import PlanDocument
@@ -100,6 +101,11 @@ def json_schema(name: str) -> dict[str, Any]:
             nearest_hint(name, DOCUMENTS) or f"one of {', '.join(DOCUMENTS)}",
         )
     schema = DOCUMENTS[name].model_json_schema(by_alias=True)
+    for table in (schema, *schema.get("$defs", {}).values()):
+        for field, about in table["properties"].items():
+            text = meaning(table["title"], field)
+            if text is not None:
+                about.setdefault("description", text)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

@@ -1,0 +1,94 @@
+"""How the documentation is built:  sphinx-build -W -n --keep-going -b html docs docs/_build/html
+
+Everything is made offline: formulas are MathML, fonts the reader's own, figures drawn by the
+commands that the pages show.
+"""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from aosplan import __version__
+
+project = "aosplan"
+author = "the aosplan authors"
+copyright = author  # noqa: A001 (Sphinx's name)
+version = release = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "extensions.mathml",
+    "extensions.drawn",
+    "extensions.generated",
+]
+exclude_patterns = ["_build", "extensions"]
+nitpicky = True
+# Types of other packages, whose documentation would have to be fetched.
+# Types of other packages, whose documentation would have to be fetched, and of our inner parts.
+nitpick_ignore_regex = [
+    ("py:.*", r"(np|numpy|collections|decimal|fractions|typing|os|pathlib)\..*"),
+    (
+        "py:class",
+        "Any|ArrayLike|Decimal|Floats|Fraction|NDArray"
+        "|Change|CoverageBaseline|Flown|GridKind|Layout|Problem|ResolvedScene|Route|Scene|Sites"
+        "|Uncertainty|VoxelVolume|aosplan.scene.Slab",
+    ),
+]
+
+myst_enable_extensions = ["attrs_block", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_preserve_defaults = True
+default_role = "code"
+smartquotes = False  # --flags stay as they are typed
+python_display_short_literal_types = True
+python_maximum_signature_line_length = 88
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+html_theme = "furo"
+html_title = "aosplan"
+html_static_path = ["_static"]
+html_css_files = ["aosplan.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {"navigation_with_keys": True}
+html_math_renderer = "mathml"
+
+
+HOMES = {
+    "Conduct": "mission",
+    "Limit": "problem",
+    "Message": "resolve",
+    "Prediction": "models",
+    "Row": "tradeoff",
+    "Solution": "problem",
+}
+"""Where names are described that modules import for type checkers alone."""
+
+
+def _find_home(app, env, node, content):
+    """What an annotation's bare name refers to."""
+    home = HOMES.get(node.get("reftarget", ""))
+    if home is None or node.get("refdomain") != "py":
+        return None
+    target = f"aosplan.{home}.{node['reftarget']}"
+    return env.domains["py"].resolve_xref(
+        env, node["refdoc"], app.builder, "class", target, node, content
+    )
+
+
+def _whole_sentences(app, what, name, obj, options, lines):
+    """Have a property begin with an empty comment: napoleon takes text before a colon for a type."""
+    if what == "property":
+        lines[:0] = ["..", ""]
+
+
+def setup(app):
+    app.connect("missing-reference", _find_home)
+    app.connect("autodoc-process-docstring", _whole_sentences, priority=100)

@@ -1,0 +1,137 @@
+"""The command line as Markdown, made from the commands themselves."""
+
+from functools import partial
+from importlib import import_module
+from inspect import getclosurevars
+from re import fullmatch
+
+from aosplan import options as table
+from aosplan import quantities as q
+from aosplan.cli.app import COMMANDS
+from aosplan.options import BY_NAME
+
+UNITS = {
+    "M": "metres",
+    "MM": "millimetres",
+    "PX": "pixels",
+    "DEG": "degrees",
+    "S": "seconds",
+    "MIN": "minutes",
+    "M/S": "metres a second",
+    "M/S²": "metres a second squared",
+}
+"""What a placeholder says of the unit."""
+
+DOMAINS = {
+    q.number: "any number",
+    q.positive: "above 0",
+    q.at_least_zero: "0 or more",
+    q.whole: "a whole number from 1",
+    q.index: "a whole number from 0",
+    q.share: "from 0 to 1, or a percentage",
+    q.share_above_zero: "above 0, up to 1, or a percentage",
+    q.flag: "given or not",
+    q.word: "",
+    q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
+    table.target_share: "from 0 to below 1, or a percentage",
+    table.heading_or_auto: "any number, `best`, or `auto`",
+    table.payload: "a payload of [](presets.md#payloads)",
+}
+"""What the parsers of `aosplan.options` accept."""
+
+
+def domain(parse):
+    """What an option's parser accepts, in words."""
+    while isinstance(parse, partial):
+        parse = parse.args[0] if parse.func is table.bounded else parse.func
+    if parse in DOMAINS:
+        return DOMAINS[parse]
+    kept = getclosurevars(parse).nonlocals
+    if "allowed" in kept:
+        return "one of " + ", ".join(f"`{word}`" for word in kept["allowed"])
+    return f"{domain(kept['parse'])}, or `best`"
+
+
+def loaded(name):
+    """A command by its name."""
+    return import_module(f"aosplan.cli.{name}").COMMAND
+
+
+def overview():
+    """The commands, a line each."""
+    rows = [f"- [`aosplan {name}`](#aosplan-{name}): {text}" for name, text in COMMANDS.items()]
+    return "\n".join(rows)
+
+
+def command(name):
+    """One command: usage, arguments, options by panel, examples."""
+    found = loaded(name)
+    arguments = [each for each in found.params if each.param_type_name == "argument"]
+    named = [each for each in found.params if each.param_type_name == "option"]
+    shared = [each for each in named if name != "plan" and _is_plans(each)]
+    panels = {}
+    for each in named:
+        if each not in shared:
+            panels.setdefault(getattr(each, "rich_help_panel", None) or "Options", []).append(each)
+    lines = [found.help, "", f"```text\n{usage(found, name)}\n```", ""]
+    for argument in arguments:
+        lines += [f"`{argument.metavar or argument.name.upper()}`\n: {_text(argument.help)}", ""]
+    for panel, members in panels.items():
+        lines += [f"**{panel}**", "", *(_option(each) for each in members)]
+    if shared:
+        lines += ["**Of a plan**", "", "As for `aosplan plan`:", ""]
+        lines += [", ".join(f"{{option}}`aosplan plan {flag(each)}`" for each in shared), ""]
+    if found.epilog:
+        lines += ["**Examples**", "", f"```console\n{found.epilog}\n```", ""]
+    return "\n".join(["```{program} aosplan " + name + "\n```", "", *lines])
+
+
+def usage(found, name):
+    """The line of usage."""
+    words = ["aosplan", name, "[OPTIONS]"]
+    for each in found.params:
+        if each.param_type_name == "argument":
+            word = each.metavar or each.name.upper()
+            words.append(word if each.required or word.startswith("[") else f"[{word}]")
+    return " ".join(words)
+
+
+def flag(parameter):
+    """An option as it is written."""
+    return parameter.opts[-1]
+
+
+def described(parameter):
+    """An option's text, and its default, which its help has in brackets."""
+    match = fullmatch(r"(.*?)\s*\[([^\[\]]+)\]", parameter.help or "")
+    return (match[1], match[2]) if match else (parameter.help or "", "")
+
+
+def facts(parameter):
+    """Unit, domain and default of an option, in words."""
+    known = BY_NAME.get(flag(parameter)[2:].replace("-", "_"))
+    unit = UNITS.get(parameter.metavar or "", "")
+    accepted = domain(known.parse) if known is not None and _is_plans(parameter) else ""
+    default = described(parameter)[1]
+    said = (unit, accepted, f"default {default}" if default else "")
+    return [fact for fact in said if fact]
+
+
+def _is_plans(parameter):
+    """Whether an option is that of a plan's request, under its name and with its meaning."""
+    name = flag(parameter)[2:].replace("-", "_")
+    return name in BY_NAME and BY_NAME[name].help == parameter.help
+
+
+def _option(parameter):
+    signature = " ".join(word for word in (flag(parameter), parameter.metavar) if word)
+    repeated = ["may be repeated"] if parameter.multiple else []
+    said = "; ".join(facts(parameter) + repeated)
+    text = _text(described(parameter)[0])
+    return f"````{{option}} {signature}\n{text}\n{f'*{said[0].upper()}{said[1:]}.*' if said else ''}\n````\n"
+
+
+def _text(text):
+    """Help as Markdown: nothing in it is meant as markup but backticks."""
+    kept = "".join(f"\\{c}" if c in "*_<>[]$" else c for c in text)
+    return kept.replace("--", "\\-\\-") if "`" not in kept else kept

@@ -1,0 +1,213 @@
+"""The code blocks of pages: how they are found, run and compared with what the pages show.
+
+A page is read from top to bottom in a folder of its own:
+
+- ``sh``: its lines run, `aosplan` in this process;
+- ``text`` right after it: what the lines before it print, a line ``...`` standing for any lines;
+- a block with a caption: a file of that name is there from now on;
+- ``python``: runs in one namespace a page; what it prints is said by its comments;
+- ``drawn``: its lines run like those of ``sh``.
+
+Other languages (``console``, ``toml`` without a caption) are only shown.
+
+    python docs/extensions/examples.py [PAGE ...]      # says what differs
+    python docs/extensions/examples.py --write [PAGE]  # and writes it into the pages
+"""
+
+import contextlib
+import io
+import os
+import re
+import runpy
+import shlex
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+DOCS = Path(__file__).parents[1]
+ROOT = DOCS.parent
+
+FENCE = re.compile(
+    r"^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=fence)[ ]*$", re.MULTILINE | re.DOTALL
+)
+PREPARATION = ("python3 -m venv ", "pip install ", ".venv/bin/")
+"""Lines that have been followed before a page is read."""
+
+
+class Block(NamedTuple):
+    """One code block: its language or directive, its argument, its options, and its lines."""
+
+    kind: str
+    argument: str
+    options: dict[str, str]
+    body: str
+    start: int
+    """Where its body begins in the page, and where it ends."""
+    end: int
+
+
+def pages():
+    """Pages of the documentation, those that are generated or built left out."""
+    return sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+
+
+def blocks(text):
+    """Code blocks of a page, in order."""
+    for match in FENCE.finditer(text):
+        kind, _, argument = match["info"].strip().partition(" ")
+        directive = kind.startswith("{")
+        body, start = match["body"], match.start("body")
+        options = {}
+        if directive:
+            kind = kind.strip("{}")
+            lines = body.splitlines(keepends=True)
+            while lines and (option := re.match(r":([\w-]+):\s*(.*)", lines[0])):
+                options[option[1]] = option[2]
+                start += len(lines.pop(0))
+            while lines and not lines[0].strip():
+                start += len(lines.pop(0))
+            body = "".join(lines)
+        if kind == "code-block":
+            kind, argument = argument.strip(), ""
+        yield Block(kind, argument.strip(), options, body, start, start + len(body))
+
+
+def command_lines(body):
+    """Lines of a shell block, continued ones joined, comments and preparation left out."""
+    for line in body.replace("\\\n", " ").splitlines():
+        words = line.strip()
+        if words and not words.startswith(("#", *PREPARATION)):
+            yield words
+
+
+class Failed(Exception):  # noqa: N818 (it is told, not raised through)
+    """A line of a page that does not do what the page says."""
+
+
+def run_line(line):
+    """What a line of a shell block prints, errors and warnings as well."""
+    words = shlex.split(line, comments=True)
+    target = None
+    if len(words) > 2 and words[-2] == ">":
+        target, words = words[-1], words[:-2]
+    printed = _Captured()
+    out = printed if target is None else _Captured()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(printed):
+        status = _run(words)
+        out.flush()
+    if target is not None:
+        Path(target).write_bytes(out.buffer.getvalue())
+    text = printed.text()
+    if status and not text.startswith("error:"):
+        raise Failed(f"$ {line}\nstatus {status}\n{text}")
+    return text
+
+
+def _run(words):
+    from aosplan.cli.app import run
+
+    if words[0] == "aosplan":
+        return run(words[1:])
+    if words[0] == "python" and words[1].startswith("examples/"):
+        before = sys.argv
+        sys.argv = words[1:]
+        try:
+            runpy.run_path(str(ROOT / words[1]), run_name="__main__")
+        finally:
+            sys.argv = before
+        return 0
+    raise Failed(f"$ {shlex.join(words)}\nno way to run it: show it as ```console")
+
+
+class _Captured(io.TextIOWrapper):
+    """A stream of text in memory, with the buffer that JSON is written to."""
+
+    def __init__(self):
+        super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
+
+    def text(self):
+        self.flush()
+        return self.buffer.getvalue().decode()
+
+
+def same(shown, printed):
+    """Whether a page shows what was printed, ``...`` standing for any lines."""
+    parts = [re.escape(part) for part in _tidy(shown).split("\n...\n")]
+    return re.fullmatch(r"\n(?:.*\n)*".join(parts), _tidy(printed)) is not None
+
+
+def _tidy(text):
+    return "\n".join(line.rstrip() for line in text.strip("\n").splitlines())
+
+
+def follow(text, folder):
+    """Run a page's blocks in a folder; for each output it shows, the block and what is printed.
+
+    Raises
+    ------
+    Failed
+        Where a line cannot be run, or a command fails without the page showing its error.
+    """
+    printed, found, names = "", [], {}
+    failed = None
+    with _inside(folder):
+        for block in blocks(text):
+            if block.kind != "text" and failed:
+                raise Failed(failed)
+            if block.kind in ("sh", "drawn"):
+                outputs = [run_line(line) for line in command_lines(block.body)]
+                printed = "".join(outputs)
+                failed = next((o for o in outputs if o.startswith("error:")), None)
+            elif block.options.get("caption"):
+                Path(block.options["caption"]).write_text(block.body, encoding="utf-8")
+            elif block.kind == "text":
+                found.append((block, printed))
+                failed = None
+            elif block.kind == "python":
+                says = "".join(f"{line}\n" for line in re.findall(r"# → (.*)", block.body))
+                out = io.StringIO()
+                with contextlib.redirect_stdout(out):
+                    exec(compile(block.body, "page", "exec"), names)
+                if says and not same(says, out.getvalue()):
+                    raise Failed(f"{block.body}prints\n{out.getvalue()}")
+    if failed:
+        raise Failed(failed)
+    return found
+
+
+@contextlib.contextmanager
+def _inside(folder):
+    """The surroundings that pages are read in: a folder, a terminal's width, no one's settings."""
+    before, known = Path.cwd(), dict(os.environ)
+    os.environ |= {"COLUMNS": "80", "AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none"}
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+        os.environ.clear()
+        os.environ |= known
+
+
+def main(arguments):
+    """Say which outputs differ; with ``--write`` write what is printed into the pages."""
+    write = "--write" in arguments
+    named = [Path(name) for name in arguments if not name.startswith("--")] or pages()
+    different = 0
+    for page in named:
+        text = page.read_text(encoding="utf-8")
+        with tempfile.TemporaryDirectory() as folder:
+            found = follow(text, folder)
+        for block, printed in reversed(found):
+            if not same(block.body, printed):
+                different += 1
+                print(f"{page}: shows\n{block.body}where this is printed\n{printed}")
+                text = f"{text[: block.start]}{_tidy(printed)}\n{text[block.end :]}"
+        if write:
+            page.write_text(text, encoding="utf-8")
+    return 1 if different and not write else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,40 @@
+"""Text that is made from the program:
+
+    ```{generated} command plan
+    ```
+
+The functions of `TEXTS` return Markdown; `tests/test_docs.py` reads it without Sphinx.
+"""
+
+from sphinx.util.docutils import SphinxDirective
+
+from . import commands, documents, presets, surroundings
+
+TEXTS = {
+    "command": commands.command,
+    "commands": commands.overview,
+    "document": documents.document,
+    "parts": documents.parts,
+    "cameras": presets.cameras,
+    "drones": presets.drones,
+    "scenes": presets.scenes,
+    "formats": presets.formats,
+    "payloads": presets.payloads,
+    "statuses": surroundings.statuses,
+}
+
+
+class Generated(SphinxDirective):
+    """The directive."""
+
+    required_arguments = 1
+    optional_arguments = 3
+
+    def run(self):
+        name, *arguments = self.arguments
+        return self.parse_text_to_nodes(TEXTS[name](*arguments), allow_section_headings=True)
+
+
+def setup(app):
+    app.add_directive("generated", Generated)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

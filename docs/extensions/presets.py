@@ -1,0 +1,125 @@
+"""What is built in, as Markdown: cameras, drones, scenes, formats, payloads."""
+
+from aosplan.camera import Camera
+from aosplan.export import formats as known_formats
+from aosplan.presets.cameras import CAMERAS
+from aosplan.presets.dji import PAYLOADS
+from aosplan.presets.drones import DRONES
+from aosplan.presets.scenes import SCENES
+
+INTRINSICS = (
+    "focal_length_mm",
+    "sensor_width_mm",
+    "sensor_height_mm",
+    "image_width_px",
+    "image_height_px",
+)
+
+
+def table(header, rows):
+    """A table of text."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+
+
+def sources(presets):
+    """Where each preset's numbers come from, and what is assumed."""
+    lines = []
+    for name, preset in presets.items():
+        assumed = f" Assumed: {_text(preset.assumed)}." if preset.assumed else ""
+        lines.append(f"`{name}`\n: {_text(preset.source)}.{assumed}\n")
+    return "\n".join(lines)
+
+
+def cameras():
+    """The built-in cameras, and their sources."""
+    rows = []
+    for name, preset in CAMERAS.items():
+        camera = Camera(name, *(getattr(preset, part) for part in INTRINSICS))
+        wide, high = camera.fov_deg
+        rows.append(
+            (
+                f"`{name}`",
+                _text(preset.title),
+                preset.band,
+                f"{preset.focal_length_mm:g}",
+                f"{preset.sensor_width_mm:g} × {preset.sensor_height_mm:g}",
+                f"{preset.image_width_px} × {preset.image_height_px}",
+                f"{wide:.1f} × {high:.1f}",
+            )
+        )
+    header = ("name", "camera", "band", "focal length [mm]", "sensor [mm]", "image [px]", "view [°]")  # fmt: skip
+    return f"{table(header, rows)}\n\n### Sources of the cameras\n\n{sources(CAMERAS)}"
+
+
+def drones():
+    """The built-in drones, and their sources."""
+    header = ("name", "drone", "cruise [m/s]", "acceleration [m/s²]", "climb [m/s]", "airspeed [m/s]", "endurance [min]", "waypoints", "camera")  # fmt: skip
+    rows = [
+        (
+            f"`{name}`",
+            _text(each.title),
+            f"{each.speed_mps:g}",
+            f"{each.acceleration_mps2:g}",
+            f"{each.climb_mps:g}",
+            f"{each.airspeed_mps:g}",
+            "" if each.endurance_min is None else f"{each.endurance_min:g}",
+            each.most_waypoints or "",
+            f"`{each.camera}`" if each.camera else "",
+        )
+        for name, each in DRONES.items()
+    ]
+    return f"{table(header, rows)}\n\n### Sources of the drones\n\n{sources(DRONES)}"
+
+
+def scenes():
+    """The built-in scenes, and their sources."""
+    header = ("name", "stand", "p", "occluder [m]", "volume [m]", "slice density")
+    rows = []
+    for name, each in SCENES.items():
+        top = each.volume_base_m + each.volume_height_m
+        rows.append(
+            (
+                f"`{name}`",
+                _text(each.title),
+                f"{each.integrated_density:.1%}",
+                f"{each.occluder_size_m:g}",
+                f"{each.volume_base_m:g} to {top:g}",
+                f"{_slice_density(each):.2%}",
+            )
+        )
+    return f"{table(header, rows)}\n\n### Sources of the scenes\n\n{sources(SCENES)}"
+
+
+def _slice_density(each):
+    from aosplan import slice_density
+
+    return slice_density(each.integrated_density, each.volume_height_m, each.occluder_size_m)
+
+
+def formats():
+    """The formats of missions."""
+    from aosplan.cli.formats import _limits_text
+
+    header = ("name", "endings", "format", "needs a place", "heights above", "in one file")
+    rows = [
+        (
+            f"`{each.name}`",
+            " ".join(f"`{suffix}`" for suffix in each.suffixes) or f"`{each.name}:PATH`",
+            each.title,
+            "yes" if each.needs_place else "no",
+            each.altitudes,
+            _limits_text(each),
+        )
+        for each in known_formats().values()
+    ]
+    return table(header, rows)
+
+
+def payloads():
+    """What DJI drones may carry."""
+    return ", ".join(f"`{name}`" for name in PAYLOADS)
+
+
+def _text(text):
+    return text.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_").rstrip(".")

@@ -1,0 +1,51 @@
+"""A stand of trees as a point cloud, the same every time:
+
+    python examples/tutorial/make_stand.py stand.laz
+
+40 x 40 m of trees up to 20 m on a gentle slope, ground classified, 40 points a square metre of
+ground and one in every quarter of a metre that holds leaves or wood.  Needs the extra lidar.
+"""
+
+import sys
+
+import laspy
+import numpy as np
+
+from aosplan.simulate.forests import clumped_forest, generator
+
+SIDE_M, VOXEL_M = 40.0, 0.25
+GROUND, TREES = 2, 5
+
+
+def slope_m(x, y):
+    """Height of the ground."""
+    return 420.0 + 0.05 * x - 0.03 * y
+
+
+def stand(seed=7):
+    """Points (N, 3) [m] and their classes."""
+    rng = generator(seed)
+    volume = clumped_forest(rng, 0.55, VOXEL_M, 2.5, 17.5, (SIDE_M, SIDE_M))
+    z, y, x = np.nonzero(volume.occupied)
+    trees = (np.stack([x, y, z]) + rng.uniform(0.1, 0.9, (3, len(x)))) * VOXEL_M
+    ground = np.vstack([rng.uniform(0.0, SIDE_M, (2, round(40 * SIDE_M**2))), np.zeros((1, round(40 * SIDE_M**2)))])  # fmt: skip
+    points = np.hstack([ground, trees]).T
+    points[:, 2] += slope_m(points[:, 0], points[:, 1])
+    return points, np.repeat([GROUND, TREES], [ground.shape[1], trees.shape[1]])
+
+
+def write(path):
+    """Write the stand; how many points it has."""
+    points, kinds = stand()
+    header = laspy.LasHeader(point_format=6)
+    header.scales, header.offsets = [0.001] * 3, [0.0] * 3
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = points.T
+    cloud.classification = kinds.astype(np.uint8)
+    cloud.write(path)
+    return len(points)
+
+
+if __name__ == "__main__":
+    count = write(sys.argv[1])
+    print(f"Wrote {sys.argv[1]}: {count} points")
