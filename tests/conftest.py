@@ -1,9 +1,12 @@
-"""What all tests share: the reference implementation on the path, and no deadlines."""
+"""What all tests share: the reference implementation on the path, no deadlines, files of tables."""
 
+import json
 import os
 import sys
 from pathlib import Path
 
+import pytest
+import tomli_w
 from hypothesis import settings
 
 # Tests say `from reference import exact`, whatever folder pytest is started in.
@@ -22,3 +25,16 @@ settings.register_profile(
     derandomize=bool(os.environ.get("CI")),
 )
 settings.load_profile("aosplan")
+
+
+@pytest.fixture(params=["toml", "json"])
+def written(request, tmp_path):
+    """A function that writes a table as TOML or JSON and gives the path."""
+
+    def write(table):
+        path = tmp_path / f"file.{request.param}"
+        text = tomli_w.dumps(table) if request.param == "toml" else json.dumps(table)
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return write

@@ -1,4 +1,4 @@
-"""Missions anywhere on earth for the tests of formats, and readers of what was written.
+"""Missions anywhere on earth for the tests of formats, what is written of them, and its readers.
 
 The readers are written from the formats' own rules and share nothing with the writers.
 """
@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 
 from hypothesis import strategies as st
 
+from aosplan.export import formats, render
 from aosplan.mission import Conduct, Mission, Waypoints, local_sites, placed
 from aosplan.pattern import pattern_for
 
@@ -125,3 +126,23 @@ def positions_of(name, contents):
         for content in contents
         for place in READERS[name](content)
     ]
+
+
+def written(mission, name):
+    return render(mission, formats()[name])
+
+
+def plan_of(mission):
+    return json.loads(written(mission, "qgc_plan"))
+
+
+def texts(element, name):
+    return [found.text for found in element.iter(WPML + name)]
+
+
+def pairs(count):
+    """A mission of many lines of two photos each, which takes the most commands."""
+    east = [3.0 * (index % 2) for index in range(count)]
+    north = [3.0 * (index // 2) for index in range(count)]
+    where = ([1e-5 * value for value in north], [1e-5 * value for value in east])
+    return grid()._replace(waypoints=Waypoints(east, north, [40.0] * count, *where))

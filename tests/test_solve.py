@@ -1,67 +1,39 @@
 """The solver against plain enumeration: every pattern, one after the other, at every baseline."""
 
-import math
 import random
-import re
 from fractions import Fraction
-from functools import partial
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from problems import (
+    KINDS,
+    OBJECTIVES,
+    PAPER,
+    attempt,
+    enumerate_samples,
+    extent,
+    near,
+    patterns,
+    problems,
+    reaches,
+    vhat,
+    visible,
+    widest,
+)
 
-from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight import Timing, path_of
 from aosplan.models.layered import LayeredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import MOST_SITES
-from aosplan.problem import Bounds, GridKind, Problem, Requirement, Solution
+from aosplan.problem import Bounds, GridKind, Problem, Solution
 from aosplan.scene import Layer
 from aosplan.solve import fewest_at, solve
 
-near = partial(pytest.approx, abs=0.0)
 """Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
-
-KINDS = ("trimmed", "rectangle", "square", "line", "lanes", "spiral")
-OBJECTIVES = ("samples", "aperture", "time")
-PAPER = UniformModel(0.567, 0.433, 3.5)
 """The paper's forest at 50 m."""
 
 
-def vhat(text):
-    return Requirement("normalized", Fraction(text))
-
-
-def visible(text):
-    return Requirement("visibility", Fraction(text))
-
-
 # --- Enumeration ---------------------------------------------------------------------------
-
-
-def patterns(grid, most):
-    """Every pattern of a kind up to a number of samples, fewest first."""
-    samples = 1
-    while (pattern := grid.pattern(samples)).samples <= most:
-        yield pattern
-        samples = pattern.samples + 1
-
-
-def reaches(problem, pattern, baseline, tolerance=1e-12):
-    """Whether the target is reached, in exact arithmetic on the model's float."""
-    prediction = problem.model.predict(pattern, baseline)
-    normalized = problem.requirement.quantity == "normalized"
-    lacking = prediction.shortfall if normalized else prediction.mean_squared_error
-    allowed = (1 - problem.requirement.target) * (1 + Fraction(tolerance))
-    return Fraction(lacking) <= allowed * (1 + Fraction(1, 10**15))
-
-
-def widest(problem, pattern):
-    """The widest baseline that gains anything within the bound on the aperture."""
-    baseline = problem.model.independent_baseline_m / pattern.nearest
-    if problem.bounds.max_aperture_m is not None and pattern.longer_side > 0:
-        baseline = min(baseline, problem.bounds.max_aperture_m / pattern.longer_side)
-    return baseline
 
 
 def smallest_baseline(problem, pattern):
@@ -77,18 +49,6 @@ def smallest_baseline(problem, pattern):
     return high
 
 
-def enumerate_samples(problem, most):
-    """Samples of the first pattern that reaches the target as wide as it may be."""
-    return next(
-        (
-            pattern.samples
-            for pattern in patterns(problem.grid, most)
-            if reaches(problem, pattern, widest(problem, pattern))
-        ),
-        None,
-    )
-
-
 def enumerate_baselines(problem, most):
     """Every pattern that reaches the target, with its smallest baseline."""
     found = (
@@ -97,77 +57,8 @@ def enumerate_baselines(problem, most):
     return [(pattern, baseline) for pattern, baseline in found if baseline is not None]
 
 
-def extent(solution):
-    return solution.pattern.longer_side * solution.baseline_m
-
-
 def flight_time(problem, pattern, baseline):
     return path_of(pattern).time_s(baseline, problem.timing)
-
-
-def attempt(problem):
-    """A solution, or None where the solver says that there is none."""
-    try:
-        return solve(problem)
-    except InfeasibleError:
-        return None
-
-
-# --- Random problems -----------------------------------------------------------------------
-
-
-def random_model(source):
-    if source.random() < 0.6:
-        density = source.choice([0.1, 0.3, 0.5, 0.567, 0.8, 0.95])
-        return UniformModel(density, 1.0 - density, source.uniform(0.5, 6.0))
-    layers, bottom = [], 0.0
-    for _ in range(source.randint(1, 4)):
-        bottom += 5.0 * source.random()
-        top = bottom + 0.1 + 3.0 * source.random()
-        density = source.choice([0.05, 0.2, 0.5, 0.9])
-        layers.append(Layer(bottom, top, density, 10.0 ** source.uniform(-1.5, 0.5)))
-        bottom = top
-    return LayeredModel(layers, 50.0)
-
-
-def random_target(source, model, quantity):
-    if quantity == "normalized":
-        return vhat(source.choice(["0.5", "0.7", "0.8", "0.85", "0.9", "0.92", "0.95"]))
-    least = model.transparency
-    gain = least * model.density
-    return visible(f"{least + gain * source.uniform(0.3, 0.95):.4f}")
-
-
-def random_grid(source, name):
-    pitch = source.choice([2.0, 3.0, 4.0] if name == "spiral" else [1.0, 2.0, 4.0])
-    return GridKind(name, source.choice([2, 3, 4]), pitch)
-
-
-def random_timing(source):
-    return Timing(
-        source.uniform(1.0, 10.0), source.uniform(0.5, 4.0), source.choice([0.0, 0.5, 1.0, 5.0])
-    )
-
-
-def problems(seed, count, *, grid, objective, quantity="normalized", aperture=None):
-    """Random problems with at most 60 samples; an aperture bound on about half of them."""
-    source = random.Random(f"{seed} {grid} {objective} {quantity}")
-    for _ in range(count):
-        model = random_model(source)
-        bounded = source.random() < 0.5 if aperture is None else aperture
-        yield Problem(
-            model,
-            random_target(source, model, quantity),
-            random_grid(source, grid),
-            Bounds(
-                max_samples=source.choice([20, 40, 60]),
-                max_aperture_m=source.uniform(1.0, 8.0) * model.independent_baseline_m
-                if bounded
-                else None,
-            ),
-            objective,
-            random_timing(source),
-        )
 
 
 # --- Against enumeration -------------------------------------------------------------------
@@ -477,199 +368,6 @@ def test_lengths_may_all_be_scaled(objective):
     small, large = solve(problem), solve(larger)
     assert large.pattern == small.pattern
     assert large.baseline_m == near(8 * small.baseline_m, rel=1e-11)
-
-
-# --- What bound the result -----------------------------------------------------------------
-
-
-def limits(solution):
-    return {limit.quantity: limit for limit in solution.limits}
-
-
-def test_the_limits_name_what_bound_the_result():
-    free = limits(solve(Problem(PAPER, vhat("0.98"))))
-    assert set(free) == {"baseline_m", "normalized"}
-    assert free["baseline_m"].bound == 3.5
-    assert free["normalized"].value == free["normalized"].bound == 0.98
-
-    narrow = solve(Problem(PAPER, vhat("0.9"), bounds=Bounds(max_aperture_m=10.0)))
-    assert limits(narrow)["extent_m"].bound == 10.0
-    assert limits(narrow)["extent_m"].value == near(10.0, rel=1e-12)
-    assert extent(narrow) == near(10.0, rel=1e-12)
-
-    few = limits(solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=50))))
-    assert (few["samples"].value, few["samples"].bound) == (50, 50)
-
-    fixed = limits(solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=4.0, samples=60))))
-    assert fixed["baseline_m"].message == "the baseline is fixed"
-    assert fixed["samples"].message == "the number of samples is fixed"
-
-
-def test_every_limit_is_told_with_its_value_and_in_words():
-    for objective in OBJECTIVES:
-        for problem in problems(7, 15, grid="trimmed", objective=objective):
-            found = attempt(problem)
-            for limit in found.limits if found else ():
-                assert math.isfinite(limit.value)
-                assert limit.message
-                assert limit.quantity in {"baseline_m", "extent_m", "samples", "normalized"}
-                if limit.quantity in {"extent_m", "samples"}:
-                    assert limit.value <= limit.bound * (1 + 1e-12)
-
-
-# --- Targets out of reach ------------------------------------------------------------------
-
-
-def refused(problem):
-    with pytest.raises(InfeasibleError) as caught:
-        solve(problem)
-    assert "\n" not in caught.value.message + caught.value.hint
-    return caught.value
-
-
-def numbers(pattern, text):
-    found = re.search(pattern, text)
-    assert found, text
-    return tuple(float(number) for number in found.groups())
-
-
-NUMBER = r"(\d+(?:\.\d+)?(?:e[+-]?\d+)?)"
-AT_MOST = rf"at most V̂ = {NUMBER} with {NUMBER} samples {NUMBER} m apart"
-
-
-@pytest.mark.parametrize("grid", KINDS)
-def test_a_refusal_says_what_is_reachable_and_it_is(grid):
-    """The best that is named is there at the baseline named, within the bounds, and none better."""
-    seen = 0
-    for problem in problems(8, 80, grid=grid, objective="samples", aperture=True):
-        if enumerate_samples(problem, problem.bounds.max_samples) is not None:
-            continue
-        seen += 1
-        best, samples, baseline = numbers(AT_MOST, refused(problem).message)
-        pattern = problem.grid.pattern(int(samples))
-        assert pattern.samples == samples <= problem.bounds.max_samples
-        assert baseline * pattern.longer_side <= problem.bounds.max_aperture_m * 1.001
-        reached = problem.model.predict(pattern, baseline).normalized
-        assert best == pytest.approx(reached, abs=0.002)
-        for other in patterns(problem.grid, problem.bounds.max_samples):
-            alternative = problem.model.predict(other, widest(problem, other)).normalized
-            assert alternative <= best + 1e-4
-    assert seen > 5
-
-
-@pytest.mark.parametrize("grid", KINDS)
-def test_the_aperture_that_a_refusal_calls_enough_is_enough(grid):
-    seen = 0
-    for problem in problems(9, 150, grid=grid, objective="samples", aperture=True):
-        if enumerate_samples(problem, problem.bounds.max_samples) is not None:
-            continue
-        hint = refused(problem).hint
-        if not hint.startswith("--max-aperture"):
-            continue
-        seen += 1
-        enough, samples = numbers(
-            rf"--max-aperture {NUMBER} is enough, with {NUMBER} samples", hint
-        )
-        wider = solve(problem._replace(bounds=problem.bounds._replace(max_aperture_m=enough)))
-        assert wider.pattern.samples <= samples
-    assert seen > 5
-
-
-@pytest.mark.parametrize("grid", KINDS)
-def test_a_refusal_without_a_remedy_has_none_among_apertures(grid):
-    for problem in problems(10, 100, grid=grid, objective="samples", aperture=True):
-        if enumerate_samples(problem, problem.bounds.max_samples) is not None:
-            continue
-        if refused(problem).hint == "ask for less":
-            free = problem._replace(bounds=Bounds(max_samples=problem.bounds.max_samples))
-            assert enumerate_samples(free, problem.bounds.max_samples) is None
-
-
-@pytest.mark.parametrize("objective", OBJECTIVES)
-@pytest.mark.parametrize("grid", KINDS)
-def test_the_samples_that_a_refusal_asks_for_are_enough(grid, objective):
-    """49 are allowed, 50 are needed; 51, 56 or 64 of what comes in whole rows."""
-    problem = Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=49), objective)
-    error = refused(problem)
-    (needed,) = numbers(rf"allow {NUMBER} samples", error.hint)
-    allowed = problem._replace(bounds=Bounds(max_samples=int(needed)))
-    assert solve(allowed).pattern.samples <= needed
-
-
-@pytest.mark.parametrize("grid", ["rectangle", "square", "lanes"])
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_too_few_samples_for_whole_rows_are_refused_like_any_other(grid, objective):
-    """50 would do, but such a grid has 51, 56 or 64."""
-    error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(max_samples=50), objective))
-    assert "at most V̂ = 0.9" in error.message
-    assert error.hint
-
-
-@pytest.mark.parametrize("baseline", [0.5, 1.0, 3.0, 3.4])
-def test_the_wider_baseline_that_a_refusal_names_does_with_the_samples_it_names(baseline):
-    for unit in (3.5, 10 / 3, 12.3456, 7.77777):
-        model = PAPER._replace(unit_baseline_m=unit)
-        bounds = Bounds(baseline_m=baseline * unit / 3.5, max_samples=50)
-        error = refused(Problem(model, vhat("0.98"), bounds=bounds))
-        wide, samples = numbers(rf"--baseline {NUMBER} on, where {NUMBER} samples do", error.hint)
-        found = solve(Problem(model, vhat("0.98"), bounds=Bounds(baseline_m=wide, max_samples=50)))
-        assert found.pattern.samples == samples
-
-
-def test_a_baseline_of_few_digits_is_named_as_it_is():
-    error = refused(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=1.0, max_samples=50)))
-    assert "--baseline 3.5 on" in error.hint
-
-
-def test_a_baseline_that_breaks_the_bound_on_the_aperture_is_refused():
-    bounds = Bounds(baseline_m=3.5, max_aperture_m=20.0)
-    error = refused(Problem(PAPER, vhat("0.98"), bounds=bounds))
-    samples, needed, most = numbers(
-        rf"needs {NUMBER} samples over {NUMBER} m, more than --max-aperture {NUMBER}", error.message
-    )
-    assert (samples, needed, most) == (50, 24.5, 20.0)
-    wide_enough = Bounds(baseline_m=3.5, max_aperture_m=24.5)
-    assert solve(Problem(PAPER, vhat("0.98"), bounds=wide_enough)).pattern.samples == 50
-
-
-@pytest.mark.parametrize("grid", KINDS)
-def test_too_few_fixed_samples_are_refused_with_the_number_that_does(grid):
-    for samples in (1, 7, 36):
-        error = refused(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(samples=samples)))
-        best, baseline = numbers(rf"at most V̂ = {NUMBER}, {NUMBER} m apart", error.message)
-        pattern = GridKind(grid).pattern(samples)
-        assert PAPER.predict(pattern, baseline).normalized == pytest.approx(best, abs=1e-4)
-        (needed,) = numbers(rf"at least {NUMBER}", error.hint)
-        assert solve(Problem(PAPER, vhat("0.98"), GridKind(grid), Bounds(samples=int(needed)))).met
-        assert not solve(
-            Problem(
-                PAPER, vhat("0.98"), GridKind(grid), Bounds(samples=samples, baseline_m=baseline)
-            )
-        ).met
-
-
-@pytest.mark.parametrize("p", [0.1, 0.5, 0.567, 0.9, 0.98765])
-def test_a_visibility_beyond_infinitely_many_samples_is_refused_with_the_limit(p):
-    model = UniformModel(p, 1.0 - p, 3.5)
-    for beyond in (1e-9, 0.001):
-        target = Fraction(1 - p**2) + Fraction(beyond)
-        error = refused(Problem(model, Requirement("visibility", target)))
-        one, infinite = numbers(
-            rf"one sample has {NUMBER}, infinitely many have {NUMBER}", error.message
-        )
-        assert one == pytest.approx(1 - p, rel=1e-3)
-        assert infinite == pytest.approx(1 - p**2, rel=1e-3)
-        (below,) = numbers(rf"--visibility below {NUMBER}", error.hint)
-        less = Fraction(below) * (1 - Fraction(1, 1000))
-        assert solve(Problem(model, Requirement("visibility", less))).met
-
-
-def test_more_sites_than_one_plan_may_have_are_refused():
-    just = solve(Problem(PAPER, vhat(1 - Fraction(1, MOST_SITES))))
-    assert just.pattern.samples == MOST_SITES
-    with pytest.raises((RequestError, InfeasibleError), match=str(MOST_SITES)) as caught:
-        solve(Problem(PAPER, vhat(1 - Fraction(1, MOST_SITES + 1))))
-    assert caught.value.hint
 
 
 def test_a_solution_says_whether_it_meets_the_target():
