@@ -11,13 +11,10 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 from PIL import Image
 from recorded import FOV_DEG, HEIGHT, WIDTH, nadir_to, photo, sites, write_colmap, write_recording
-from skimage.metrics import structural_similarity
 
 from aosplan.cli.app import run
 from aosplan.documents import json_schema
-from aosplan.errors import RequestError
 from aosplan.recordings.choice import Choice, chosen, read_choice
-from aosplan.recordings.similarity import similarity
 
 # Choices
 
@@ -70,64 +67,6 @@ def test_parts_of_a_choice_narrow_it_down():
     assert choice == Choice(4.0, 12.0, "1-40")
     assert set(kept) <= set(chosen(Choice(None, 12.0, "1-40"), names(81), grid(9, 2.0)))
     assert set(kept) < set(range(40))
-
-
-# SSIM
-
-
-def noisy(seed, bands=1):
-    return np.random.default_rng(seed).uniform(0, 255, (60, 70, bands))
-
-
-def test_ssim_of_whole_images_is_scikit_images():
-    image, reference = noisy(1)[..., 0], noisy(2)[..., 0]
-    reference += image
-    whole = structural_similarity(
-        image, reference, data_range=255.0, gaussian_weights=True, sigma=1.5,
-        use_sample_covariance=False,
-    )  # fmt: skip
-    found = similarity(image[..., None], reference[..., None], np.ones(image.shape, bool), 255.0)
-    assert found.ssim == pytest.approx(whole, abs=1e-12)
-    assert found.pixels == 50 * 60
-
-
-def test_ssim_of_an_image_with_itself_is_one():
-    assert similarity(noisy(1, 3), noisy(1, 3), np.ones((60, 70), bool)).ssim == pytest.approx(1)
-
-
-def test_ssim_follows_the_formula_at_a_single_window():
-    # One window alone: means, variances and covariance under a Gaussian, by their definitions.
-    image, reference = noisy(3), noisy(4) * 0.5 + noisy(3) * 0.5
-    covered = np.zeros((60, 70), bool)
-    covered[20:31, 30:41] = True
-    line = np.exp(-0.5 * (np.arange(-5, 6) / 1.5) ** 2)
-    weight = np.outer(line, line) / line.sum() ** 2
-    x, y = image[20:31, 30:41, 0], reference[20:31, 30:41, 0]
-    mx, my = (weight * x).sum(), (weight * y).sum()
-    vx, vy = (weight * (x - mx) ** 2).sum(), (weight * (y - my) ** 2).sum()
-    cov = (weight * (x - mx) * (y - my)).sum()
-    c1, c2 = 2.55**2, 7.65**2
-    expected = (2 * mx * my + c1) * (2 * cov + c2) / ((mx**2 + my**2 + c1) * (vx + vy + c2))
-    found = similarity(image, reference, covered, 255.0)
-    assert found.pixels == 1
-    assert found.ssim == pytest.approx(expected, abs=1e-12)
-
-
-def test_what_is_not_covered_does_not_matter():
-    covered = np.zeros((60, 70), bool)
-    covered[10:50, 5:60] = True
-    image, reference = noisy(1), noisy(2)
-    before = similarity(image, reference, covered, 255.0)
-    image[~covered] = np.nan
-    reference[~covered] = 1e6
-    assert similarity(image, reference, covered, 255.0) == before
-
-
-def test_without_a_covered_window_there_is_nothing_to_compare():
-    with pytest.raises(RequestError, match="11 x 11 pixels"):
-        similarity(noisy(1), noisy(2), np.eye(70, dtype=bool)[:60])
-    with pytest.raises(RequestError, match="one value alone"):
-        similarity(noisy(1), np.ones((60, 70, 1)), np.ones((60, 70), bool))
 
 
 # The command

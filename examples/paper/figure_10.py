@@ -16,7 +16,7 @@ from PIL import Image
 from aosplan.occlusion import Occlusion, Window
 from aosplan.recordings.choice import Choice
 from aosplan.recordings.recording import Recording
-from aosplan.recordings.similarity import similarity
+from aosplan.similarity import similarity
 from aosplan.simulate.picture import LEAVES, resolution_chart
 
 ALTITUDE_M, PITCH_M, VIEWS = 40.0, 2.0, 504

@@ -11,8 +11,9 @@ from common import (
     write_csv,
 )
 
+from aosplan.similarity import similarity
 from aosplan.simulate.moments import Counts, estimate
-from aosplan.simulate.picture import integral_image, resolution_chart, similarity
+from aosplan.simulate.picture import integral_image, resolution_chart
 
 SIDES = (1, 3, 5, 7, 10)
 BASELINES_M = (0.5, 1.0, 2.0, 3.5, 5.0)
@@ -33,7 +34,7 @@ def main():
             counts = Counts(n, flat.size, int(flat.sum()), int(flat @ flat))
             found = estimate([counts], one_plot=True)
             image = integral_image(chart, (blocked / n)[::-1])  # north is up
-            ssim = similarity(image, optimum)
+            ssim = similarity(image, optimum, span=1.0).ssim
             axes.imshow(image, interpolation="nearest")
             axes.set(xticks=[], yticks=[])
             axes.grid(visible=False)

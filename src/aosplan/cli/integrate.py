@@ -80,7 +80,7 @@ def run(
         integral = recording.integrate(choice, raster, progress=advance)
         comparison: dict[str, Any] | None = None
         if reference is not None and other is not None:
-            from aosplan.recordings.similarity import similarity
+            from aosplan.similarity import similarity
 
             against = recording.integrate(
                 reference, raster, progress=lambda done: advance(len(indices) + done)

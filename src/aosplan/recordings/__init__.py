@@ -5,7 +5,6 @@
 - `aosplan.recordings.choice`: all views, or some of them.
 - `aosplan.recordings.pictures`: image files as arrays, and back.
 - `aosplan.recordings.integral`: the average of the chosen views, with its coverage.
-- `aosplan.recordings.similarity`: SSIM between two integral images.
 
 Pixels are counted from the outer corner of the first one, whose centre is (0.5, 0.5).
 """

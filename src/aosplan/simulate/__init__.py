@@ -4,7 +4,7 @@
 - `aosplan.simulate.forests`: volumes of voxels from a seed: slices of cubes, clumped stands.
 - `aosplan.simulate.voxels`: what views of a volume of voxels hide.
 - `aosplan.simulate.moments`: visibility and its standard error from counts.
-- `aosplan.simulate.picture`: a resolution chart seen through the trees; similarity of images.
+- `aosplan.simulate.picture`: a resolution chart seen through the trees; PNG files.
 - `aosplan.simulate.compare`: a plan's prediction beside its simulation.
 
 None of them but `compare` knows the models: theory and experiment meet there alone.

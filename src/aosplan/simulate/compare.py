@@ -305,6 +305,7 @@ def pictures(simulation: Simulation) -> Pictures:
     MissingExtraError
         Where Pillow or scikit-image is not installed.
     """
+    from aosplan.similarity import similarity
     from aosplan.simulate import picture as p
 
     if simulation.experiment is None:
@@ -313,8 +314,10 @@ def pictures(simulation: Simulation) -> Pictures:
     return Pictures(
         p.png(p.side_by_side([shown.single, shown.integral, shown.endless])),
         p.png(1.0 - shown.share),
-        p.similarity(shown.single, shown.endless),
-        p.similarity(shown.integral, shown.endless),
+        *(
+            similarity(image, shown.endless, span=1.0).ssim
+            for image in (shown.single, shown.integral)
+        ),
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures: a resolution chart seen through the trees, how similar two images are, PNG files.
+"""Pictures: a resolution chart seen through the trees, and PNG files.
 
 Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3), the
 top row first.  The optimum of an integral image, that of endless views, is the target below
@@ -9,11 +9,11 @@ structure is what makes it less similar to that.
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError, RequestError
+from aosplan.errors import MissingExtraError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,9 +29,6 @@ LEAVES = (0.16, 0.42, 0.14)
 SPOKES = 24
 BARS = (2, 4, 6, 9, 13)
 """Pairs of bars in each group of the chart, over the group's width."""
-
-SSIM_WINDOW = 11
-"""Pixels across the Gaussian window of the similarity, as Wang et al. (2004) have it."""
 
 GAP_PX = 4
 """White pixels between the panels of a picture."""
@@ -133,44 +130,6 @@ def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Pane
     return Panels(single, integral, endless, share)
 
 
-def similarity(image: Image, reference: Image) -> float:
-    """SSIM of two images of values from 0 to 1: 1 where they are the same.
-
-    Structural similarity of Wang et al. (2004), with their Gaussian window, over all colours.
-
-    Raises
-    ------
-    MissingExtraError
-        Where scikit-image is not installed.
-    RequestError
-        Where the shapes differ, or are smaller than the window.
-    """
-    try:
-        from skimage.metrics import structural_similarity
-    except ImportError as error:
-        raise MissingExtraError("the similarity of images", EXTRA) from error
-    if image.shape != reference.shape:
-        raise RequestError(
-            f"images of {_shape(image)} and {_shape(reference)} pixels cannot be compared"
-        )
-    if min(image.shape[:2]) < SSIM_WINDOW:
-        raise RequestError(
-            f"images of {_shape(image)} pixels are too small to compare",
-            f"the similarity looks at windows of {SSIM_WINDOW} x {SSIM_WINDOW}",
-        )
-    untyped: Any = structural_similarity
-    value = untyped(
-        image,
-        reference,
-        data_range=1.0,
-        channel_axis=2 if image.ndim == 3 else None,
-        gaussian_weights=True,
-        sigma=1.5,
-        use_sample_covariance=False,
-    )
-    return float(value)
-
-
 def check_extra() -> None:
     """Refuse to begin what cannot be drawn.
 
@@ -208,7 +167,3 @@ def png(image: Image) -> bytes:
     file = io.BytesIO()
     Pillow.fromarray(levels).save(file, format="PNG", optimize=True)
     return file.getvalue()
-
-
-def _shape(image: Image) -> str:
-    return " x ".join(str(size) for size in image.shape[:2])

@@ -1,4 +1,4 @@
-"""SSIM between two integral images, where both are covered.
+"""SSIM between two images, where both are covered.
 
 Structural similarity after Wang, Bovik, Sheikh and Simoncelli (2004), as scikit-image has it:
 Gaussian windows of σ = 1.5 pixels, 11 pixels wide.  A window counts where every pixel of it is
@@ -32,24 +32,24 @@ class Similarity(NamedTuple):
 def similarity(
     image: NDArray[np.float64],
     reference: NDArray[np.float64],
-    covered: NDArray[np.bool_],
+    covered: NDArray[np.bool_] | None = None,
     span: float | None = None,
 ) -> Similarity:
-    """SSIM of an image against a reference.
+    """SSIM of an image against a reference: 1 where they are the same.
 
     Parameters
     ----------
     image, reference
-        Shape (rows, columns, bands).
+        Shape (rows, columns) or (rows, columns, bands).
     covered
-        Shape (rows, columns): where both are to be compared.
+        Shape (rows, columns): where both are to be compared; None for all of it.
     span
         Dynamic range of the values, 255 for images of 8 bits; None for the reference's own range.
 
     Raises
     ------
     RequestError
-        Where no window is covered, or the reference has one value alone.
+        Where the shapes differ, no window is covered, or the reference has one value alone.
     MissingExtraError
         Where scikit-image is not installed.
     """
@@ -59,6 +59,16 @@ def similarity(
         raise MissingExtraError("comparing images", "pictures") from None
     from scipy.ndimage import minimum_filter
 
+    sizes = [f"{one.shape[1]} x {one.shape[0]}" for one in (image, reference)]
+    if image.shape != reference.shape:
+        raise RequestError(f"images of {' and '.join(sizes)} pixels cannot be compared")
+    if min(image.shape[:2]) < WINDOW_PX:
+        raise RequestError(
+            f"images of {sizes[0]} pixels are too small to compare",
+            f"their similarity is that of windows of {WINDOW_PX} x {WINDOW_PX}",
+        )
+    if covered is None:
+        covered = np.ones(image.shape[:2], dtype=np.bool_)
     inside = minimum_filter(covered, WINDOW_PX, mode="constant", cval=False)
     if not inside.any():
         raise RequestError(
@@ -70,16 +80,16 @@ def similarity(
     if not span > 0.0:
         raise RequestError("the reference image has one value alone: nothing to compare")
     compared: Callable[..., Any] = structural_similarity
+    bands = [np.atleast_3d(one) for one in (image, reference)]
     maps = [
         compared(
-            np.where(covered, image[..., band], 0.0),
-            np.where(covered, reference[..., band], 0.0),
+            *(np.where(covered, one[..., band], 0.0) for one in bands),
             data_range=span,
             gaussian_weights=True,
             sigma=1.5,
             use_sample_covariance=False,
             full=True,
         )[1][inside]
-        for band in range(reference.shape[2])
+        for band in range(bands[0].shape[2])
     ]
     return Similarity(float(np.mean(maps)), int(inside.sum()))
