@@ -1,73 +1,411 @@
-"""The report: what stands on the page, and how it behaves in a real browser.
+"""The report: what stands on the page as text, and how it is written.
 
-The tests of the browser need a Chromium on the path, which Playwright drives; the others read the
-page as text.
+`test_report_browser.py` opens it in a real browser.
 """
 
+import itertools
 import json
+import math
 import re
+import struct
+from base64 import b64decode, b64encode
+from hashlib import sha256
 from html.parser import HTMLParser
 
 import pytest
 
 from aosplan import PlanRequest, plan
-from aosplan.report import report_page
+from aosplan.cli.app import run
+from aosplan.models.equations import visibility
+from aosplan.report import check_extra, report_page
+from aosplan.report.charts import charts_of
+from aosplan.report.words import duration, percent, short
 
-AREA = ["--area", "field.geojson"]
-VOID = {"meta", "link", "img", "input", "br", "hr"}
+VOID = {"meta", "input"}
 
 
-class Outline(HTMLParser):
-    """Elements of a page in order, and a check that each is closed where it was opened."""
+class Page(HTMLParser):
+    """Elements of a page in order, and the text in each; all are closed where they were opened."""
 
-    def __init__(self, text):
+    def __init__(self, content):
         super().__init__(convert_charrefs=True)
-        self.elements, self.open, self.texts = [], [], {}
-        self.feed(text)
+        self.elements, self.open = [], []
+        self.feed(content.decode())
         self.close()
         assert self.open == []
 
     def handle_starttag(self, tag, attrs):
-        self.elements.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
+        element = {"tag": tag, "text": "", **dict(attrs)}
+        self.elements.append(element)
+        if tag not in VOID and tag != "img":
+            self.open.append(element)
 
     def handle_startendtag(self, tag, attrs):
-        self.elements.append((tag, dict(attrs)))
+        self.elements.append({"tag": tag, "text": "", **dict(attrs)})
 
     def handle_endtag(self, tag):
-        assert self.open.pop() == tag
+        assert self.open.pop()["tag"] == tag
 
     def handle_data(self, data):
-        for tag in set(self.open):
-            self.texts[tag] = self.texts.get(tag, "") + data
+        for element in self.open:
+            element["text"] += data
 
-    def of(self, tag):
-        return [attributes for name, attributes in self.elements if name == tag]
+    def of(self, tag, **attributes):
+        return [
+            element
+            for element in self.elements
+            if element["tag"] == tag and attributes.items() <= element.items()
+        ]
+
+    def json(self, name):
+        (element,) = self.of("script", id=name)
+        return json.loads(element["text"])
+
+    def columns(self):
+        """The columns of the waypoints, unpacked."""
+        unpacked = {}
+        for element in self.of("script", **{"class": "column"}):
+            packing, text = element["data-packing"], element["text"]
+            if packing == "same":
+                unpacked[element["data-name"]] = json.loads(text)
+                continue
+            content = b64decode(text, validate=True)
+            form = f"<{len(content) // 8}d" if packing == "f8" else f"<{len(content)}?"
+            unpacked[element["data-name"]] = list(struct.unpack(form, content))
+        return unpacked
+
+
+def at(document, place):
+    """What stands at a place of a document."""
+    for name in place.split("."):
+        document = document[int(name) if isinstance(document, list) else name]
+    return document
 
 
 @pytest.fixture(scope="module")
-def default_plan():
+def default():
     return plan(PlanRequest(altitude=40))
 
 
 @pytest.fixture(scope="module")
-def default_page(default_plan):
-    return report_page(default_plan).decode()
+def content(default):
+    return report_page(default)
 
 
-def embedded(page, name):
-    """A JSON document that stands in a page."""
-    return json.loads(
-        re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', page)[1]
-    )
+@pytest.fixture(scope="module")
+def page(content):
+    return Page(content)
 
 
-# The page as text
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
-def test_elements_are_closed_and_ids_are_unique(default_page):
-    ids = [
-        attributes["id"] for _, attributes in Outline(default_page).elements if "id" in attributes
-    ]
+@pytest.fixture
+def command(capfdbinary):
+    def execute(*arguments):
+        status = run([str(argument) for argument in arguments])
+        out, err = capfdbinary.readouterr()
+        return status, out, err.decode()
+
+    return execute
+
+
+# What stands on it
+
+
+def test_ids_are_unique_and_everything_referred_to_is_there(page):
+    ids = [element["id"] for element in page.elements if "id" in element]
     assert len(ids) == len(set(ids)) > 20
+    for element in page.elements:
+        for name in ("aria-labelledby", "aria-describedby", "for"):
+            assert set(element.get(name, "").split()) <= set(ids)
+
+
+def test_numbers_are_those_of_the_document(page, default):
+    document = default.document()
+    shown = page.of("data")
+    assert len(shown) > 20
+    for element in shown:
+        assert json.loads(element["value"]) == at(document, element["data-of"])
+    (samples,) = {e["text"] for e in shown if e["data-of"] == "samples"}
+    (baseline,) = {e["text"] for e in shown if e["data-of"] == "baseline_m"}
+    assert (samples, baseline) == ("50", "2.80\u00a0m")
+
+
+def test_the_document_and_its_waypoints_stand_in_the_page_with_every_digit(page, default):
+    document = default.document()
+    waypoints = document.pop("waypoints")
+    assert page.json("plan") == document
+    columns = page.columns()
+    assert set(columns) == set(waypoints[0]) - {"index"}
+    for name, column in columns.items():
+        values = column if isinstance(column, list) else [column] * len(waypoints)
+        assert values == [waypoint[name] for waypoint in waypoints]
+
+
+def test_turns_and_places_are_columns_as_well():
+    request = PlanRequest(altitude=40, grid="lanes", trigger="distance", origin=(48.3, 14.3))
+    turning = plan(request)
+    columns = Page(report_page(turning, seed=None)).columns()
+    rows = turning.document()["waypoints"]
+    assert columns["photo"] == [row["photo"] for row in rows]
+    assert columns["longitude"] == [row["longitude"] for row in rows]
+    assert not all(columns["photo"])
+
+
+def test_the_request_on_the_page_gives_the_same_plan(page, folder, command, default):
+    for name in ("request-toml", "request-json"):
+        (element,) = page.of("pre", id=name)
+        file = folder / f"request.{name[8:]}"
+        file.write_text(element["text"])
+        status, out, err = command("plan", file, "--json")
+        assert (status, err) == (0, "")
+        assert json.loads(out) == default.document()
+
+
+def test_nothing_is_loaded_and_nothing_runs_but_the_pages_own(page, content):
+    (policy,) = (
+        e["content"] for e in page.of("meta") if e.get("http-equiv") == "Content-Security-Policy"
+    )
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    assert rules["default-src"] == "'none'"
+    assert rules["img-src"] == "data:"
+    assert "unsafe" not in policy
+    for tag, own in (
+        ("script", [e for e in page.of("script") if "type" not in e]),
+        ("style", page.of("style")),
+    ):
+        (element,) = own
+        found = b64encode(sha256(element["text"].encode()).digest()).decode()
+        assert rules[f"{tag}-src"] == f"'sha256-{found}'"
+    assert not re.search(rb"https?://(?!www\.w3\.org)", content)
+    assert not [e for e in page.elements if "style" in e or any(n.startswith("on") for n in e)]
+
+
+def test_every_figure_says_what_it_shows(page):
+    assert len(page.of("svg")) == 2
+    for picture in page.of("svg"):
+        assert picture["role"] == "img"
+    assert all(e["text"] for e in [*page.of("title"), *page.of("desc"), *page.of("figcaption")])
+    assert len(page.of("img")) == 3
+    assert all(e["alt"] for e in page.of("img"))
+    assert all(e["aria-label"] for e in page.of("canvas"))
+    assert all("scope" in e for e in page.of("th"))
+
+
+def test_headings_go_down_one_step_at_a_time(page):
+    levels = [int(e["tag"][1]) for e in page.elements if re.fullmatch(r"h\d", e["tag"])]
+    assert levels[0] == 1
+    assert levels.count(1) == 1
+    assert all(after - before <= 1 for before, after in itertools.pairwise(levels))
+
+
+def test_limits_and_warnings_are_on_the_page():
+    warned = plan(PlanRequest(altitude=40, samples=4, baseline=3.0))
+    document = warned.document()
+    assert document["warnings"]
+    text = Page(report_page(warned, seed=None)).of("main")[0]["text"]
+    for message in (*document["warnings"], *document["limits"]):
+        assert message["message"] in text
+
+
+# Curves
+
+
+def test_curves_are_the_papers_equation(default):
+    prediction = default.solution.prediction
+    by_samples, by_baseline = charts_of(default)
+    for point in by_baseline.points:
+        dhat = point.baseline_m / default.coverage.baseline_m
+        assert point.samples == 50
+        whole = visibility(prediction.density, 7, 8, dhat)
+        # Six sites less than the rectangle's show a little less.
+        assert whole - 0.01 < point.prediction.expected <= whole + 1e-12
+    squares = [p for p in by_samples.points if math.isqrt(p.samples) ** 2 == p.samples]
+    assert len(squares) > 3
+    for point in squares:
+        side = math.isqrt(point.samples)
+        expected = visibility(prediction.density, side, side, 1.0)
+        assert point.prediction.expected == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"grid": "spiral"},
+        {"grid": "lanes"},
+        {"model": "layered", "optimize": "time"},
+        {"vhat": "99.9%"},
+        {"samples": 2, "vhat": 0.4},
+        {"baseline": 0.5},
+        {"visibility": 0.6, "max_aperture": 20.0},
+        {"rays": "oblique", "hold_error": 0.3},
+    ],
+    ids=str,
+)
+def test_curves_pass_through_the_plan(options):
+    planned = plan(PlanRequest(altitude=40, **options))
+    solution = planned.solution
+    for chart in charts_of(planned):
+        own = [
+            point
+            for point in chart.points
+            if (point.samples, point.baseline_m) == (solution.pattern.samples, solution.baseline_m)
+        ]
+        assert [point.prediction for point in own] == [solution.prediction]
+        x, normalized, expected = chart.chosen
+        assert f"{x:.2f},{normalized:.2f}" in chart.normalized.split()
+        assert f"{x:.2f},{expected:.2f}" in chart.expected.split()
+        values = [float(pair.split(",")[0]) for pair in chart.normalized.split()]
+        assert values == sorted(values)
+
+
+def test_bounds_are_drawn_where_they_lie():
+    bounded = plan(PlanRequest(altitude=40, vhat=0.9, max_aperture=8.0, max_samples=20))
+    by_samples, by_baseline = charts_of(bounded)
+    (limit,) = (limit for limit in bounded.limits if limit.quantity == "extent_m")
+    widest = limit.bound / bounded.solution.pattern.longer_side
+    assert widest == pytest.approx(bounded.solution.baseline_m)
+    (line,) = (line for line in by_baseline.bounds if "--max-aperture" in line.text)
+    assert line.place == pytest.approx(by_baseline.chosen[0], abs=0.06)
+    (line,) = (line for line in by_samples.bounds if "fewest" in line.text)
+    assert line.place == pytest.approx(by_samples.chosen[0], abs=0.06)
+
+
+def test_a_clear_view_has_no_curves_and_no_picture():
+    clear = plan(
+        PlanRequest(altitude=40, integrated_density=0, occluder_size=0.2, volume_height=10)
+    )
+    text = Page(report_page(clear)).of("main")[0]["text"]
+    assert charts_of(clear) == []
+    assert text.count("Nothing stands above the focal plane") == 1
+    assert "nothing stands above the focal plane" in text
+
+
+# Numbers as text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.98, "98.0"), (1.0, "100.0"), (0.99999, "99.999"), (0.0, "0.0")]
+)
+def test_shares_near_one_keep_the_digits_that_matter(value, text):
+    assert percent(value) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0, "0 s"), (59.6, "1 min 0 s"), (168.0, "2 min 48 s"), (3600.0, "1 h 0 min 0 s")],
+)
+def test_durations_are_whole_seconds(seconds, text):
+    assert duration(seconds).replace("\u00a0", " ") == text
+
+
+def test_short_names_hold_no_sign_that_is_not_seen():
+    assert short("a\u202eb\x00c\nd") == "a b c d"
+    assert len(short("x" * 10_000)) == 121
+
+
+# How it is written
+
+
+def test_the_same_plan_and_seed_give_the_same_bytes(default, content):
+    assert report_page(default) == content
+    assert report_page(default, seed=2) != content
+
+
+def test_the_seed_is_on_the_page_and_no_picture_takes_none(command, folder):
+    assert command("plan", "--altitude", 40, "--report", "a.html", "--report-seed", 7)[0] == 0
+    assert "seed 7" in (folder / "a.html").read_text()
+    line = ("plan", "--altitude", 40, "--report", "b.html", "--no-report-picture")
+    assert command(*line)[0] == 0
+    assert Page((folder / "b.html").read_bytes()).of("img") == []
+
+
+def test_an_existing_page_is_kept_unless_forced(command, folder):
+    (folder / "a.html").write_text("mine")
+    status, out, err = command("plan", "--altitude", 40, "--report", "a.html")
+    assert (status, out) == (2, b"")
+    assert "error: output 'a.html' exists" in err
+    assert (folder / "a.html").read_text() == "mine"
+    status, out, err = command("plan", "--altitude", 40, "--report", "a.html", "--force")
+    assert (status, err) == (0, "")
+    assert "Wrote a.html" in out.decode()
+    assert (folder / "a.html").read_bytes().startswith(b"<!DOCTYPE html>")
+
+
+def test_a_page_goes_to_stdout_alone(command):
+    status, out, err = command("plan", "--altitude", 40, "--report", "-", "--no-report-picture")
+    assert (status, err) == (0, "")
+    assert out.startswith(b"<!DOCTYPE html>")
+    assert out.rstrip().endswith(b"</html>")
+
+
+def test_pages_and_waypoints_are_written_together_or_not_at_all(command, folder):
+    line = ("plan", "--altitude", 40, "--report", "a.html", "--no-report-picture", "--out")
+    assert command(*line, "grid.csv")[0] == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["a.html", "grid.csv"]
+    (folder / "a.html").unlink()
+    assert command(*line, "grid.csv")[0] == 2
+    assert [path.name for path in folder.iterdir()] == ["grid.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--report", "page.pdf"], "error: report 'page.pdf' does not end in .html"),
+        (["--report", ""], "error: report '' does not end in .html"),
+        (["--report", "no/page.html"], "there is no folder 'no'"),
+        (["--report", "-", "--json"], "both write to stdout"),
+        (["--report", "-", "--out", "csv:-"], "error: output '-' is given twice"),
+        (["--report", "a.html", "--out", "csv:a.html"], "error: output 'a.html' is given twice"),
+        (["--no-report-picture"], "error: --no-report-picture without --report"),
+        (["--report-seed", "1"], "error: --report-seed without --report"),
+        (["--report", "a.html", "--report-seed", "-1"], "is not a whole number from 0"),
+        (["--report", "a.html", "--report-seed", "x"], "error: --report-seed 'x'"),
+        (
+            ["--report", "a.html", "--report-seed", "1", "--no-report-picture"],
+            "contradict each other",
+        ),
+        (["--report", "a.html", "--visibility", "0.9"], "out of reach"),
+    ],
+)
+def test_what_cannot_be_written_is_one_error_and_no_page(command, folder, arguments, message):
+    status, out, err = command("plan", "--altitude", "40", *arguments)
+    assert (status, out) == (2, b"")
+    assert message in err
+    assert err.count("\n") <= 2
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("missing", "picture"), [("jinja2", True), ("jinja2", False), ("PIL", True)]
+)
+def test_a_missing_extra_is_one_line_and_a_hint(command, monkeypatch, missing, picture):
+    import importlib.util
+
+    found = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, "find_spec", lambda name: None if name == missing else found(name)
+    )
+    line = ["--report", "a.html"] + ([] if picture else ["--no-report-picture"])
+    status, out, err = command("plan", "--altitude", "40", *line)
+    assert (status, out) == (2, b"")
+    assert err == (
+        "error: a report needs the optional extra 'report'\nhint: pip install \"aosplan[report]\"\n"
+    )
+    if missing == "PIL":
+        check_extra(picture=False)
+
+
+def test_plans_that_are_not_simulated_say_why():
+    for options, reason in (
+        ({"hold_error": 0.3}, "a simulation flies to every site exactly"),
+        ({"rays": "oblique"}, "a simulation knows how its rays run"),
+        ({"vhat": "99.99%"}, "10000 photos"),
+    ):
+        text = Page(report_page(plan(PlanRequest(altitude=40, **options)))).of("main")[0]["text"]
+        assert reason in text

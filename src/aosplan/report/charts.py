@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from aosplan.planning import Plan
 
-LEFT, RIGHT, TOP, BOTTOM = 46, 336, 14, 240
+LEFT, RIGHT, TOP, BOTTOM = 46, 326, 14, 240
 """The picture, and the frame of its axes, in units of which a letter is about 12 high."""
 
 TICKS_Y = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)

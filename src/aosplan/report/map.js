@@ -143,9 +143,9 @@ function shapes(pen, rings, colour, alpha, dash) {
   if (!rings.length) return;
   pen.beginPath();
   for (const ring of rings) {
-    for (let i = 0; i < ring.length; i += 2) pen.lineTo(pixelX(ring[i]), pixelY(ring[i + 1]));
+    pen.moveTo(pixelX(ring[0]), pixelY(ring[1]));
+    for (let i = 2; i < ring.length; i += 2) pen.lineTo(pixelX(ring[i]), pixelY(ring[i + 1]));
     pen.closePath();
-    pen.moveTo(0, 0);
   }
   pen.fillStyle = colour; pen.globalAlpha = alpha; pen.fill("evenodd"); pen.globalAlpha = 1;
   pen.strokeStyle = colour; pen.lineWidth = 1.5; pen.setLineDash(dash); pen.stroke(); pen.setLineDash([]);
@@ -161,6 +161,7 @@ function paintPath(pen, ink) {
   pen.globalAlpha = 0.7;
   pen.beginPath();
   const arrows = [];
+  let since = 60;
   for (let k = 1; k < places.length; k += 1) {
     const [i, j] = [places[k - 1], places[k]];
     if (starts.has(j)) continue;
@@ -169,12 +170,14 @@ function paintPath(pen, ink) {
     if (Math.max(ay, by) < 0 || Math.min(ay, by) > view.height) continue;
     pen.moveTo(ax, ay);
     pen.lineTo(bx, by);
-    if (Math.hypot(bx - ax, by - ay) > 36 && arrows.length < 400) {
-      // Between two sites, where no dot hides it.
-      const legs = Math.max(j - i, 1);
-      const share = (Math.floor(legs / 2) + 0.5) / legs;
-      arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax)]);
-    }
+    const length = Math.hypot(bx - ax, by - ay);
+    const legs = Math.max(j - i, 1);
+    since += length;
+    if (since < 80 || length / legs < 14 || arrows.length >= 400) continue;
+    since = 0;
+    // Between two sites, where no dot hides it.
+    const share = (Math.floor(legs / 2) + 0.5) / legs;
+    arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax)]);
   }
   pen.stroke();
   pen.globalAlpha = 1;
@@ -267,11 +270,6 @@ function paintNorth(pen, ink) {
   triangle(pen, x, y - 8, 7, -Math.PI / 2, ink.ink);
   pen.font = "600 12px system-ui, sans-serif"; pen.textAlign = "center"; pen.textBaseline = "bottom";
   pen.fillText("N", x, y - 16);
-  pen.strokeStyle = ink.faint; pen.beginPath();
-  const [dx, dy] = [Math.sin(heading), -Math.cos(heading)];
-  if (Math.abs(dx) < 1e-9 && dy < 0) return;
-  pen.moveTo(x, y + 6); pen.lineTo(x + 14 * dx, y + 6 + 14 * dy); pen.stroke();
-  triangle(pen, x + 14 * dx, y + 6 + 14 * dy, 5, Math.atan2(dy, dx), ink.faint);
 }
 
 // Pointers, wheel and keys

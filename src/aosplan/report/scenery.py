@@ -46,16 +46,17 @@ def _column(name: str, values: Sequence[Any]) -> Column:
 def scenery_of(plan: Plan) -> dict[str, Any]:
     """All that lies around the waypoints, in metres east and north, as plain values.
 
-    The ground that all samples see is given where there is one grid, and not over an area.
+    Size of the grid, and of the ground that all samples see, are given where there is one grid:
+    neither over an area nor along a line that is flown on.
     """
     area = plan.layout.area
     along, across = plan.common_footprint_m
-    one_grid = area is None and plan.layout.continuous is None
+    one_grid = area is None and plan.request.line_length is None
     return {
         "heading_deg": plan.heading_deg,
         "footprint_m": list(plan.camera.footprint_m(plan.altitude_m)),
         "common_footprint_m": [along, across] if one_grid and min(along, across) > 0.0 else None,
-        "extent_m": list(plan.extent_m) if area is None else None,
+        "extent_m": list(plan.extent_m) if one_grid else None,
         "spacing_m": plan.solution.baseline_m,
         "takeoff": _takeoff(plan),
         "flights": [[flight.first, flight.last] for flight in plan.route.flights],

@@ -77,12 +77,12 @@ class Figures:
         )
 
 
-def long(text: str) -> bool:
+def long(text: str, most: int = LONGEST) -> bool:
     """Whether a text is too long to be shown at once."""
-    return len(text) > LONGEST
+    return len(text) > most
 
 
-def short(text: str) -> str:
+def short(text: str, most: int = LONGEST) -> str:
     """The beginning of a text, in one line and without signs that cannot be seen."""
-    shown = "".join(letter if letter.isprintable() else " " for letter in text[:LONGEST])
-    return f"{shown}…" if long(text) else shown
+    shown = "".join(letter if letter.isprintable() else " " for letter in text[:most])
+    return f"{shown}…" if long(text, most) else shown
