@@ -133,8 +133,9 @@ class _Captured(io.TextIOWrapper):
 
 def same(shown, printed):
     """Whether a page shows what was printed, ``...`` standing for any lines."""
-    parts = [re.escape(part) for part in _tidy(shown).split("\n...\n")]
-    return re.fullmatch(r"\n(?:.*\n)*".join(parts), _tidy(printed)) is not None
+    lines = _tidy(shown).splitlines()
+    pattern = "".join(r"(?:.*\n)*" if line == "..." else re.escape(f"{line}\n") for line in lines)
+    return re.fullmatch(pattern, f"{_tidy(printed)}\n") is not None
 
 
 def _tidy(text):

@@ -8,7 +8,7 @@ The functions of `TEXTS` return Markdown; `tests/test_docs.py` reads it without 
 
 from sphinx.util.docutils import SphinxDirective
 
-from . import commands, documents, presets, surroundings
+from . import commands, documents, presets, results, surroundings
 
 TEXTS = {
     "command": commands.command,
@@ -20,7 +20,10 @@ TEXTS = {
     "scenes": presets.scenes,
     "formats": presets.formats,
     "payloads": presets.payloads,
+    "results": results.results,
+    "stress": results.stress,
     "statuses": surroundings.statuses,
+    "warnings": surroundings.warnings,
 }
 
 

@@ -1,7 +1,13 @@
-"""Exit statuses as Markdown, made from the errors themselves."""
+"""Exit statuses and warnings as Markdown, made from the program's source."""
+
+import ast
+from pathlib import Path
+from re import fullmatch
 
 import aosplan
 from aosplan import errors
+
+SOURCE = Path(aosplan.__file__).parent
 
 
 def statuses():
@@ -13,3 +19,48 @@ def statuses():
             home = "aosplan" if name in aosplan.__all__ else "aosplan.errors"
             rows.append(f"| {{py:exc}}`~{home}.{name}` | {each.exit_status} | {meaning} |")
     return "\n".join(rows)
+
+
+def warnings():
+    """Every warning by its code, and what it says, an ellipsis for what it fills in."""
+    said = {}
+    for path in sorted(SOURCE.rglob("*.py")):
+        for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
+            said.setdefault(code, text)
+    rows = ["| code | says |", "|---|---|"]
+    rows += [f"| `{code}` | {said[code]} |" for code in sorted(said)]
+    return "\n".join(rows)
+
+
+def _warnings_in(tree):
+    """Pairs of a code and a sentence in a source file, wherever they stand."""
+    sentences = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "message":
+            sentences[node.lineno] = node.value
+    for node in ast.walk(tree):
+        is_message = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Message"
+        pair = node.args if is_message else getattr(node, "elts", ())
+        if len(pair) != 2 or not isinstance(pair[0], ast.Constant):
+            continue
+        code, said = pair
+        if getattr(said, "id", "") == "message":
+            said = sentences[max(line for line in sentences if line < node.lineno)]
+        text = _text(said)
+        if (
+            isinstance(code.value, str)
+            and fullmatch("[a-z]+(_[a-z]+)*", code.value)
+            and " " in text
+        ):
+            yield code.value, text
+
+
+def _text(node):
+    """The text of a literal or a formatted one."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value.replace("|", "\\|")
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_text(part) or "…" for part in node.values)
+    if isinstance(node, ast.BinOp):
+        return (_text(node.left) or "…") + (_text(node.right) or "…")
+    return ""

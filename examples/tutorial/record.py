@@ -1,0 +1,70 @@
+"""A recording of a flight that never was: what a camera sees of a chart below a stand.
+
+    python examples/tutorial/record.py plan.json stand.laz recording
+
+One photo a waypoint, straight down on the middle of the stand, 12.5 cm a pixel, rays through the
+stand's own voxels; poses as the AOS project writes them.  Needs the extras lidar and pictures.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from aosplan.lidar import read_voxels
+from aosplan.occlusion import Occlusion, Window
+from aosplan.simulate.picture import LEAVES, resolution_chart
+
+GROUND_PX, PHOTO_PX, CHART_PX = 320, 220, 96
+PIXELS_A_VOXEL = 2
+NADIR = np.diag([1.0, -1.0, -1.0])
+
+
+def record(plan, stand, folder):
+    """Write photos and poses; how many."""
+    volume = read_voxels(str(stand))
+    pixel_m = volume.voxel_m / PIXELS_A_VOXEL
+    first = (volume.occupied.shape[1] * PIXELS_A_VOXEL - GROUND_PX) // 2
+    seen = Occlusion(
+        volume,
+        plan["altitude_m"],
+        view="perspective",
+        targets_per_voxel=PIXELS_A_VOXEL,
+        window=Window(first, first, GROUND_PX, GROUND_PX),
+    )
+    ground = np.full((GROUND_PX, GROUND_PX), 0.6)
+    margin = (GROUND_PX - CHART_PX) // 2
+    chart = resolution_chart(CHART_PX, CHART_PX)
+    ground[margin : margin + CHART_PX, margin : margin + CHART_PX] = chart[::-1]  # rows run north
+    # Sites on whole pixels: a photo straight down is then a part of the ground.
+    sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
+    steps = np.rint(sites / pixel_m).astype(int)
+    if 2 * abs(steps).max() > GROUND_PX - PHOTO_PX:
+        sys.exit("error: sites too far out: photos would reach beyond the stand")
+    views = []
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    for index, (hidden, step) in enumerate(
+        zip(seen.unpack(seen.masks(steps * pixel_m)), steps, strict=True)
+    ):
+        shown = np.where(hidden[..., None], LEAVES, ground[..., None])
+        column, row = (GROUND_PX - PHOTO_PX) // 2 + step
+        photo = shown[row : row + PHOTO_PX, column : column + PHOTO_PX][::-1]
+        name = f"{index:03d}.png"
+        Image.fromarray(np.rint(255 * photo).astype(np.uint8)).save(folder / "images" / name)
+        position = np.array([*(step * pixel_m), plan["altitude_m"]])
+        matrix = np.column_stack([NADIR, -NADIR @ position])
+        views.append({"imagefile": name, "M3x4": matrix.tolist()})
+    focal = plan["altitude_m"] / pixel_m
+    middle = PHOTO_PX / 2
+    camera = {"width": PHOTO_PX, "height": PHOTO_PX, "fx": focal, "fy": focal,
+              "cx": middle, "cy": middle}  # fmt: skip
+    (folder / "poses.json").write_text(json.dumps({"camera": camera, "images": views}), "utf-8")
+    return len(views)
+
+
+if __name__ == "__main__":
+    plan_path, stand_path, folder_path = map(Path, sys.argv[1:])
+    count = record(json.loads(plan_path.read_text("utf-8")), stand_path, folder_path)
+    print(f"Wrote {folder_path}: {count} photos and their poses")
