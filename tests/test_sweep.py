@@ -3,8 +3,10 @@
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
+import time
 from fractions import Fraction
 
 import numpy as np
@@ -331,6 +333,34 @@ def test_workers_change_no_byte(tmp_path):
         files.append(out.read_bytes())
     assert files[0] == files[1]
     assert files[0].count(b"\n") == 1 + 2 * 4000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
+    # A terminal interrupts every process of a line; a job's manager only the first.
+    path, out = tmp_path / "s.toml", tmp_path / "r.csv"
+    path.write_text(
+        "[sweep]\naltitude = { start = 30, stop = 90, count = 300000 }\noptimize = 'time'\n"
+    )
+    command = ["sweep", path, "--out", out, "--workers", 2]
+    with subprocess.Popen(
+        [sys.executable, "-m", "aosplan", *map(str, command)],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            journal = tmp_path / "r.csv.parts" / "journal.jsonl"
+            while not journal.exists():
+                time.sleep(0.05)
+            time.sleep(1.5)  # it waits for its workers, or starts them
+            process.send_signal(signal.SIGINT)
+            error = process.communicate(timeout=60)[1]  # stderr ends with the last process
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    assert process.returncode == 130
+    assert error == "hint: what is done is kept; --resume goes on with it\n"
 
 
 def test_the_best_rows_are_the_best(campaign, tmp_path, small_blocks):

@@ -30,6 +30,7 @@ def run(
     best: str | None,
     per: list[str] | None,
     workers: str | None,
+    scheduler: str | None,
     resume: bool,
     force: bool,
     yes: bool,
@@ -41,15 +42,31 @@ def run(
 ) -> None:
     """Solve every scenario of a file and write a row for each."""
     from aosplan.sweep.frame import chosen_results
+    from aosplan.sweep.partitions import check_folder, is_folder
     from aosplan.sweep.run import SUFFIXES, Sweep, check
     from aosplan.sweep.run import run as run_sweep
     from aosplan.sweep.scenarios import read_scenarios
 
     if out is None:
         raise RequestError("no output is given", f"give --out results{SUFFIXES[0]}")
-    if os.path.splitext(out)[1].lower() not in SUFFIXES:
-        raise RequestError(f"output '{out}' ends in none of {', '.join(SUFFIXES)}")
-    check_output(out, force=force)
+    if is_folder(out):
+        check_folder(out, resume=resume, force=force)
+        if best is not None:
+            raise RequestError(
+                "--best keeps rows of the whole sweep, and a folder has a file for each part",
+                "give one file: --out best.parquet",
+            )
+    elif os.path.splitext(out)[1].lower() not in SUFFIXES:
+        raise RequestError(
+            f"output '{out}' ends in none of {', '.join(SUFFIXES)}",
+            f"{out}/ is a folder of Parquet files",
+        )
+    else:
+        check_output(out, force=force)
+    if scheduler is not None and workers is not None:
+        raise RequestError(
+            "--scheduler and --workers both say who solves", "a cluster has its own workers"
+        )
     if per and best is None:
         raise RequestError("--per without --best", "--best COLUMN says which row is the best")
     scenarios = read_scenarios(file)
@@ -61,7 +78,7 @@ def run(
     sweep = Sweep(
         scenarios,
         chosen_results(columns),
-        os.path.dirname(file),
+        os.path.dirname(os.path.abspath(file)),
         where,
         best,
         tuple(name for text in per or [] for name in text.split(",")),
@@ -79,6 +96,7 @@ def run(
                 resume=resume,
                 force=force,
                 workers=1 if workers is None else whole(workers, "--workers"),
+                scheduler=scheduler,
                 progress=advance,
             )
         except KeyboardInterrupt:
@@ -176,14 +194,20 @@ COMMAND = command(
     examples=(
         "aosplan sweep campaign.toml --out results.parquet\n"
         'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
-        "    --best -flight_time_s --per altitude"
+        "    --best -flight_time_s --per altitude\n"
+        "aosplan sweep campaign.toml --scheduler head:8786 --out /shared/results.parquet/"
     ),
     parameters=[
         file_argument(
             "file",
             "TOML with a table [sweep] of options, or a CSV or Parquet with a row a scenario.",
         ),
-        text_option("--out", "PATH", "Result: .csv, .parquet or .jsonl.", "Output"),
+        text_option(
+            "--out",
+            "PATH",
+            "Result: .csv, .parquet, .jsonl, or a folder of Parquet files (ends in /).",
+            "Output",
+        ),
         text_option("--plot", "PATH", "Draw the result: .png, .svg or .pdf.", "Output"),
         text_option("--plot-x", "COLUMN", "Along the figure.  [samples]", "Output"),
         text_option("--plot-y", "COLUMN", "Up the figure.  [flight_time_s]", "Output"),
@@ -202,7 +226,14 @@ COMMAND = command(
             rich_help_panel="Output",
         ),
         text_option("--workers", "N", "Processes.  [1]"),
-        flag_option("--resume", "Go on with an interrupted sweep.", "Options"),
+        text_option(
+            "--scheduler",
+            "HOST:PORT",
+            "Solve on a Dask cluster, whose workers see --out under the same name.",
+        ),
+        flag_option(
+            "--resume", "Go on with an interrupted sweep, or mend a folder's parts.", "Options"
+        ),
         flag_option("--yes", f"Begin even more than {MOST_SCENARIOS} scenarios.", "Options"),
         flag_option("--force", "Overwrite an existing file, drop an interrupted sweep."),
         flag_option("--quiet", "No bar, no message."),

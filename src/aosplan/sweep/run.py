@@ -1,26 +1,33 @@
 """A sweep to a file, part by part: resumable, and the same bytes however it was run.
 
-Each block of scenarios becomes a part in a folder beside the result, under its final name only
-when it is whole, and a line in the folder's journal.  When all parts are there they are joined, and
-the folder goes.  Parts depend on nothing but the sweep, so neither interruptions nor workers
-change the result.
+Each block of scenarios becomes a part (`aosplan.sweep.parts`).  When all are there they are joined,
+or are the result themselves (`aosplan.sweep.partitions`).  They depend on nothing but the sweep, so
+neither interruptions nor workers, of this machine or of a cluster (`aosplan.sweep.cluster`), change
+the result.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-import json
 import os
-import shutil
+import signal
+import sys
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any, NamedTuple
+from multiprocessing import active_children, get_context
+from threading import current_thread, main_thread
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from aosplan import __version__
-from aosplan.errors import RequestError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.frame import input_column, solve_block
+from aosplan.sweep.partitions import Partitions, is_folder
+from aosplan.sweep.parts import Part, Parts, write_frame
 from aosplan.sweep.scenarios import polars
 
 if TYPE_CHECKING:
@@ -32,8 +39,6 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
 """Endings of a result."""
-
-JOURNAL = "journal.jsonl"
 
 
 class Sweep(NamedTuple):
@@ -57,7 +62,8 @@ class Sweep(NamedTuple):
 
     def fingerprint(self) -> str:
         """A text that differs where any row might."""
-        digest = hashlib.sha256(repr((__version__, self[1:])).encode())
+        versions = __version__, np.__version__, polars().__version__
+        digest = hashlib.sha256(repr((versions, self[1:])).encode())
         for name, values in self.scenarios.values.items():
             digest.update(name.encode())
             digest.update(repr(values.tolist()).encode())
@@ -127,91 +133,6 @@ def solve_first(sweep: Sweep) -> pl.DataFrame:
     return solve_block(single, sweep.scenarios.names, sweep.results, sweep.folder)
 
 
-class Parts:
-    """The folder of a sweep's parts, and its journal of those that are whole."""
-
-    def __init__(self, out: str, sweep: Sweep) -> None:
-        self.out = out
-        self.folder = f"{out}.parts"
-        self.suffix = os.path.splitext(out)[1].lower()
-        # The best rows of the parts are compared once more, so they keep their types.
-        self.part_suffix = self.suffix if sweep.best is None else ".parquet"
-        self.fingerprint = sweep.fingerprint()
-        self.done: dict[int, int] = {}
-
-    def start(self, *, resume: bool, force: bool) -> None:
-        """Make the folder, or take up what lies in it.
-
-        Raises
-        ------
-        RequestError
-            Where there are parts that are not to be resumed, or belong to another sweep.
-        """
-        if os.path.isdir(self.folder):
-            if resume:
-                self._take_up()
-                return
-            if not force:
-                raise RequestError(
-                    f"'{self.folder}' holds parts of an interrupted sweep",
-                    "--resume goes on with it, --force begins again",
-                )
-            shutil.rmtree(self.folder)
-        os.makedirs(self.folder)
-        self._note({"fingerprint": self.fingerprint})
-
-    def _take_up(self) -> None:
-        path = os.path.join(self.folder, JOURNAL)
-        try:
-            with open(path, encoding="utf-8") as file:
-                # The last line may have been cut short with the run.
-                lines = [line for line in file if line.endswith("\n")]
-            notes = [json.loads(line) for line in lines]
-        except (OSError, ValueError):
-            notes = []
-        if not notes or notes[0].get("fingerprint") != self.fingerprint:
-            raise RequestError(
-                f"'{self.folder}' holds parts of another sweep",
-                "give the same file, options and version, or --force to begin again",
-            )
-        for note in notes[1:]:
-            place = self.path(note["part"])
-            if os.path.isfile(place) and os.path.getsize(place) == note["bytes"]:
-                self.done[note["part"]] = note["rows"]
-
-    def path(self, index: int) -> str:
-        """File of a part."""
-        return os.path.join(self.folder, f"{index:08d}{self.part_suffix}")
-
-    def add(self, index: int, rows: int) -> None:
-        """Note that a part is whole."""
-        self._note({"part": index, "rows": rows, "bytes": os.path.getsize(self.path(index))})
-        self.done[index] = rows
-
-    def _note(self, note: dict[str, Any]) -> None:
-        with open(os.path.join(self.folder, JOURNAL), "a", encoding="utf-8") as file:
-            file.write(json.dumps(note) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-
-    def join(self, sweep: Sweep, count: int) -> str:
-        """Join all parts into one file beside the result; its temporary name."""
-        whole = os.path.join(self.folder, f"whole{self.suffix}")
-        paths = [self.path(index) for index in range(count)]
-        if sweep.best is not None:
-            pl = polars()
-            write_frame(sweep.best_of(pl.concat([pl.read_parquet(path) for path in paths])), whole)
-        elif self.suffix == ".parquet":
-            _join_parquet(paths, whole)
-        else:
-            _join_text(paths, whole, header=self.suffix == ".csv")
-        return whole
-
-    def remove(self) -> None:
-        """Remove the folder."""
-        shutil.rmtree(self.folder)
-
-
 def run(
     sweep: Sweep,
     out: str,
@@ -219,6 +140,7 @@ def run(
     resume: bool = False,
     force: bool = False,
     workers: int = 1,
+    scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Solve every scenario and write what is kept; the number of rows written.
@@ -228,11 +150,14 @@ def run(
     sweep
         What to solve.
     out
-        The result, a path that ends in one of `SUFFIXES`.
+        The result, a path that ends in one of `SUFFIXES`, or a folder
+        (`aosplan.sweep.partitions.is_folder`).
     resume, force
         Whether to go on with an interrupted run, or to overwrite what is there.
     workers
         Processes; with one, this one.
+    scheduler
+        Address of a Dask cluster that solves in place of this machine.
     progress
         Called with the number of scenarios done since the last call.
 
@@ -241,45 +166,59 @@ def run(
     RequestError
         Where `Parts.start` refuses, or a scenario's file is wrong.
     SurroundingsError
-        Where something cannot be written; what is done stays, for `resume`.
+        Where something cannot be written, or a worker dies; what is done stays, for `resume`.
     """
-    parts = Parts(out, sweep)
+    if sys.platform != "win32":
+        # The columnar library's handler lets waits go on after Ctrl-C; they have to end.
+        signal.siginterrupt(signal.SIGINT, True)
+    parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     parts.start(resume=resume, force=force)
     count = sweep.scenarios.blocks
     advance = progress or (lambda _: None)
     advance(sum(sweep.scenarios.block(index).rows for index in parts.done))
     left = (index for index in range(count) if index not in parts.done)
     try:
-        for index, solved, rows in _solved(sweep, parts, left, workers):
-            parts.add(index, rows)
-            advance(solved)
+        if scheduler is None:
+            solved = _solved(sweep, parts, left, workers)
+        else:
+            from aosplan.sweep.cluster import solved_by
+
+            solved = solved_by(scheduler, sweep, parts, left)
+        for part in solved:
+            parts.add(part)
+            advance(sweep.scenarios.block(part.part).rows)
         whole = parts.join(sweep, count)
-        os.replace(whole, out)
+        os.replace(whole, parts.out)
+    except AosplanError:
+        if not parts.done:
+            parts.discard()
+        raise
     except OSError as error:
         raise SurroundingsError(
             f"cannot write '{error.filename or out}': {(error.strerror or str(error)).lower()}",
             "what is done is kept: make room, then --resume",
         ) from None
     parts.remove()
-    return sum(parts.done.values())
+    return sum(part.rows for part in parts.done.values())
 
 
-def _solved(
-    sweep: Sweep, parts: Parts, left: Iterable[int], workers: int
-) -> Iterator[tuple[int, int, int]]:
-    """Write parts as they come: place, scenarios solved and rows kept of each."""
+def _solved(sweep: Sweep, parts: Parts, left: Iterable[int], workers: int) -> Iterator[Part]:
+    """Write parts on this machine, and hand them out as they come."""
     if workers == 1:
         for index in left:
             yield solve_part(sweep, index, parts.path(index))
         return
     waiting = iter(left)
+    others = set(active_children())
     # Forked processes would share the locks of the columnar library's threads.
     context = get_context("spawn")
     with ProcessPoolExecutor(workers, context, _take, (sweep,)) as pool:
-        running = {
-            pool.submit(_part, index, parts.path(index)) for index in islice(waiting, 2 * workers)
-        }
         try:
+            with _interrupted_later():  # a half-started process would complain
+                running = {
+                    pool.submit(_part, index, parts.path(index))
+                    for index in islice(waiting, 2 * workers)
+                }
             while running:
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
@@ -288,62 +227,51 @@ def _solved(
                     pool.submit(_part, index, parts.path(index))
                     for index in islice(waiting, len(finished))
                 }
-        except BaseException:
+        except BaseException as error:
             pool.shutdown(wait=False, cancel_futures=True)
+            for process in set(active_children()) - others:
+                process.terminate()  # what it is at is not yet a part
+            if isinstance(error, BrokenProcessPool):
+                raise SurroundingsError(
+                    "a worker process died, perhaps for lack of memory",
+                    "what is done is kept: --resume goes on with it, --workers 1 takes the least",
+                ) from None
             raise
+
+
+@contextlib.contextmanager
+def _interrupted_later() -> Iterator[None]:
+    """Put Ctrl-C off until the end of the block."""
+    if current_thread() is not main_thread():  # only the main one is interrupted
+        yield
+        return
+    came: list[int] = []
+    earlier = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, earlier)
+    if came:
+        raise KeyboardInterrupt
 
 
 _sweep: Sweep | None = None
 
 
 def _take(sweep: Sweep) -> None:
-    """Keep the sweep of a worker process, which is sent once."""
+    """Keep the sweep of a worker process, which is sent once; Ctrl-C is the first process's."""
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
+    polars()  # brings a handler of its own
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _part(index: int, path: str) -> tuple[int, int, int]:
+def _part(index: int, path: str) -> Part:
     assert _sweep is not None  # every worker takes it at its start
     return solve_part(_sweep, index, path)
 
 
-def solve_part(sweep: Sweep, index: int, path: str) -> tuple[int, int, int]:
-    """Solve a block and write what is kept of it, whole or not at all."""
+def solve_part(sweep: Sweep, index: int, path: str, folder: str | None = None) -> Part:
+    """Solve a block and write what is kept of it, in `folder` until it is whole."""
     frame = sweep.frame(index)
-    write_frame(frame, path)
-    return index, sweep.scenarios.block(index).rows, frame.height
-
-
-def write_frame(frame: pl.DataFrame, path: str) -> None:
-    """Write a frame in the format of the path's ending; the name appears when it is whole."""
-    temporary = f"{path}.{os.getpid()}.tmp"
-    try:
-        if path.endswith(".parquet"):
-            frame.write_parquet(temporary, compression="lz4")
-        elif path.endswith(".csv"):
-            frame.write_csv(temporary)
-        else:
-            frame.write_ndjson(temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        if os.path.exists(temporary):
-            os.unlink(temporary)
-        raise
-
-
-def _join_parquet(paths: list[str], whole: str) -> None:
-    if len(paths) == 1:
-        os.replace(paths[0], whole)
-        return
-    pl = polars()
-    # The row groups of the result are the parts.
-    pl.scan_parquet(paths).sink_parquet(whole, compression="lz4", maintain_order=True)
-
-
-def _join_text(paths: list[str], whole: str, *, header: bool) -> None:
-    with open(whole, "wb") as target:
-        for place, path in enumerate(paths):
-            with open(path, "rb") as part:
-                if header and place:
-                    part.readline()
-                shutil.copyfileobj(part, target, 1 << 20)
+    return Part(index, frame.height, *write_frame(frame, path, folder))

@@ -271,7 +271,7 @@ def polars() -> Any:
     try:
         import polars as pl
     except ImportError:
-        raise MissingExtraError("sweeps need polars", "pip install 'aosplan[sweep]'") from None
+        raise MissingExtraError("a sweep", "sweep") from None
     return pl
 
 
