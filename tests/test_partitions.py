@@ -191,6 +191,23 @@ def test_wrong_folders_are_errors(campaign, tmp_path, capsys, out, arguments, wo
     assert os.listdir(tmp_path) == ["campaign.toml"]
 
 
+def test_every_part_has_the_types_of_the_whole(tmp_path):
+    # The first part leaves these out, the second has a number, the last a text.
+    path, rows = tmp_path / "rows.csv", []
+    for row in range(75):
+        heading = ("", "12.5", "best")[row // 25]
+        rows.append(
+            f"{30 + row},{'' if row < 30 else 'square'},{heading},{'' if row < 30 else 50.5}"
+        )
+    path.write_text("\n".join(["altitude,grid,heading,max_aperture", *rows, ""]))
+    assert sweep(path, "--out", f"{tmp_path}/r/") == 0
+    assert sweep(path, "--out", tmp_path / "r.parquet") == 0
+    frame = pl.read_parquet(tmp_path / "r.parquet")
+    assert pl.read_parquet(tmp_path / "r").equals(frame)
+    assert frame.dtypes[:4] == [pl.Float64, pl.String, pl.String, pl.Float64]
+    assert frame["heading"][::25].to_list() == [None, "12.5", "best"]
+
+
 def test_an_empty_folder_is_filled(campaign, tmp_path):
     (tmp_path / "r").mkdir()
     assert sweep(campaign, "--out", tmp_path / "r") == 0

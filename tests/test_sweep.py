@@ -338,7 +338,30 @@ def test_workers_change_no_byte(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
     # A terminal interrupts every process of a line; a job's manager only the first.
-    path, out = tmp_path / "s.toml", tmp_path / "r.csv"
+    status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
+    assert status == 130
+    assert error == "hint: what is done is kept; --resume goes on with it\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
+def test_a_worker_that_dies_is_an_error(tmp_path):
+    def kill_workers(pid):
+        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
+            for child in children.read().split():
+                with open(f"/proc/{child}/cmdline", encoding="utf-8") as line:
+                    if "spawn_main" in line.read():
+                        os.kill(int(child), signal.SIGKILL)
+
+    status, error = ended(tmp_path, kill_workers)
+    assert status == 1
+    assert error.startswith("error: a worker process died")
+    assert "--resume" in error
+    assert error.count("\n") == 2
+
+
+def ended(folder, act):
+    """How a long sweep with two workers ends when something happens to it, and what it says."""
+    path, out = folder / "s.toml", folder / "r.csv"
     path.write_text(
         "[sweep]\naltitude = { start = 30, stop = 90, count = 300000 }\noptimize = 'time'\n"
     )
@@ -350,17 +373,15 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
         start_new_session=True,
     ) as process:
         try:
-            journal = tmp_path / "r.csv.parts" / "journal.jsonl"
-            while not journal.exists():
+            while not (folder / "r.csv.parts" / "journal.jsonl").exists():
                 time.sleep(0.05)
             time.sleep(1.5)  # it waits for its workers, or starts them
-            process.send_signal(signal.SIGINT)
+            act(process.pid)
             error = process.communicate(timeout=60)[1]  # stderr ends with the last process
         except BaseException:
             os.killpg(process.pid, signal.SIGKILL)
             raise
-    assert process.returncode == 130
-    assert error == "hint: what is done is kept; --resume goes on with it\n"
+    return process.returncode, error
 
 
 def test_the_best_rows_are_the_best(campaign, tmp_path, small_blocks):

@@ -169,7 +169,7 @@ def results_of(
     Parameters
     ----------
     path
-        A result of ``aosplan sweep``: .csv, .parquet or .jsonl.
+        A result of ``aosplan sweep``: .csv, .parquet or .jsonl, or a folder.
     x, y
         Columns: results for a scatter, any for a map.
     value
@@ -194,6 +194,8 @@ def results_of(
 
 def _scan(path: str) -> pl.LazyFrame:
     pl = polars()
+    if os.path.isdir(path):
+        return pl.scan_parquet(path)  # type: ignore[no-any-return]
     ending = os.path.splitext(path)[1].lower()
     scans = dict(zip(SUFFIXES, (pl.scan_csv, pl.scan_parquet, pl.scan_ndjson), strict=True))
     if ending not in scans:

@@ -32,6 +32,7 @@ from aosplan.errors import AosplanError, MissingExtraError, RequestError, Surrou
 from aosplan.options import BY_NAME
 from aosplan.resolve import cloud_files, located
 from aosplan.sweep.run import Sweep, solve_part
+from aosplan.sweep.scenarios import Single
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -126,10 +127,10 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def alone(scenarios: Crossing | Table, index: int) -> Crossing | Table:
-    """The scenarios of one block, as scenarios of one block."""
-    columns = scenarios.block(index).columns
-    return type(scenarios)({name: values.reshape(-1) for name, values in columns.items()})
+def alone(scenarios: Crossing | Table, index: int) -> Single:
+    """The scenarios of one block."""
+    block = scenarios.block(index)
+    return Single(block.columns, block)
 
 
 def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
@@ -178,7 +179,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
         )
     _check_files(task.files)
     try:
-        part = solve_part(task.sweep, 0, task.path, task.folder)
+        return solve_part(task.sweep, task.part, task.path, task.folder)
     except AosplanError as error:
         raise SurroundingsError(f"{_place()}: {error.message}", error.hint) from None
     except OSError as error:
@@ -187,7 +188,6 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
             f"{_place()} cannot write '{error.filename or task.path}': {reason}",
             f"{RESUME} once it can be written",
         ) from None
-    return part._replace(part=task.part)
 
 
 @lru_cache(maxsize=16)

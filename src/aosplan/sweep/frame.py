@@ -100,7 +100,9 @@ def solve_block(
                 reasons[place] = reason
             for name in results:
                 numbers[name][place] = found.get(name, np.nan)
-    columns = [_input(pl, input_column(name), block.flat(name)) for name in names]
+    columns = [
+        _input(pl, input_column(name), block.flat(name), block.kinds.get(name)) for name in names
+    ]
     columns += [_result(pl, name, numbers[name]) for name in results]
     kinds = pl.Series(list(STATUSES), dtype=pl.Enum(list(STATUSES)))
     columns.append(
@@ -149,10 +151,11 @@ def _narrowed(column: NDArray[Any]) -> NDArray[Any]:
     return column_of(column.tolist()) if column.dtype == object else column
 
 
-def _input(pl: Any, name: str, values: NDArray[Any]) -> Any:
+def _input(pl: Any, name: str, values: NDArray[Any], kinds: frozenset[type] | None) -> Any:
     if values.dtype != object:
         return pl.Series(name, values)
-    kinds = {type(value) for value in values.flat} - {type(None)}
+    if kinds is None:
+        kinds = frozenset(map(type, values.flat)) - {type(None)}
     if kinds <= {int, float}:
         return pl.Series(name, values.tolist(), dtype=pl.Float64 if float in kinds else pl.Int64)
     return pl.Series(name, [_text(value) for value in values.tolist()], dtype=pl.String)

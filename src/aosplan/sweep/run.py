@@ -242,15 +242,16 @@ def _solved(sweep: Sweep, parts: Parts, left: Iterable[int], workers: int) -> It
 @contextlib.contextmanager
 def _interrupted_later() -> Iterator[None]:
     """Put Ctrl-C off until the end of the block."""
-    if current_thread() is not main_thread():  # only the main one is interrupted
+    heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not heeded or current_thread() is not main_thread():
         yield
         return
     came: list[int] = []
-    earlier = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, earlier)
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     if came:
         raise KeyboardInterrupt
 

@@ -32,11 +32,15 @@ MOST_VALUES = 10_000_000
 
 
 class Block(NamedTuple):
-    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`."""
+    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`.
+
+    `kinds` are the types that values of columns of objects have in any block, None apart.
+    """
 
     start: int
     shape: tuple[int, ...]
     columns: dict[str, NDArray[Any]]
+    kinds: Mapping[str, frozenset[type]] = {}
 
     @property
     def rows(self) -> int:
@@ -109,7 +113,11 @@ class Crossing:
             columns[name] = part.reshape(
                 [-1 if at == axis else 1 for at in range(len(self.values))]
             )
-        return Block(start, tuple(shape), columns)
+        return Block(start, tuple(shape), columns, self._kinds)
+
+    @cached_property
+    def _kinds(self) -> dict[str, frozenset[type]]:
+        return _kinds(self.values)
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,31 @@ class Table:
         start = index * ROWS_A_BLOCK
         part = slice(start, min(start + ROWS_A_BLOCK, self.rows))
         columns = {name: values[part] for name, values in self.values.items()}
-        return Block(start, (part.stop - start,), columns)
+        return Block(start, (part.stop - start,), columns, self._kinds)
+
+    @cached_property
+    def _kinds(self) -> dict[str, frozenset[type]]:
+        return _kinds(self.values)
+
+
+@dataclass(frozen=True)
+class Single(Table):
+    """One block of scenarios, in its place among others that are not there."""
+
+    only: Block
+
+    def block(self, index: int) -> Block:  # noqa: ARG002 (there is one)
+        """The block."""
+        return self.only
+
+
+def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
+    """Types of the values of columns of objects, None apart."""
+    return {
+        name: frozenset(map(type, column.flat)) - {type(None)}
+        for name, column in columns.items()
+        if column.dtype == object
+    }
 
 
 def read_crossing(path: str) -> Crossing:
