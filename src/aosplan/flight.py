@@ -202,7 +202,9 @@ def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
         return _flown_through(list(pattern.offsets()))
     # Without wind only the length of a leg counts.
     calm = timing.wind == (0.0, 0.0)
-    legs = Counter(Leg(math.hypot(x, y)) if calm else Leg(x, y) for x, y in pattern.steps())
+    legs: Counter[Leg] = Counter()
+    for (x, y), count in pattern.steps().items():
+        legs[Leg(math.hypot(x, y)) if calm else Leg(x, y)] += count
     return Path(tuple(sorted(legs.items())), pattern.samples)
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections import Counter
 from itertools import count, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -81,10 +82,32 @@ class Pattern(NamedTuple):
         for row, column in self.sites():
             yield column - middle_x, (row - middle_y) * self.row_pitch
 
-    def steps(self) -> Iterator[tuple[float, float]]:
-        """Ways along x and y from site to site, in baselines and flight order."""
-        for start, to in pairwise(self.sites()):
-            yield float(to[1] - start[1]), (to[0] - start[0]) * self.row_pitch
+    def steps(self) -> Counter[tuple[float, float]]:
+        """Ways along x and y from site to site in flight order, in baselines, and how often each.
+
+        A line that lacks no site is counted at once.
+        """
+        gone: dict[int, set[int]] = {}
+        for row, column in self.removed:
+            gone.setdefault(row, set()).add(column)
+        counts: Counter[tuple[float, float]] = Counter()
+        last: tuple[int, int] | None = None
+        for row in range(self.rows):
+            way = 1 if row % 2 == 0 else -1
+            if row not in gone:
+                first, to = (0, self.columns - 1)[::way]
+                if self.columns > 1:
+                    counts[float(way), 0.0] += self.columns - 1
+            else:
+                kept = [column for column in range(self.columns) if column not in gone[row]][::way]
+                if not kept:
+                    continue
+                first, to = kept[0], kept[-1]
+                counts.update((float(b - a), 0.0) for a, b in pairwise(kept))
+            if last is not None:
+                counts[float(first - last[1]), (row - last[0]) * self.row_pitch] += 1
+            last = row, to
+        return counts
 
 
 Sites = Pattern | Spiral

@@ -9,6 +9,7 @@ the spiral, whatever their number, and a spiral is part of each longer one by an
 from __future__ import annotations
 
 import math
+from collections import Counter
 from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -68,10 +69,9 @@ class Spiral(NamedTuple):
             yield 0.0, 0.0
         yield from arm
 
-    def steps(self) -> Iterator[tuple[float, float]]:
-        """Ways along x and y from site to site, in baselines and flight order."""
-        for (x, y), (to_x, to_y) in pairwise(self.offsets()):
-            yield to_x - x, to_y - y
+    def steps(self) -> Counter[tuple[float, float]]:
+        """Ways along x and y from site to site, in baselines, and how often each."""
+        return Counter((to_x - x, to_y - y) for (x, y), (to_x, to_y) in pairwise(self.offsets()))
 
     @property
     def _arm(self) -> Arm:

@@ -9,8 +9,9 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.rows import RESULTS, STATUSES, WHOLE, solve_row
+from aosplan.sweep.rows import RESULTS, WHOLE, solve_rows
 from aosplan.sweep.scenarios import Block, column_of, polars
+from aosplan.sweep.verdicts import STATUSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -76,51 +77,64 @@ def solve_block(
     pl = polars()
     numbers = {name: np.full(block.rows, np.nan) for name in results}
     status = np.zeros(block.rows, dtype=np.uint8)
-    reasons: dict[int, str] = {}
+    reason = np.full(block.rows, -1, dtype=np.int32)
+    texts: list[str] = []
     for part, places in _alike(block):
-        solved = solve_columns(part)
-        holds = (
-            np.zeros(part.rows, dtype=bool)
-            if solved is None
-            else np.broadcast_to(solved.holds, part.shape).reshape(-1)
-        )
-        if solved is not None:
+        solved = solve_columns(part, folder, results)
+        left: NDArray[np.intp]
+        if solved is None:
+            left = np.arange(part.rows)
+        else:
+            left = np.flatnonzero(solved.left)
+            verdicts, at = solved.verdicts, slice(None) if places is None else places
+            status[at] = verdicts.status.reshape(-1)
+            reason[at] = _moved(verdicts.reason.reshape(-1), len(texts))
+            texts += verdicts.texts
+            holds = solved.holds.reshape(-1)
+            whole = places is None and holds.all()
             for name in results:
                 column = np.broadcast_to(solved.columns[name], part.shape).reshape(-1)
-                if places is None and holds.all():
+                if whole:
                     numbers[name] = column
                 else:
                     rows = np.flatnonzero(holds)
                     numbers[name][rows if places is None else places[rows]] = column[rows]
-        for row in np.flatnonzero(~holds).tolist():
+        for row, (state, why, found) in zip(
+            left.tolist(), solve_rows(part, left, folder), strict=True
+        ):
             place = row if places is None else int(places[row])
-            state, reason, found = solve_row(part.request_values(row), folder)
             status[place] = STATUSES.index(state)
-            if reason:
-                reasons[place] = reason
+            if why:
+                reason[place] = len(texts)
+                texts.append(why)
             for name in results:
                 numbers[name][place] = found.get(name, np.nan)
     columns = [
         _input(pl, input_column(name), block.flat(name), block.kinds.get(name)) for name in names
     ]
     columns += [_result(pl, name, numbers[name]) for name in results]
-    kinds = pl.Series(list(STATUSES), dtype=pl.Enum(list(STATUSES)))
-    columns.append(
-        kinds.gather(status).alias("status") if status.any() else _same(pl, kinds, block)
-    )
-    texts: list[str | None] = [None] * block.rows if reasons else []
-    for place, reason in reasons.items():
-        texts[place] = reason
-    columns.append(
-        pl.Series("reason", texts, dtype=pl.String)
-        if reasons
-        else pl.repeat(None, block.rows, dtype=pl.String, eager=True).alias("reason")
-    )
+    columns.append(_status(pl, status))
+    columns.append(_reason(pl, reason, texts))
     return pl.DataFrame(columns)  # type: ignore[no-any-return]
 
 
-def _same(pl: Any, kinds: Any, block: Block) -> Any:
-    return pl.repeat("ok", block.rows, dtype=kinds.dtype, eager=True).alias("status")
+def _moved(reason: NDArray[np.int32], by: int) -> NDArray[np.int32]:
+    return np.where(reason < 0, reason, reason + by) if by else reason
+
+
+def _status(pl: Any, status: NDArray[np.uint8]) -> Any:
+    kinds = pl.Series(list(STATUSES), dtype=pl.Enum(list(STATUSES)))
+    if status.any():
+        return kinds.gather(status).alias("status")
+    return pl.repeat(STATUSES[0], len(status), dtype=kinds.dtype, eager=True).alias("status")
+
+
+def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
+    """Reasons by their places among the texts; nothing where there is none."""
+    if not texts:
+        return pl.repeat(None, len(reason), dtype=pl.String, eager=True).alias("reason")
+    told = pl.Series("reason", [*texts, None], dtype=pl.String)
+    return told.gather(np.where(reason < 0, len(texts), reason))
 
 
 def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:

@@ -1,28 +1,35 @@
 """Shortfalls of lattice patterns, and the fewest samples that do, for whole columns of d̂.
 
-The same formulas as `aosplan.models.sites.pattern_shortfall` and the same search as
-`aosplan.solve.fewest_at`, each step taken by all scenarios at once.
+The same formulas as `aosplan.models.sites.pattern_shortfall` and the same searches as
+`aosplan.solve`, each step taken by all scenarios at once.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.models.equations import visibility_shortfall
+from aosplan.models.equations import line_shortfall
 from aosplan.pattern import MOST_SITES, Pattern, pattern_for
-from aosplan.problem import TOLERANCE
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
     Counts = NDArray[np.int64]
 
-MOST_REMOVED = 64
+TERMS_AT_ONCE = 1 << 17
+"""Pairs of removed sites times scenarios evaluated at a time."""
+
+MOST_REMOVED = 128
 """Removed sites up to which a pattern's pairs are summed; with more, rows are solved one by one."""
+
+NONE, UNKNOWN = 0, -1
+"""In place of a number of samples: no number of them does; too many are removed to tell here."""
 
 
 @lru_cache(maxsize=4096)
@@ -43,94 +50,138 @@ def shortfalls(grid: str, samples: Counts, dhat: Floats) -> Floats:
     samples, dhat
         Shape (n,): samples of each pattern, and d̂ between its neighbours.
     """
-    result = np.empty(len(dhat))
-    if not len(result):
-        return result
-    counts, places = np.unique(samples, return_inverse=True)
-    order = np.argsort(places, kind="stable")
-    for count, rows in zip(
-        counts.tolist(), np.split(order, np.cumsum(np.bincount(places))[:-1]), strict=True
+    if grid != "trimmed":
+        return _whole(*frame(grid, index_of(grid, samples)), dhat)
+    rows, columns = frame(grid, index_of(grid, samples))
+    removed = rows * columns - samples
+    result = np.full(len(dhat), np.nan)
+    whole = removed == 0
+    result[whole] = _whole(rows[whole], columns[whole], dhat[whole])
+    few = np.flatnonzero((removed > 0) & (removed <= np.minimum(MOST_REMOVED, samples)))
+    order = few[np.argsort(samples[few], kind="stable")]
+    counts, firsts = np.unique(samples[order], return_index=True)
+    for count, first, end in zip(
+        counts.tolist(), firsts.tolist(), [*firsts[1:].tolist(), len(order)], strict=False
     ):
-        result[rows] = _shortfalls_of(pattern(grid, count), dhat[rows])
+        part = order[first:end]
+        result[part] = _trimmed(count, dhat[part])
     return result
 
 
-def _shortfalls_of(sites: Pattern, dhat: Floats) -> Floats:
-    whole: Floats = visibility_shortfall(float(sites.rows), float(sites.columns), dhat)
-    if sites.removed:
-        if len(sites.removed) > min(MOST_REMOVED, sites.samples):
-            return np.full(len(dhat), np.nan)
-        lost, twice = np.zeros(len(dhat)), np.full(len(dhat), float(len(sites.removed)))
-        for index, (row, column) in enumerate(sites.removed):
-            lost += _overlaps(row, sites.rows, dhat) * _overlaps(column, sites.columns, dhat)
-            for other_row, other_column in sites.removed[index + 1 :]:
-                y = np.maximum(1.0 - abs(other_row - row) * dhat, 0.0)
-                twice += 2.0 * y * np.maximum(1.0 - abs(other_column - column) * dhat, 0.0)
-        total = whole * (sites.rows * sites.columns) ** 2
-        whole = (total - 2.0 * lost + twice) / sites.samples**2
-    independent = 1.0 / sites.samples
-    return np.where(dhat >= 1.0, independent, whole)
+def _whole(rows: Any, columns: Any, dhat: Floats) -> Floats:
+    """Shortfall of whole rectangles."""
+    product = line_shortfall(columns, dhat) * line_shortfall(rows, dhat)
+    # Where neighbours share nothing it is 1/N to the last digit, for targets met by just so many.
+    found: Floats = np.where(dhat >= 1.0, 1.0 / (rows * columns), product)
+    return found
 
 
-def _overlaps(index: int, count: int, dhat: Floats) -> Floats:
+class _Removed(NamedTuple):
+    """Sites that a rectangle lacks: places of each, and distinct distances of their pairs.
+
+    `pairs` has how many ordered pairs of different sites are so far apart.
+    """
+
+    sites: Pattern
+    rows: Floats
+    columns: Floats
+    apart_y: Floats
+    apart_x: Floats
+    pairs: Floats
+
+
+@lru_cache(maxsize=1 << 14)
+def _removed(grid: str, samples: int) -> _Removed:
+    sites = pattern(grid, samples)
+    rows, columns = np.array(sites.removed).T
+    apart = np.abs(rows[:, None] - rows) * sites.columns + np.abs(columns[:, None] - columns)
+    found, pairs = np.unique(apart, return_counts=True)
+    # The first are the sites and themselves.
+    y, x = np.divmod(found[1:], sites.columns)
+    return _Removed(sites, *(each.astype(np.float64) for each in (rows, columns, y, x, pairs[1:])))
+
+
+def _trimmed(samples: int, dhat: Floats) -> Floats:
+    """Shortfall of a rectangle without some sites: what they share is taken away."""
+    sites, rows, columns, apart_y, apart_x, pairs = _removed("trimmed", samples)
+    result = np.empty(len(dhat))
+    step = max(TERMS_AT_ONCE // max(len(pairs), len(rows)), 1)
+    for start in range(0, len(dhat), step):
+        part = dhat[start : start + step, None]
+        lost = _overlaps(rows, sites.rows, part) * _overlaps(columns, sites.columns, part)
+        shared = np.maximum(1.0 - apart_y * part, 0.0) * np.maximum(1.0 - apart_x * part, 0.0)
+        result[start : start + step] = shared @ pairs - 2.0 * lost.sum(axis=1)
+    total = (
+        _whole(float(sites.rows), float(sites.columns), dhat) * (sites.rows * sites.columns) ** 2
+    )
+    shortfall = (total + (result + len(rows))) / samples**2
+    return np.where(dhat >= 1.0, 1.0 / samples, shortfall)
+
+
+def _overlaps(index: Floats, count: int, dhat: Floats) -> Floats:
     """Sum of max(0, 1 - |i - index| d̂) over the sites i = 0 … count - 1 of a line."""
     return 1.0 + _one_side(index, dhat) + _one_side(count - 1 - index, dhat)
 
 
-def _one_side(neighbours: int, dhat: Floats) -> Floats:
+def _one_side(neighbours: Floats, dhat: Floats) -> Floats:
     reach = np.where(neighbours * dhat <= 1.0, neighbours, np.floor(1.0 / dhat))
     side: Floats = reach * (1.0 - 0.5 * dhat * (reach + 1.0))
     return side
 
 
-def fewest(grid: str, allowed: Floats, independent: Counts, dhat: Floats) -> Counts:
-    """Fewest samples whose shortfall is at most what is allowed; 0 where none or not known here.
+def fewest(grid: str, most: Floats, independent: Counts, dhat: Floats) -> Counts:
+    """Fewest samples at one spacing whose shortfall is small enough, or `NONE`, or `UNKNOWN`.
 
     Parameters
     ----------
     grid
         As in `shortfalls`.
-    allowed
-        Shape (n,): 1 - V̂ of the targets.
+    most
+        Shape (n,): the largest shortfall that is.
     independent
-        Shape (n,): samples that would do at d̂ >= 1, a lower bound.
+        Shape (n,): samples that would do at d̂ >= 1, a lower bound; 0 where none would.
     dhat
         Shape (n,).
     """
-    allowed = allowed * (1.0 + TOLERANCE)
 
     def enough(index: Counts, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
-        rows, columns = _frame(grid, index)
-        found = visibility_shortfall(rows.astype(float), columns.astype(float), dhat[chosen])
-        return np.asarray(found <= allowed[chosen])
+        found = _whole(*frame(grid, index), dhat[chosen])
+        return np.asarray(found <= most[chosen])
 
-    low = _index_of(grid, independent)
-    high, chosen = low.copy(), np.arange(len(dhat))
-    hopeless = np.zeros(len(dhat), dtype=bool)
+    last = index_of(grid, np.array([MOST_SITES]))[0]
+    hopeless = (independent < 1) | (independent > MOST_SITES)
+    low = index_of(grid, np.where(hopeless, 1, independent))
+    high, chosen = low.copy(), np.flatnonzero(~hopeless)
     while len(chosen := chosen[~enough(high[chosen], chosen)]):
-        rows, columns = _frame(grid, high[chosen])
-        far = rows * columns > MOST_SITES
-        hopeless[chosen[far]] = True
-        chosen = chosen[~far]
-        low[chosen], high[chosen] = high[chosen] + 1, 2 * high[chosen]
-    index = _smallest(low, high, enough)
-    rows, columns = _frame(grid, index)
+        at_last = high[chosen] == last
+        hopeless[chosen[at_last]] = True
+        chosen = chosen[~at_last]
+        low[chosen], high[chosen] = high[chosen] + 1, np.minimum(2 * high[chosen], last)
+    low = np.where(hopeless, high, low)
+    rows, columns = frame(grid, index := _smallest(low, high, enough))
+    whole = rows * columns
     if grid != "trimmed":
-        return np.where(hopeless, 0, rows * columns)
-    most = rows * columns
-    least = np.minimum(np.maximum((index // 2) * ((index - 1) // 2 + 1) + 1, independent), most)
+        return np.where(hopeless | (whole > MOST_SITES), NONE, whole)
+    least = np.minimum(np.maximum(least_of(index), independent), whole)
+    found = fewest_within(grid, most, np.where(hopeless, whole, least), whole, dhat)
+    return np.where(hopeless | (found > MOST_SITES), NONE, found)
+
+
+def fewest_within(grid: str, most: Floats, low: Counts, high: Counts, dhat: Floats) -> Counts:
+    """Fewest samples from `low` to `high`, which do, all of one frame; or `UNKNOWN`."""
+    unknown = np.zeros(len(dhat), dtype=bool)
 
     def meets(samples: Counts, chosen: NDArray[np.intp]) -> NDArray[np.bool_]:
         found = shortfalls(grid, samples, dhat[chosen])
-        hopeless[chosen[np.isnan(found)]] = True
-        return np.asarray(found <= allowed[chosen])
+        unknown[chosen[np.isnan(found)]] = True
+        return np.asarray(found <= most[chosen])
 
-    hopeless |= most > MOST_SITES
-    high = np.where(hopeless, least, most)
-    return np.where(hopeless, 0, _smallest(least, high, meets))
+    return np.where(unknown, UNKNOWN, _smallest(low, high, meets))
 
 
-def _smallest(low: Counts, high: Counts, meets: Any) -> Counts:
+def _smallest(
+    low: Counts, high: Counts, meets: Callable[[Counts, NDArray[np.intp]], NDArray[np.bool_]]
+) -> Counts:
     """Smallest whole numbers from `low` that meet, those of `high` do; all rows at once."""
     low, high = low.copy(), high.copy()
     while len(chosen := np.flatnonzero(low < high)):
@@ -141,7 +192,7 @@ def _smallest(low: Counts, high: Counts, meets: Any) -> Counts:
     return high
 
 
-def _frame(grid: str, index: Counts) -> tuple[Counts, Counts]:
+def frame(grid: str, index: Counts) -> tuple[Counts, Counts]:
     """Rows and columns of the frame at a place of a kind's sequence (`aosplan.pattern.frame_at`)."""
     if grid == "line":
         return np.ones_like(index), index
@@ -150,7 +201,12 @@ def _frame(grid: str, index: Counts) -> tuple[Counts, Counts]:
     return (index + 1) // 2, index // 2 + 1
 
 
-def _index_of(grid: str, samples: Counts) -> Counts:
+def least_of(index: Counts) -> Counts:
+    """Fewest samples that the frame of the trimmed grid at a place is for."""
+    return (index // 2) * ((index - 1) // 2 + 1) + 1
+
+
+def index_of(grid: str, samples: Counts) -> Counts:
     """Place of the first frame that takes so many samples."""
     if grid == "line":
         return samples.copy()

@@ -15,9 +15,13 @@ from aosplan.request import PlanRequest
 from aosplan.resolve import ResolvedScene, scene_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from aosplan.planning import Plan
+    from aosplan.sweep.scenarios import Block
 
 WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
 """Results that are whole numbers."""
@@ -50,10 +54,6 @@ RESULTS = (
 )
 """Numbers of a plan's JSON document, by place and name."""
 
-STATUSES = ("ok", "infeasible", "invalid")
-"""What became of a scenario: a plan, no plan that meets the target, or a wrong request."""
-
-
 SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
 """Options that decide what is read of a scene."""
 
@@ -61,6 +61,13 @@ MOST_SCENES = 16
 """Scenes kept; voxels may be large."""
 
 _scenes: dict[tuple[Any, ...], ResolvedScene] = {}
+
+
+def solve_rows(
+    block: Block, rows: NDArray[np.intp], folder: str
+) -> Iterator[tuple[str, str, dict[str, float]]]:
+    """Status, reason and results of some scenarios of a block, in their order."""
+    return (solve_row(block.request_values(row), folder) for row in rows.tolist())
 
 
 def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[str, float]]:

@@ -1,0 +1,73 @@
+"""What became of the scenarios of a block: the first word on each of them stands."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+STATUSES = ("ok", "infeasible", "invalid")
+"""What became of a scenario: a plan, no plan that meets the target, or a wrong request."""
+
+OK, INFEASIBLE, INVALID = range(3)
+
+LEFT = 3
+"""Not decided here: to be solved by itself."""
+
+
+class Verdicts:
+    """Status and reason of each scenario of a block.
+
+    Attributes
+    ----------
+    status
+        Of the block's shape: a place in `STATUSES`, or `LEFT`.
+    reason
+        Of the block's shape: place of the reason in `texts`, -1 for none.
+    texts
+        Reasons, each once where scenarios have it in common.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.status: NDArray[np.uint8] = np.zeros(shape, dtype=np.uint8)
+        self.reason: NDArray[np.int32] = np.full(shape, -1, dtype=np.int32)
+        self.texts: list[str] = []
+
+    def leave(self, where: Any) -> None:
+        """Leave scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
+        if np.any(where):
+            self.status[np.asarray(where) & (self.status == OK)] = LEFT
+
+    def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
+        """Refuse scenarios that nothing has been said of.
+
+        Parameters
+        ----------
+        status
+            `INFEASIBLE` or `INVALID`.
+        where
+            Which ones; broadcasts to the block's shape.
+        text
+            The reason, from the values of a scenario.
+        values
+            Columns that broadcast to the block's shape; where scenarios share all of them, the
+            reason is written once.
+        """
+        if not np.any(where):
+            return
+        hit = np.asarray(where) & (self.status == OK)
+        columns = np.broadcast_arrays(np.zeros(()), *values)[1:]
+        shape = np.broadcast_shapes(*map(np.shape, columns))
+        numbered = np.arange(np.prod(shape, dtype=int)).reshape(shape)
+        places = np.broadcast_to(numbered, hit.shape)[hit]
+        used = np.zeros(numbered.size, dtype=bool)
+        used[places] = True
+        self.status[hit] = status
+        self.reason[hit] = (len(self.texts) - 1 + np.cumsum(used))[places]
+        parts = (column.reshape(-1)[used].tolist() for column in columns)
+        self.texts += map(text, *parts) if columns else [text()] * int(used.any())
