@@ -7,73 +7,26 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from functools import cache
 
 import numpy as np
 import pytest
+from approved.make import paper_forest, planned, shown, stand
 from PIL import Image
 
 from aosplan.cli.app import run
 from aosplan.documents import json_schema
 from aosplan.geometry import coverage_share
-from aosplan.planning import plan
 from aosplan.plots import KINDS
 from aosplan.plots.canvas import Look, rendered
 from aosplan.plots.correlogram import correlations_of
-from aosplan.plots.curve import curve_of
 from aosplan.plots.density import density_of
 from aosplan.plots.grid import grid_of, nice_length_m, numbered
 from aosplan.plots.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
-from aosplan.plots.sweep import Cell, Map
-from aosplan.plots.tradeoff import tradeoff_of
-from aosplan.plots.visibility import visibility_of
-from aosplan.request import PlanRequest
-from aosplan.resolve import ResolvedScene, scene_of
+from aosplan.resolve import ResolvedScene
 from aosplan.voxels import VoxelVolume
 
 jsonschema = pytest.importorskip("jsonschema")
 SVG = "{http://www.w3.org/2000/svg}"
-
-
-@cache
-def planned(**changed):
-    return plan(PlanRequest(**({"altitude": 40.0} | changed)))
-
-
-@cache
-def scene(name="paper-forest"):
-    return scene_of(PlanRequest(altitude=40.0, scene=name))
-
-
-@cache
-def stand():
-    """A wrapping plot of trees, as voxels."""
-    from forests import STANDS, clumped_forest
-
-    from aosplan.estimate import layered_scene
-
-    volume = clumped_forest(STANDS["spruce"])
-    return ResolvedScene(layered_scene(volume, "stand"), "cloud", volume=volume)
-
-
-CELLS = ((Cell(2, 2, 31.5), Cell(3, 2, 40.25)), (Cell(1, 1, 120.0), Cell(1, 0, None)))
-
-
-@cache
-def shown(kind):
-    return {
-        "visibility": lambda: visibility_of(planned()),
-        "tradeoff": lambda: tradeoff_of(planned(max_samples=80)),
-        "grid": lambda: grid_of(
-            planned(origin=(48.0, 14.0), takeoff=(48.0001, 14.0), heading=30.0)
-        ),
-        "density": lambda: density_of(stand()),
-        "baseline-curve": lambda: curve_of(scene().scene, 0.98, 40.0),
-        "correlogram": lambda: correlations_of(stand()),
-        "sweep": lambda: Map(
-            "altitude", "vhat", "flight_time_s", 7, 5, (30, 50), (0.8, 0.98), CELLS
-        ),
-    }[kind]()
 
 
 # The numbers
@@ -125,18 +78,18 @@ def test_the_hidden_share_is_counted_ray_by_ray():
 
 
 def test_the_layers_of_a_uniform_scene_hide_its_density():
-    found = density_of(scene())
-    assert found.independent[0] == pytest.approx(scene().scene.integrated_density, rel=1e-12)
+    found = density_of(paper_forest())
+    assert found.independent[0] == pytest.approx(paper_forest().scene.integrated_density, rel=1e-12)
     assert found.measured is None
 
 
 def test_the_baseline_curve_has_the_wanted_share_at_its_ratio():
     found = shown("baseline-curve")
-    share = coverage_share(scene().scene.slabs(), 1e6, math.inf, found.ratio * 1e6)
+    share = coverage_share(paper_forest().scene.slabs(), 1e6, math.inf, found.ratio * 1e6)
     assert share == pytest.approx(0.98, rel=1e-9)
     # The uniform volume in closed form: occluders above o/(b/h) of 2.506 to 20.046 m.
-    o, base, height = 0.2, scene().scene.volume_base_m, scene().scene.volume_height_m
-    o = scene().scene.occluder_size_m
+    o, base, height = 0.2, paper_forest().scene.volume_base_m, paper_forest().scene.volume_height_m
+    o = paper_forest().scene.occluder_size_m
     for ratio, told in found.knots:
         assert told == pytest.approx((base + height - o / ratio) / height, abs=0.02)
 

@@ -7,7 +7,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.plots.style import entitle
+from aosplan.plots.style import entitle, legend_below
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -132,6 +132,6 @@ def draw(figure: Figure, shown: Density, theme: Theme) -> None:
             color=theme.data[1],
             label=f"voxels of {shown.voxel_m:g} m, as they stand",
         )
-    right.set(xlabel="share of the ground hidden from above", xlim=(0.0, 1.0))
-    right.legend(loc="upper right")
+    right.set(xlabel="hidden share of the ground", xlim=(0.0, 1.0))
+    legend_below(figure, right.get_legend_handles_labels()[0])
     entitle(figure, shown.title)

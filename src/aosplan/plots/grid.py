@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.plots.style import entitle
+from aosplan.plots.style import entitle, legend_below
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -239,7 +239,7 @@ def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     )
     panel.set(xlabel="east of the origin [m]", ylabel="north of the origin [m]")
     panel.grid(visible=False)
-    figure.legend(handles=_legend(shown, theme, shapes), loc="outside lower left", ncols=3)
+    legend_below(figure, _legend(shown, theme, shapes))
     entitle(figure, shown.title)
 
 

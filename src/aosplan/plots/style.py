@@ -135,3 +135,11 @@ def logarithmic(axis: Axis) -> None:
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def legend_below(figure: Figure, handles: list[Any]) -> None:
+    """A legend below a figure, in as many columns as there is room for."""
+    longest = max(len(handle.get_label()) for handle in handles)
+    column = 4.4 * longest + 36.0  # points: letters of 7.5 and what stands before them
+    room = 72.0 * figure.get_size_inches()[0] - 12.0
+    figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

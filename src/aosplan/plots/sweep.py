@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import check_input
-from aosplan.plots.style import entitle, logarithmic, plain
+from aosplan.plots.style import entitle, legend_below, logarithmic, plain
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.run import SUFFIXES
 from aosplan.sweep.scenarios import polars
@@ -409,4 +409,4 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
     panel.grid(visible=False)
     figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
     if handles:
-        figure.legend(handles=handles, loc="outside lower left", ncols=3)
+        legend_below(figure, handles)

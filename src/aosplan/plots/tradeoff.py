@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.plots.style import LINES, entitle, plain
+from aosplan.plots.style import LINES, entitle, legend_below, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -128,7 +128,7 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
         panel.set_xlabel("number of samples $N$" if x == "samples" else "extent, longer side [m]")
         panel.set_ylim(bottom=0.0)
         panel.set_xlim(left=0.0)
-    figure.legend(handles=_legend(looks, shown, theme), loc="outside lower left", ncols=4)
+    legend_below(figure, _legend(looks, shown, theme))
     entitle(figure, shown.title)
 
 

@@ -1,0 +1,101 @@
+"""The approved pictures of every kind of figure; anew:  python tests/approved/make.py
+
+Look at each of them before it is committed: what it shows is what the tests then ask for.  They
+are of one version of matplotlib, which another lays out a pixel apart; `VERSION` says which.
+"""
+
+import io
+import sys
+from functools import cache
+from pathlib import Path
+
+import matplotlib as mpl
+from PIL import Image
+
+from aosplan.estimate import layered_scene
+from aosplan.planning import plan
+from aosplan.plots import KINDS
+from aosplan.plots.canvas import Look, rendered
+from aosplan.plots.correlogram import correlations_of
+from aosplan.plots.curve import curve_of
+from aosplan.plots.density import density_of
+from aosplan.plots.grid import grid_of
+from aosplan.plots.style import DARK
+from aosplan.plots.sweep import Cell, Map, Scatter
+from aosplan.plots.tradeoff import tradeoff_of
+from aosplan.plots.visibility import visibility_of
+from aosplan.request import PlanRequest
+from aosplan.resolve import ResolvedScene, scene_of
+
+FOLDER = Path(__file__).parent
+VERSION = FOLDER / "VERSION"
+SMALL = Look(width_mm=130.0, dpi=72.0)
+CELLS = ((Cell(2, 2, 31.5), Cell(3, 2, 40.25)), (Cell(1, 1, 120.0), Cell(1, 0, None)))
+
+
+@cache
+def planned(**changed):
+    return plan(PlanRequest(**({"altitude": 40.0} | changed)))
+
+
+@cache
+def paper_forest():
+    return scene_of(PlanRequest(altitude=40.0, scene="paper-forest"))
+
+
+@cache
+def stand():
+    """A wrapping plot of trees, as voxels."""
+    sys.path.insert(0, str(FOLDER.parent))
+    from forests import STANDS, clumped_forest
+
+    volume = clumped_forest(STANDS["spruce"])
+    return ResolvedScene(layered_scene(volume, "a stand"), "cloud", volume=volume)
+
+
+FIGURES = {
+    "visibility": lambda: visibility_of(planned()),
+    "tradeoff": lambda: tradeoff_of(planned(max_samples=80)),
+    "grid": lambda: grid_of(planned(origin=(48.0, 14.0), takeoff=(48.0001, 14.0), heading=30.0)),
+    "density": lambda: density_of(stand()),
+    "baseline-curve": lambda: curve_of(paper_forest().scene, 0.98, 40.0),
+    "correlogram": lambda: correlations_of(stand()),
+    "sweep": lambda: Map("altitude", "vhat", "flight_time_s", 7, 5, (30, 50), (0.8, 0.98), CELLS),
+    "sweep-scatter": lambda: Scatter(
+        "samples",
+        "flight_time_s",
+        9,
+        6,
+        ((5.0, 50.0), (7.0, 44.0), (9.0, 60.0), (12.0, 30.0), (20.0, 29.0), (30.0, 33.0)),
+        ((5.0, 50.0), (7.0, 44.0), (12.0, 30.0), (20.0, 29.0)),
+    ),
+}
+
+
+@cache
+def shown(name):
+    """The numbers of a figure, by its name."""
+    return FIGURES[name]()
+
+
+def pictures():
+    """A PNG for each approved picture, by its file's name."""
+    for name in FIGURES:
+        kind = KINDS[name.partition("-scatter")[0]]
+        yield f"{name}.png", rendered(kind, shown(name), "png", SMALL)
+    yield "grid-dark.png", rendered(KINDS["grid"], shown("grid"), "png", SMALL._replace(theme=DARK))
+
+
+def small(content):
+    """A PNG in few bytes, its words left out: 64 colours are plenty to compare with."""
+    file = io.BytesIO()
+    with Image.open(io.BytesIO(content)) as image:
+        image.convert("RGB").quantize(64).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+if __name__ == "__main__":
+    VERSION.write_text(f"matplotlib {mpl.__version__}\n")
+    for file_name, drawn in pictures():
+        (FOLDER / file_name).write_bytes(small(drawn))
+        print(f"tests/approved/{file_name}")
