@@ -216,20 +216,20 @@ def test_limits_and_warnings_are_on_the_page():
 
 
 def test_curves_are_the_papers_equation(default):
-    prediction = default.solution.prediction
+    density = default.solution.prediction.density
     by_samples, by_baseline = charts_of(default)
-    for point in by_baseline.points:
-        dhat = point.baseline_m / default.coverage.baseline_m
-        assert point.samples == 50
-        whole = visibility(prediction.density, 7, 8, dhat)
+    assert len(by_baseline.rows) > 20
+    for baseline, normalized, expected in by_baseline.rows:
+        dhat = baseline / default.coverage.baseline_m
         # Six sites less than the rectangle's show a little less.
-        assert whole - 0.01 < point.prediction.expected <= whole + 1e-12
-    squares = [p for p in by_samples.points if math.isqrt(p.samples) ** 2 == p.samples]
+        whole = visibility(density, 7, 8, dhat)
+        assert whole - 0.01 < expected <= whole + 1e-12
+        assert expected == pytest.approx((1 - density) * (1 + density * normalized), rel=1e-12)
+    squares = [row for row in by_samples.rows if math.isqrt(int(row[0])) ** 2 == row[0]]
     assert len(squares) > 3
-    for point in squares:
-        side = math.isqrt(point.samples)
-        expected = visibility(prediction.density, side, side, 1.0)
-        assert point.prediction.expected == pytest.approx(expected, rel=1e-12)
+    for samples, _, expected in squares:
+        side = math.isqrt(int(samples))
+        assert expected == pytest.approx(visibility(density, side, side, 1.0), rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -248,15 +248,16 @@ def test_curves_are_the_papers_equation(default):
     ids=str,
 )
 def test_curves_pass_through_the_plan(options):
-    planned = plan(PlanRequest(altitude=40, **options))
-    solution = planned.solution
-    for chart in charts_of(planned):
-        own = [
-            point
-            for point in chart.points
-            if (point.samples, point.baseline_m) == (solution.pattern.samples, solution.baseline_m)
+    own = plan(PlanRequest(altitude=40, **options))
+    solution = own.solution
+    charts = charts_of(own)
+    assert charts
+    for chart in charts:
+        planned = solution.pattern.samples if chart.name == "samples" else solution.baseline_m
+        prediction = solution.prediction
+        assert [row for row in chart.rows if row[0] == planned] == [
+            (planned, prediction.normalized, prediction.expected)
         ]
-        assert [point.prediction for point in own] == [solution.prediction]
         x, normalized, expected = chart.chosen
         assert f"{x:.2f},{normalized:.2f}" in chart.normalized.split()
         assert f"{x:.2f},{expected:.2f}" in chart.expected.split()
@@ -305,7 +306,7 @@ def test_durations_are_whole_seconds(seconds, text):
 
 
 def test_short_names_hold_no_sign_that_is_not_seen():
-    assert short("a\u202eb\x00c\nd") == "a b c d"
+    assert short("a\u202eb\x00c\nd") == "a\ufffdb\ufffdc\ufffdd"
     assert len(short("x" * 10_000)) == 121
 
 

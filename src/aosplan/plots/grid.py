@@ -128,11 +128,12 @@ def grid_of(plan: Plan, area: Area | None = None) -> Grid:
         Its area, where it has one (`aosplan.layout.over_area`).
     """
     ways, route = plan.waypoints, plan.route
+    photos = len(ways) if ways.photo is None else sum(ways.photo)
     footprint, common = plan.camera.footprint_m(plan.altitude_m), None
     middle = (0.0, 0.0)
     if area is not None:
         middle = (ways.east_m[0], ways.north_m[0])
-    elif min(plan.common_footprint_m) > 0.0 and len(ways) == plan.solution.pattern.samples:
+    elif min(plan.common_footprint_m) > 0.0 and photos == plan.solution.pattern.samples:
         common = plan.common_footprint_m
     takeoff = None
     if route.takeoff is not None and plan.origin is not None:

@@ -125,14 +125,17 @@ def visibility_of(plan: Plan) -> Visibility:
         target=float(requirement.target),
         target_quantity=requirement.quantity,
         independent_m=independent if math.isfinite(independent) else None,
-        by_samples=tuple(_by_samples(problem, max(2 * samples, 8), base, samples)),
-        by_baseline=tuple(_by_baseline(problem, samples, widest, base)),
+        by_samples=tuple(by_samples(problem, max(2 * samples, 8), base, samples)),
+        by_baseline=tuple(by_baseline(problem, samples, widest, base)),
         bounds=tuple(limit.message for limit in plan.limits),
     )
 
 
-def _by_samples(problem: Problem, most: int, base: float, own: int) -> Iterator[Curve]:
-    counts = {round(1 + (most - 1) * (k / POINTS) ** 2) for k in range(POINTS + 1)} | {own}
+def by_samples(
+    problem: Problem, most: int, base: float, own: int, points: int = POINTS
+) -> Iterator[Curve]:
+    """Yield curves up to `most` samples, one of them `own`: at the baseline `base` [m] first."""
+    counts = {round(1 + (most - 1) * (k / points) ** 2) for k in range(points + 1)} | {own}
     patterns = {problem.grid.pattern(count) for count in sorted(counts)}
     inside = sorted((p for p in patterns if p.samples <= most), key=lambda p: p.samples)
     independent = problem.model.independent_baseline_m
@@ -140,39 +143,42 @@ def _by_samples(problem: Problem, most: int, base: float, own: int) -> Iterator[
         baseline = factor * base
         if factor > 1.0 and base * inside[-1].nearest >= independent * (1.0 - 1e-9):
             continue  # a wider baseline would gain nothing
-        points = [
+        found = [
             (p, problem.model.predict(p, baseline))
             for p in inside
             if _fits(problem, p.longer_side * baseline)
         ]
-        if len(points) > 1:
+        if len(found) > 1:
             yield Curve(
                 baseline,
-                tuple(float(p.samples) for p, _ in points),
-                tuple(found.normalized for _, found in points),
-                tuple(found.expected for _, found in points),
+                tuple(float(p.samples) for p, _ in found),
+                tuple(prediction.normalized for _, prediction in found),
+                tuple(prediction.expected for _, prediction in found),
             )
 
 
-def _by_baseline(problem: Problem, samples: int, widest: float, own: float) -> Iterator[Curve]:
-    baselines = sorted({widest * k / POINTS for k in range(1, POINTS + 1)} | {own})
+def by_baseline(
+    problem: Problem, samples: int, widest: float, own: float, points: int = POINTS
+) -> Iterator[Curve]:
+    """Yield curves up to a baseline `widest`, one of them `own` [m]: of so many samples first."""
+    baselines = sorted({widest * k / points for k in range(1, points + 1)} | {own})
     drawn = set()
     for factor in SAMPLES:
         pattern = problem.grid.pattern(max(round(factor * samples), 1))
         if pattern.samples in drawn or (factor != 1.0 and pattern.samples < 2):
             continue
         drawn.add(pattern.samples)
-        points = [
+        found = [
             (b, problem.model.predict(pattern, b))
             for b in baselines
             if _fits(problem, pattern.longer_side * b)
         ]
-        if points:
+        if found:
             yield Curve(
                 float(pattern.samples),
-                tuple(b for b, _ in points),
-                tuple(found.normalized for _, found in points),
-                tuple(found.expected for _, found in points),
+                tuple(b for b, _ in found),
+                tuple(prediction.normalized for _, prediction in found),
+                tuple(prediction.expected for _, prediction in found),
             )
 
 

@@ -5,14 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.report.curves import (
-    Bound,
-    Point,
-    against_baseline,
-    against_samples,
-    baseline_bounds,
-    sample_bounds,
-)
+from aosplan.plots.visibility import POINTS, Curve, by_baseline, by_samples
+from aosplan.report.bounds import Bound, baseline_bounds, sample_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -32,6 +26,12 @@ class Tick(NamedTuple):
     text: str
 
 
+FEW = 12
+"""Points of a measured stand's curve, where each is a count over all of its voxels."""
+
+MANY = 10_000
+"""Photos of a plan whose curve goes on to twice as many."""
+
 APART = 13.0
 """Distance of labels below each other."""
 
@@ -50,8 +50,8 @@ class Chart(NamedTuple):
 
     Attributes
     ----------
-    name, title, axis
-        Of the element, of the picture, and of the axis.
+    name, title, axis, column
+        Of the element, of the picture, of the axis, and of the table's first column.
     summary
         What it shows, in a sentence.
     x_ticks, y_ticks
@@ -62,8 +62,8 @@ class Chart(NamedTuple):
         The plan: along the axis, V̂ and V.
     bounds, levels
         Lines up and down with what bounds the plan, and across with target and limits.
-    points
-        The numbers of the lines.
+    rows
+        The numbers of the lines: along the axis, V̂ and V.
     right
         Where the frame ends, and the labels of the levels begin.
     """
@@ -71,6 +71,7 @@ class Chart(NamedTuple):
     name: str
     title: str
     axis: str
+    column: str
     summary: str
     x_ticks: list[Tick]
     y_ticks: list[Tick]
@@ -79,100 +80,101 @@ class Chart(NamedTuple):
     chosen: tuple[float, float, float]
     bounds: list[Line]
     levels: list[Line]
-    points: list[Point]
+    rows: list[tuple[float, float, float]]
     right: float = RIGHT
 
 
 def charts_of(plan: Plan) -> list[Chart]:
     """Visibility against the number of samples, and against the baseline; none of a clear view."""
     problem, solution = plan.problem, plan.solution
-    if problem is None:
+    if problem is None or solution.baseline_m == 0.0:
         return []
-    many = against_samples(problem, solution)
-    wide = against_baseline(problem, solution)
-    samples = solution.pattern.samples
+    samples, baseline = solution.pattern.samples, solution.baseline_m
+    bounds = baseline_bounds(problem, solution.pattern)
+    # Of each only the first, the plan's own, is asked for.
+    points = POINTS if problem.model.rises_with_baseline else FEW
+    many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
+    near = [1.2 * bound.value for bound in bounds if bound.value < 3.0 * baseline]
+    widest = max([1.5 * baseline, *near])
+    wide = next(by_baseline(problem, samples, widest, baseline, points), None)
     found = []
-    if len(many) > 1:
+    if many is not None:
         found.append(
             _chart(
                 plan,
-                "samples",
-                f"Visibility by number of photos, {solution.baseline_m:.2f} m apart",
+                ("samples", f"Visibility by number of photos, {baseline:.2f} m apart", "N"),
                 "number of photos N",
                 many,
-                [float(point.samples) for point in many],
+                samples,
                 sample_bounds(problem, solution),
-                logarithmic=True,
             )
         )
-    if wide:
+    if wide is not None and samples > 1:
         found.append(
             _chart(
                 plan,
-                "baseline",
-                f"Visibility by baseline, {samples:,} photos",
+                ("baseline", f"Visibility by baseline, {samples:,} photos", "b [m]"),
                 "baseline b [m]",
                 wide,
-                [point.baseline_m for point in wide],
-                baseline_bounds(problem, solution.pattern),
-                logarithmic=False,
+                baseline,
+                bounds,
             )
         )
     return found
 
 
+def _most_samples(planned: int) -> int:
+    """The last of the numbers: twice the plan's, but of very many, which take long, no more."""
+    return max(2 * planned, 8) if planned <= MANY else planned
+
+
 def _chart(
     plan: Plan,
-    name: str,
-    title: str,
+    names: tuple[str, str, str],
     axis: str,
-    points: list[Point],
-    values: list[float],
+    curve: Curve,
+    planned: float,
     bounds: Sequence[Bound],
-    *,
-    logarithmic: bool,
 ) -> Chart:
-    solution = plan.solution
-    low, high = (values[0] if logarithmic else 0.0), values[-1]
-    x = _scale(low, high, LEFT, RIGHT, logarithmic=logarithmic)
-    y = _scale(0.0, 1.0, BOTTOM, TOP)
-    planned = solution.baseline_m if name == "baseline" else float(solution.pattern.samples)
-    normalized, expected = solution.prediction.normalized, solution.prediction.expected
+    name, title, column = names
+    prediction = plan.solution.prediction
+    high = curve.x[-1]
+    x, y = _scale(high, LEFT, RIGHT), _scale(1.0, BOTTOM, TOP)
 
     def path(shares: Sequence[float]) -> str:
         return " ".join(
-            f"{x(value):.2f},{y(share):.2f}" for value, share in zip(values, shares, strict=True)
+            f"{x(value):.2f},{y(share):.2f}" for value, share in zip(curve.x, shares, strict=True)
         )
 
-    first, last = points[0].prediction, points[-1].prediction
+    first, last = (
+        f"{curve.normalized[at]:.1%} and {curve.expected[at]:.1%} at {curve.x[at]:,.4g}"
+        for at in (0, -1)
+    )
     return Chart(
         name=name,
         title=title,
         axis=axis,
+        column=column,
         summary=(
-            f"V̂ goes from {first.normalized:.1%} at {axis.partition(' [')[0]} = {values[0]:.3g} to "
-            f"{last.normalized:.1%} at {values[-1]:.3g}, V from {first.expected:.1%} to "
-            f"{last.expected:.1%}; the plan has {planned:.4g}, V̂ = {normalized:.2%} and "
-            f"V = {expected:.2%}."
+            f"Along the {axis}, V̂ and V go from {first} to {last}; this plan has {planned:,.4g}, "
+            f"V̂ = {prediction.normalized:.2%} and V = {prediction.expected:.2%}."
         ),
-        x_ticks=[Tick(x(value), f"{value:,.4g}") for value in _ticks(low, high, logarithmic)],
+        x_ticks=[Tick(x(value), f"{value:,.4g}") for value in _ticks(high)],
         y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],
-        normalized=path([point.prediction.normalized for point in points]),
-        expected=path([point.prediction.expected for point in points]),
-        chosen=(x(planned), y(normalized), y(expected)),
-        bounds=_bound_lines(bounds, x, low, high),
+        normalized=path(curve.normalized),
+        expected=path(curve.expected),
+        chosen=(x(planned), y(prediction.normalized), y(prediction.expected)),
+        bounds=_bound_lines(bounds, x, high),
         levels=_levels(plan, y),
-        points=points,
+        rows=list(zip(curve.x, curve.normalized, curve.expected, strict=True)),
     )
 
 
-def _bound_lines(
-    bounds: Sequence[Bound], x: Callable[[float], float], low: float, high: float
-) -> list[Line]:
+def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: float) -> list[Line]:
     """Bounds within the frame; those at one place share a line and a label."""
     places: dict[float, list[str]] = {}
     for bound in bounds:
-        if low <= bound.value <= high * (1.0 + 1e-9):
+        if bound.value <= high * (1.0 + 1e-9):
             places.setdefault(round(x(min(bound.value, high)), 1), []).append(bound.text)
     lines = []
     for place, texts in sorted(places.items()):
@@ -199,23 +201,13 @@ def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
     return lines
 
 
-def _scale(
-    low: float, high: float, start: float, end: float, *, logarithmic: bool = False
-) -> Callable[[float], float]:
-    """A map from values to places."""
-    of = math.log if logarithmic else float
-    width = (of(high) - of(low)) or 1.0
-    return lambda value: start + (of(value) - of(low)) / width * (end - start)
+def _scale(high: float, start: float, end: float) -> Callable[[float], float]:
+    """A map from values, from zero to the highest, to places."""
+    return lambda value: start + value / high * (end - start)
 
 
-def _ticks(low: float, high: float, logarithmic: bool) -> list[float]:  # noqa: FBT001
-    """Round values between two, about six of them."""
-    if not logarithmic:
-        rough = (high - low) / 6.0
-        unit = 10.0 ** math.floor(math.log10(rough))
-        step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= rough)
-        return [step * place for place in range(math.floor(high / step * (1 + 1e-9)) + 1)]
-    decades = range(math.ceil(math.log10(high)) + 1)
-    factors = (1, 2, 5) if high / low <= 1e3 else (1,)
-    found = [factor * 10.0**decade for decade in decades for factor in factors]
-    return [value for value in found if low <= value <= high]
+def _ticks(high: float) -> list[float]:
+    """Round values from zero to the highest, four to six of them."""
+    unit = 10.0 ** math.floor(math.log10(high / 6.0))
+    step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= high / 6.0)
+    return [step * place for place in range(math.floor(high / step * (1 + 1e-9)) + 1)]

@@ -37,10 +37,11 @@ const whole = extent();
 
 function fit() {
   const [wide, high] = [Math.max(whole.right - whole.west, 1e-3), Math.max(whole.top - whole.south, 1e-3)];
-  view.least = Math.min((view.width - 64) / wide, (view.height - 64) / high);
+  // The scale has the lowest line for itself.
+  view.least = Math.min((view.width - 64) / wide, (view.height - 84) / high);
   view.scale = view.least;
   view.x = 0.5 * (whole.west + whole.right);
-  view.y = 0.5 * (whole.south + whole.top);
+  view.y = 0.5 * (whole.south + whole.top) - 10 / view.scale;
   moved();
 }
 
@@ -124,8 +125,8 @@ function paint() {
   paintPath(pen, ink);
   paintSites(pen, ink);
   const dot = Math.max(radius(), 3.5);
-  const { east_m: homeX, north_m: homeY } = scenery.takeoff;
-  triangle(pen, pixelX(homeX), pixelY(homeY) + dot + 7, 7, -Math.PI / 2, ink.violet);
+  const { east_m: homeX, north_m: homeY, known } = scenery.takeoff;
+  triangle(pen, pixelX(homeX), pixelY(homeY) + (known ? 0 : dot + 7), 7, -Math.PI / 2, ink.violet);
   mark(pen, 0, ink.green, dot + 1.5);
   if (count > 1) square(pen, pixelX(east[count - 1]), pixelY(north[count - 1]), dot + 1, ink.red);
   for (const [index, colour] of [[state.hovered, ink.orange], [state.chosen, ink.orange]]) {

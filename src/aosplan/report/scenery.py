@@ -7,11 +7,14 @@ from array import array
 from base64 import b64encode
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.plots.grid import grid_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aosplan.mission import Waypoints
     from aosplan.planning import Plan
+    from aosplan.plots.grid import Polygon
 
 
 class Column(NamedTuple):
@@ -46,44 +49,30 @@ def _column(name: str, values: Sequence[Any]) -> Column:
 def scenery_of(plan: Plan) -> dict[str, Any]:
     """All that lies around the waypoints, in metres east and north, as plain values.
 
-    Size of the grid, and of the ground that all samples see, are given where there is one grid:
-    neither over an area nor along a line that is flown on.
+    Size of the grid is given where there is one grid: neither over an area nor along a line that
+    is flown on.  Where the take-off is not known, it is below the first waypoint.
     """
-    area = plan.layout.area
-    along, across = plan.common_footprint_m
-    one_grid = area is None and plan.request.line_length is None
+    grid = grid_of(plan, plan.layout.area)
+    one_grid = plan.layout.area is None and plan.request.line_length is None
+    east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
     return {
-        "heading_deg": plan.heading_deg,
-        "footprint_m": list(plan.camera.footprint_m(plan.altitude_m)),
-        "common_footprint_m": [along, across] if one_grid and min(along, across) > 0.0 else None,
+        "heading_deg": grid.heading_deg,
+        "footprint_m": list(grid.footprint_m),
+        "common_footprint_m": grid.common_m and list(grid.common_m),
         "extent_m": list(plan.extent_m) if one_grid else None,
         "spacing_m": plan.solution.baseline_m,
-        "takeoff": _takeoff(plan),
-        "flights": [[flight.first, flight.last] for flight in plan.route.flights],
-        "area": [] if area is None else _rings(area.whole),
-        "clear": [] if area is None else _rings(area.clear),
-        "no_fly": [] if area is None else _rings(area.keep_out),
+        "takeoff": {"east_m": east, "north_m": north, "known": grid.takeoff is not None},
+        "flights": [list(flight) for flight in grid.flights],
+        "area": _rings(grid.area),
+        "clear": _rings(grid.clear),
+        "no_fly": _rings(grid.no_fly),
     }
 
 
-def _takeoff(plan: Plan) -> dict[str, Any]:
-    """Where the drone takes off, and whether that was said; else below the first waypoint."""
-    if plan.route.takeoff is None or plan.origin is None:
-        waypoint = plan.waypoints[0]
-        return {"east_m": waypoint.east_m, "north_m": waypoint.north_m, "given": False}
-    from aosplan.geodesy import to_local
-
-    latitude, longitude = plan.route.takeoff
-    (east,), (north,) = to_local(plan.origin, [latitude], [longitude])
-    return {"east_m": east, "north_m": north, "given": plan.request.takeoff is not None}
-
-
-def _rings(shape: Any) -> list[list[list[float]]]:
-    """The rings of a shape to a centimetre, each east and north by turns; holes as they come."""
-    import shapely
-
+def _rings(polygons: tuple[Polygon, ...]) -> list[list[float]]:
+    """The rings of polygons to a centimetre, each east and north by turns; holes as they come."""
     return [
-        [round(value, 2) for value in shapely.get_coordinates(ring).ravel().tolist()]
-        for part in shapely.get_parts(shape)
-        for ring in (part.exterior, *part.interiors)
+        [round(value, 2) for point in ring for value in point]
+        for polygon in polygons
+        for ring in polygon
     ]

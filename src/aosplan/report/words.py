@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from aosplan.plots.style import printable
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -84,5 +86,5 @@ def long(text: str, most: int = LONGEST) -> bool:
 
 def short(text: str, most: int = LONGEST) -> str:
     """The beginning of a text, in one line and without signs that cannot be seen."""
-    shown = "".join(letter if letter.isprintable() else " " for letter in text[:most])
+    shown = printable(text[:most])
     return f"{shown}…" if long(text, most) else shown
