@@ -8,7 +8,9 @@
     ```
 
 The blocks of the page run from top to bottom when its first picture is needed, so that a
-picture may take what earlier blocks wrote; nothing drawn is kept in the repository.
+picture may take what earlier blocks wrote; nothing drawn is kept in the repository.  With
+``:alt: described`` the words are those that the command prints, as `aosplan plot` does, and the
+figure is drawn a second time for dark pages.
 """
 
 import os
@@ -18,7 +20,7 @@ from docutils import nodes
 from docutils.parsers.rst import directives
 from sphinx.util.docutils import SphinxDirective
 
-from .examples import Failed, follow
+from .examples import Failed, command_lines, follow, inside, run_line
 
 
 class Drawn(SphinxDirective):
@@ -34,27 +36,61 @@ class Drawn(SphinxDirective):
     def run(self):
         if "alt" not in self.options or "caption" not in self.options:
             raise self.error("a drawn picture needs :alt: and :caption:")
+        name = self.arguments[0]
+        try:
+            folder, printed = self._followed()
+            if name not in printed or not (folder / name).is_file():
+                raise self.error(f"no block of this page writes '{name}'")
+            images = list(self._images(folder, name, printed[name]))
+        except Failed as failed:
+            raise self.error(f"an example of this page: {failed}") from failed
+        texts, messages = self.parse_inline(self.options["caption"])
+        figure = nodes.figure("", *images, nodes.caption("", "", *texts))
+        command = "\n".join(self.content).strip()
+        shown = nodes.literal_block(command, command, language="sh")
+        return [shown, figure, *messages]
+
+    def _followed(self):
+        """The folder of the page's files, and what its pictures' commands printed."""
         folder = Path(self.env.doctreedir).parent / "drawn" / self.env.docname
         if "drawn" not in self.env.temp_data:
-            self.env.temp_data["drawn"] = True
             folder.mkdir(parents=True, exist_ok=True)
-            for left in folder.iterdir():
-                if left.is_file():
-                    left.unlink()
-            try:
-                follow(Path(self.env.doc2path(self.env.docname)).read_text("utf-8"), folder)
-            except Failed as failed:
-                raise self.error(f"an example of this page: {failed}") from failed
-        picture = folder / self.arguments[0]
-        if not picture.is_file():
-            raise self.error(f"no block of this page writes '{picture.name}'")
+            _empty(folder)
+            page = Path(self.env.doc2path(self.env.docname)).read_text("utf-8")
+            found = follow(page, folder)
+            self.env.temp_data["drawn"] = {
+                block.argument: text for block, text in found if block.kind == "drawn"
+            }
+        return folder, self.env.temp_data["drawn"]
+
+    def _images(self, folder, name, printed):
+        """The picture, or its light and its dark version."""
+        if self.options["alt"] != "described":
+            yield self._image(folder / name, self.options["alt"])
+            return
+        words = " ".join(
+            line
+            for line in printed.splitlines()
+            if not line.startswith(("Wrote ", "warning: ", "hint: "))
+        )
+        yield self._image(folder / name, words, "only-light")
+        (line,) = command_lines("\n".join(self.content))
+        with inside(folder):
+            run_line(f"{line.replace(name, f'dark-{name}')} --dark --quiet")
+        yield self._image(folder / f"dark-{name}", words, "only-dark")
+
+    def _image(self, picture, words, *classes):
         page = Path(self.env.doc2path(self.env.docname)).parent
-        image = nodes.image(uri=os.path.relpath(picture, page), alt=self.options["alt"])
-        texts, messages = self.parse_inline(self.options["caption"])
-        figure = nodes.figure("", image, nodes.caption("", "", *texts))
-        command = "\n".join(self.content).strip()
-        shown = [nodes.literal_block(command, command, language="sh")] if command else []
-        return [*shown, figure, *messages]
+        return nodes.image(uri=os.path.relpath(picture, page), alt=words, classes=[*classes])
+
+
+def _empty(folder):
+    """Remove the files of an earlier build."""
+    for path in sorted(folder.rglob("*"), reverse=True):
+        if path.is_dir():
+            path.rmdir()
+        else:
+            path.unlink()
 
 
 def setup(app):

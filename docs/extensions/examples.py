@@ -11,7 +11,7 @@ A page is read from top to bottom in a folder of its own:
 Other languages (``console``, ``toml`` without a caption) are only shown.
 
     python docs/extensions/examples.py [PAGE ...]      # says what differs
-    python docs/extensions/examples.py --write [PAGE]  # and writes it into the pages
+    python docs/extensions/examples.py --write [PAGE]  # and writes it, where no line is ``...``
 """
 
 import contextlib
@@ -143,7 +143,7 @@ def _tidy(text):
 
 
 def follow(text, folder):
-    """Run a page's blocks in a folder; for each output it shows, the block and what is printed.
+    """Run a page's blocks in a folder: each output it shows, and each picture, and what is printed.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def follow(text, folder):
     """
     printed, found, names = "", [], {}
     failed = None
-    with _inside(folder):
+    with inside(folder):
         for block in blocks(text):
             if block.kind != "text" and failed:
                 raise Failed(failed)
@@ -160,6 +160,8 @@ def follow(text, folder):
                 outputs = [run_line(line) for line in command_lines(block.body)]
                 printed = "".join(outputs)
                 failed = next((o for o in outputs if o.startswith("error:")), None)
+                if block.kind == "drawn":
+                    found.append((block, printed))
             elif block.options.get("caption"):
                 Path(block.options["caption"]).write_text(block.body, encoding="utf-8")
             elif block.kind == "text":
@@ -178,7 +180,7 @@ def follow(text, folder):
 
 
 @contextlib.contextmanager
-def _inside(folder):
+def inside(folder):
     """The surroundings that pages are read in: a folder, a terminal's width, no one's settings."""
     before, known = Path.cwd(), dict(os.environ)
     os.environ |= {"COLUMNS": "80", "AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none"}
@@ -201,10 +203,11 @@ def main(arguments):
         with tempfile.TemporaryDirectory() as folder:
             found = follow(text, folder)
         for block, printed in reversed(found):
-            if not same(block.body, printed):
+            if block.kind == "text" and not same(block.body, printed):
                 different += 1
                 print(f"{page}: shows\n{block.body}where this is printed\n{printed}")
-                text = f"{text[: block.start]}{_tidy(printed)}\n{text[block.end :]}"
+                if "...\n" not in block.body:
+                    text = f"{text[: block.start]}{_tidy(printed)}\n{text[block.end :]}"
         if write:
             page.write_text(text, encoding="utf-8")
     return 1 if different and not write else 0

@@ -1,29 +1,18 @@
-"""Formulas as MathML, which browsers draw themselves: no script, no font, no network.
+"""Formulas as MathML, which browsers draw themselves: no script, no font, no network."""
 
-The conversion is that of docutils, on which Sphinx stands.
-"""
-
-from docutils.utils.math import latex2mathml
+from docutils.nodes import SkipNode
+from latex2mathml.converter import convert
 
 
-def _inline(self, node):
-    self.body.append(latex2mathml.tex2mathml(node.astext()))
-    raise _skipped()
+def _inline(translator, node):
+    translator.body.append(convert(node.astext()))
+    raise SkipNode
 
 
-def _displayed(self, node):
-    self.body.append(self.starttag(node, "div", CLASS="math"))
-    if node.get("number"):
-        self.body.append(f'<span class="eqno">({node["number"]})</span>')
-    self.body.append(latex2mathml.tex2mathml(node.astext(), as_block=True))
-    self.body.append("</div>\n")
-    raise _skipped()
-
-
-def _skipped():
-    from docutils.nodes import SkipNode
-
-    return SkipNode()
+def _displayed(translator, node):
+    translator.body.append(translator.starttag(node, "div", CLASS="math"))
+    translator.body.append(convert(node.astext(), display="block") + "</div>\n")
+    raise SkipNode
 
 
 def setup(app):
