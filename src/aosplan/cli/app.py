@@ -96,6 +96,7 @@ GROUP = LazyGroup(
         for name, text in COMMANDS.items()
     },
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
     params=[
         _asked("--version", _show_version, "Print the version.", is_flag=True),
         _asked(
@@ -130,6 +131,8 @@ def leave(status: int) -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status.  Without arguments it prints its help."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["help"]:
+        given = [*given[1:], "--help"]
     _write_what_can_be_shown()
     try:
         if "AOSPLAN_COMPLETE" in os.environ:

@@ -79,6 +79,7 @@ AREA = (".geojson", ".json", ".kml", ".kmz")
 SCENE = (".las", ".laz", ".npz", ".tif", ".tiff", ".csv", ".toml", ".json")
 SITES = (".csv", ".geojson", ".waypoints", ".plan")
 MISSION = (".csv", ".geojson", ".kml", ".kmz", ".plan", ".waypoints")
+FIGURE = (".png", ".svg", ".pdf")
 TABLE = (".csv", ".parquet", ".jsonl")
 
 VALUES = {
@@ -110,6 +111,8 @@ VALUES = {
     "positions": Values(endings=SITES),
     "rays": Values(_of("models", "RAYS")),
     "request": Values(endings=REQUEST),
+    "plot": Values(endings=FIGURE),
+    "report": Values(endings=(".html",)),
     "save": Values(endings=(".toml", ".npz")),
     "scene": Values(_scenes, SCENE),
     "terrain": Values(endings=(".tif", ".tiff")),
@@ -120,6 +123,9 @@ VALUES = {
 
 OWN = {
     ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
+    ("plot", "file"): Values(endings=(*REQUEST, *SCENE, *TABLE)),
+    ("plot", "kind"): Values(_of("plots", "KINDS")),
+    ("plot", "out"): Values(endings=FIGURE),
     ("sweep", "file"): Values(endings=(".toml", ".csv", ".parquet")),
     ("sweep", "out"): Values(endings=TABLE),
     ("thin", "best"): Values(lambda: ("normalized", "visibility")),
