@@ -54,7 +54,7 @@ def test_ctrl_c_at_any_moment_is_status_130_and_silent(folder, arguments):
     moments = random.Random(str(arguments))
     for _ in range(5):
         status, err = signalled(signal.SIGINT, moments.uniform(0.0, 0.12), arguments)
-        assert status in {0, 130}  # done, or interrupted
+        assert status in {0, 130, -signal.SIGINT}  # the last: while Python itself ends
         assert "Traceback" not in err
         assert "KeyboardInterrupt" not in err
         assert not [name for name in os.listdir(folder) if name != "a.geojson"]

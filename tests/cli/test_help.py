@@ -1,12 +1,21 @@
 """`--help` and `--version`."""
 
+import json
 import re
 import shlex
+import shutil
+from importlib import import_module
+from itertools import pairwise
 
 import pytest
+from clouds import stand, write_cloud
+from geotagged import photo
+from recorded import photo as photographed
+from recorded import sites, write_recording
 
 import aosplan
-from aosplan.cli.app import COMMANDS
+from aosplan import PlanRequest, plan
+from aosplan.cli.app import COMMANDS, run
 from aosplan.options import OPTIONS
 
 
@@ -32,28 +41,64 @@ def test_help_of_every_command_has_two_examples(command, name):
     status, out, err = command(name, "--help")
     assert (status, err) == (0, "")
     examples = examples_of(out)
-    assert len(examples) == 2
+    assert len(examples) in {2, 3}
     assert all(example.startswith(f"aosplan {name}") for example in examples)
-    assert max(map(len, out.splitlines())) <= 88
+    assert max(len(line.replace("\u0302", "")) for line in out.splitlines()) <= 80
 
 
-@pytest.mark.parametrize("name", COMMANDS)
-def test_examples_that_need_no_file_run(folder, command, name):
-    _, out, _ = command(name, "--help")
-    for example in examples_of(out):
-        arguments = shlex.split(example.partition(" > ")[0])[1:]
-        if not re.search(r"\.(laz|json|toml)\b", " ".join(arguments)):
-            status, printed, err = command(*arguments)
-            assert (status, err) == (0, "")
-            assert printed
+@pytest.fixture(scope="module")
+def things(tmp_path_factory):
+    """A folder with every file that an example names."""
+    folder = tmp_path_factory.mktemp("things")
+    for name, seed in (("stand", 0), ("north", 1), ("south", 2)):
+        write_cloud(folder / f"{name}.laz", *stand(seed))
+    request = PlanRequest(altitude=40, vhat=0.9, origin="48,14")
+    planned = plan(request)
+    (folder / "plan.json").write_text(json.dumps(planned.document()))
+    (folder / "request.toml").write_text('altitude = 40\nvhat = 0.9\norigin = "48,14"\n')
+    (folder / "campaign.toml").write_text("[sweep]\naltitude = [40, 50]\nvhat = [0.8, 0.9]\n")
+    planned.write(str(folder / "flown.csv"))
+    many = plan(PlanRequest(altitude=40, samples=60, origin="48,14"))
+    many.write(str(folder / "views.csv"))
+    (folder / "photos").mkdir()
+    for waypoint in list(planned.waypoints)[3:]:  # three are missing
+        place = waypoint.latitude, waypoint.longitude
+        photo(folder / "photos" / f"{waypoint.index}.jpg", *place)
+    for index in range(30):
+        photo(folder / "photos" / f"more{index}.jpg", 48.0 + 1e-5 * index, 14.0)
+    views = list(sites())
+    shown = [photographed(*view) for view in views]
+    write_recording(folder, views, shown, camera=False)
+    assert run(["scene", str(folder / "stand.laz"), "--save", str(folder / "stand.npz")]) == 0
+    return folder
 
 
-def test_examples_of_export_run(folder, command):
-    _, out, _ = command("plan", "--altitude", "40", "--origin", "48,14", "--json")
-    (folder / "plan.json").write_text(out)
-    _, text, _ = command("export", "--help")
-    for example in examples_of(text):
-        assert command(*shlex.split(example)[1:])[0] == 0
+EXAMPLES = [
+    (name, example)
+    for name in COMMANDS
+    for example in examples_of(f"Examples:\n{import_module(f'aosplan.cli.{name}').COMMAND.epilog}")
+]
+
+
+@pytest.mark.parametrize(("name", "example"), EXAMPLES, ids=[text for _, text in EXAMPLES])
+def test_examples_run(folder, things, command, name, example):
+    if "--scheduler" in example:
+        pytest.skip("needs a cluster")
+    assert example.startswith(f"aosplan {name}")
+    shutil.copytree(things, folder, dirs_exist_ok=True)
+    arguments = shlex.split(example.partition(" > ")[0])[1:]
+    outputs = [
+        folder / value.rpartition(":")[2]
+        for flag, value in pairwise(arguments)
+        if flag in {"--out", "--save", "--picture"}
+    ]
+    for path in outputs:
+        path.unlink(missing_ok=True)
+    quick = ["--precision", "0.2"] if name == "simulate" else []
+    status, printed, err = command(*arguments, *quick)
+    assert status == 0, err
+    assert printed
+    assert all(path.stat().st_size > 0 for path in outputs)
 
 
 def test_help_of_plan_names_every_option_once(command):
@@ -64,3 +109,26 @@ def test_help_of_plan_names_every_option_once(command):
 
 def test_version(command):
     assert command("--version") == (0, f"aosplan {aosplan.__version__}\n", "")
+
+
+@pytest.mark.parametrize("line", ["-h", "help", "--help"])
+def test_help_has_the_names_that_people_try(command, line):
+    assert command(line) == command("--help")
+    assert command(*reversed([line, "plan"]))[0] in {0, 2}
+    assert command("help", "plan") == command("plan", "-h") == command("plan", "--help")
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("plna", "plan"),
+        ("plan --altitud 40", "--altitude"),
+        ("plan --vhatt=0.9", "--vhat"),
+        ("--verison", "--version"),
+        ("help plna", "plan"),
+    ],
+)
+def test_mistakes_are_told_the_nearest_name(command, line, hint):
+    status, out, err = command(*line.split())
+    assert (status, out) == (2, "")
+    assert hint in err.splitlines()[1]

@@ -16,7 +16,7 @@ from aosplan import __version__
 from aosplan.errors import AosplanError, SurroundingsError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
 COMMANDS = {
     "plan": "Solve for baseline and photos, and write the grid to fly.",
@@ -55,6 +55,38 @@ def _show_version(_context: Any, _parameter: Any, value: bool) -> None:  # noqa:
         raise Exit(0)
 
 
+def _show_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
+    if shell is not None:
+        from aosplan.cli.completion import script_of
+
+        print(script_of(shell), end="")
+        raise Exit(0)
+
+
+def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
+    if shell is not None:
+        from aosplan.cli.completion import install
+        from aosplan.cli.screen import say
+
+        path, left = install(shell)
+        print(f"Wrote {path}; it takes effect in the next shell.")
+        if left:
+            say("hint", left)
+        raise Exit(0)
+
+
+def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> TyperOption:
+    """An option that is answered at once, in place of a command."""
+    return TyperOption(
+        param_decls=[flag],
+        is_eager=True,
+        expose_value=False,
+        callback=callback,
+        help=help_text,
+        **kind,
+    )
+
+
 GROUP = LazyGroup(
     name="aosplan",
     help="Sampling plans for airborne optical sectioning: how many photos, how far apart, where.",
@@ -64,15 +96,23 @@ GROUP = LazyGroup(
         for name, text in COMMANDS.items()
     },
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
     params=[
-        TyperOption(
-            param_decls=["--version"],
-            is_flag=True,
-            is_eager=True,
-            expose_value=False,
-            callback=_show_version,
-            help="Print the version.",
-        )
+        _asked("--version", _show_version, "Print the version.", is_flag=True),
+        _asked(
+            "--install-completion",
+            _install_completion,
+            "Complete options, presets and files: bash, zsh or fish.",
+            type=str,
+            metavar="SHELL",
+        ),
+        _asked(
+            "--show-completion",
+            _show_completion,
+            "Print what that shell has to run.",
+            type=str,
+            metavar="SHELL",
+        ),
     ],
 )
 
@@ -91,8 +131,16 @@ def leave(status: int) -> None:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit status.  Without arguments it prints its help."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    if given[:1] == ["help"]:
+        given = [*given[1:], "--help"]
     _write_what_can_be_shown()
     try:
+        if "AOSPLAN_COMPLETE" in os.environ:
+            from aosplan.cli.completion import answer
+
+            answer()
+            sys.stdout.flush()
+            return 0
         status = GROUP.main(
             args=given or ["--help"],
             prog_name="aosplan",

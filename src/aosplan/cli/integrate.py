@@ -353,8 +353,10 @@ COMMAND = command(
     run,
     summary="Average recorded images on a focal plane, and compare choices of them.",
     examples=(
-        "aosplan integrate poses.json images --fov 50.8 --focal-height -36 --out integral.png\n"
-        "aosplan integrate poses.json images --pitch 2.8 --compare all --out few.png"
+        "aosplan integrate poses.json images --fov 50.8 --focal-height -36 \\\n"
+        "    --out integral.png\n"
+        "aosplan integrate poses.json images --fov 50.8 --pitch 2.8 --compare all \\\n"
+        "    --out few.png"
     ),
     parameters=_options(),
 )

@@ -195,7 +195,8 @@ COMMAND = command(
         "aosplan sweep campaign.toml --out results.parquet\n"
         'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
         "    --best -flight_time_s --per altitude\n"
-        "aosplan sweep campaign.toml --scheduler head:8786 --out /shared/results.parquet/"
+        "aosplan sweep campaign.toml --scheduler head:8786 \\\n"
+        "    --out /shared/results.parquet/"
     ),
     parameters=[
         file_argument(

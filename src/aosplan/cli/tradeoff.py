@@ -117,7 +117,8 @@ COMMAND = command(
     summary="What each number of photos takes and gives: baseline, extent, time, visibility.",
     examples=(
         "aosplan tradeoff --altitude 40 --vhat 0.98 --out table.csv\n"
-        "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 --grid best --json"
+        "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 \\\n"
+        "    --grid best --json"
     ),
     parameters=[
         file_argument(

@@ -171,7 +171,8 @@ COMMAND = command(
     summary="The equations as a calculator: visibility of a grid, or of any set of positions.",
     examples=(
         "aosplan visibility --density 0.567 --samples 50 --dhat 1\n"
-        "aosplan visibility --slice-density 0.0095 --height-ratio 87.69 --grid 7x8 --dhat 0.5"
+        "aosplan visibility --slice-density 0.0095 --height-ratio 87.69 \\\n"
+        "    --grid 7x8 --dhat 0.5"
     ),
     parameters=_options(),
 )

@@ -1,0 +1,345 @@
+"""Completion in shells: what may stand where the cursor is.
+
+The shell's function, printed by ``--show-completion SHELL``, runs ``aosplan`` with `VARIABLE` set
+to the shell's name and the words before the cursor as arguments; bash, which takes words apart at
+``=`` and ``:``, hands over its line instead.  The answer is a line for each candidate: the word
+and, behind a tab, what it means.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+VARIABLE = "AOSPLAN_COMPLETE"
+"""Environment variable that asks for candidates."""
+
+
+class Values(NamedTuple):
+    """What an option or argument takes: known words, and files of some endings.
+
+    No ending stands for no file, an empty one for any.
+    """
+
+    words: Callable[[], Iterable[str]] = tuple
+    endings: tuple[str, ...] = ()
+
+
+def _scenes() -> Iterable[str]:
+    from aosplan.presets.scenes import SCENES
+
+    return SCENES
+
+
+def _cameras() -> Iterable[str]:
+    from aosplan.presets.cameras import CAMERAS
+
+    return CAMERAS
+
+
+def _drones() -> Iterable[str]:
+    from aosplan.presets.drones import DRONES
+
+    return DRONES
+
+
+def _payloads() -> Iterable[str]:
+    from aosplan.presets.dji import PAYLOADS
+
+    return PAYLOADS
+
+
+def _formats() -> Iterable[str]:
+    from aosplan.export import formats
+
+    return formats()
+
+
+def _documents() -> Iterable[str]:
+    from aosplan.documents import DOCUMENTS
+
+    return DOCUMENTS
+
+
+def _of(module: str, name: str, *more: str) -> Callable[[], Iterable[str]]:
+    """The words of a table of another module, which is loaded where they are asked for."""
+    return lambda: (*getattr(import_module(f"aosplan.{module}"), name), *more)
+
+
+REQUEST = (".toml", ".json")
+AREA = (".geojson", ".json", ".kml", ".kmz")
+SCENE = (".las", ".laz", ".npz", ".tif", ".tiff", ".csv", ".toml", ".json")
+SITES = (".csv", ".geojson", ".waypoints", ".plan")
+MISSION = (".csv", ".geojson", ".kml", ".kmz", ".plan", ".waypoints")
+FIGURE = (".png", ".svg", ".pdf")
+TABLE = (".csv", ".parquet", ".jsonl")
+
+VALUES = {
+    "altitude_frame": Values(_of("mission", "FRAMES")),
+    "area": Values(endings=AREA),
+    "autopilot": Values(_of("options", "AUTOPILOTS")),
+    "camera": Values(_cameras, REQUEST),
+    "clear": Values(endings=AREA),
+    "defaults": Values(lambda: ("none",), (".toml",)),
+    "document": Values(_documents),
+    "drone": Values(_drones),
+    "forest": Values(_of("simulate.compare", "FORESTS")),
+    "format": Values(_formats),
+    "grid": Values(_of("pattern", "GRIDS", "best")),
+    "ground": Values(_of("options", "GROUND")),
+    "heading": Values(lambda: ("auto", "best")),
+    "images": Values(endings=("/",)),
+    "lane_pitch": Values(lambda: ("best",)),
+    "lanes": Values(lambda: ("best",)),
+    "model": Values(_of("models", "MODELS")),
+    "no_fly": Values(endings=AREA),
+    "occlusion_map": Values(endings=(".png",)),
+    "optimize": Values(_of("problem", "OBJECTIVES")),
+    "out": Values(endings=MISSION),
+    "payload": Values(_payloads),
+    "picture": Values(endings=(".png",)),
+    "plan": Values(endings=REQUEST),
+    "poses": Values(endings=(".json", ".txt", ".bin")),
+    "positions": Values(endings=SITES),
+    "rays": Values(_of("models", "RAYS")),
+    "request": Values(endings=REQUEST),
+    "plot": Values(endings=FIGURE),
+    "report": Values(endings=(".html",)),
+    "save": Values(endings=(".toml", ".npz")),
+    "scene": Values(_scenes, SCENE),
+    "terrain": Values(endings=(".tif", ".tiff")),
+    "trigger": Values(_of("trigger", "TRIGGERS")),
+    "view": Values(_of("options", "VIEWS")),
+}
+"""What is completed, by the name of an option or argument; numbers and places are not."""
+
+OWN = {
+    ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
+    ("plot", "file"): Values(endings=(*REQUEST, *SCENE, *TABLE)),
+    ("plot", "kind"): Values(_of("plots", "KINDS")),
+    ("plot", "out"): Values(endings=FIGURE),
+    ("sweep", "file"): Values(endings=(".toml", ".csv", ".parquet")),
+    ("sweep", "out"): Values(endings=TABLE),
+    ("thin", "best"): Values(lambda: ("normalized", "visibility")),
+    ("thin", "out"): Values(endings=(".csv", ".txt")),
+    ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
+    ("visibility", "grid"): Values(),
+}
+"""Where a command gives a name another meaning."""
+
+Candidate = tuple[str, str]
+"""A word, and what it means."""
+
+
+def answer() -> None:
+    """Print the candidates that a shell has asked for."""
+    if os.environ[VARIABLE] == "bash":
+        lines = _for_bash(os.environ.get("COMP_LINE", ""), os.environ.get("COMP_WORDBREAKS", ""))
+    else:
+        found = candidates(sys.argv[1:])
+        lines = [f"{word}\t{text}" if text else word for word, text in found]
+    for line in lines:
+        if "\n" not in line:  # no shell takes such a file name back
+            print(line)
+
+
+def _for_bash(line: str, breaks: str) -> list[str]:
+    """Candidates for a line up to the cursor; bash puts them where its last word begins."""
+    words = _words(line)
+    found = [word for word, _ in candidates(words[1:])]
+    begin = max((words[-1].rfind(mark) for mark in "=:" if mark in breaks), default=-1) + 1
+    return [word[begin:] for word in found]
+
+
+def _words(line: str) -> list[str]:
+    """The words of a line as a shell takes it apart; the last one may be unfinished, or empty."""
+    for closing in ("", '"', "'"):
+        lexer = shlex.shlex(line + closing, posix=True, punctuation_chars=False)
+        lexer.whitespace_split, lexer.commenters = True, ""
+        try:
+            words = list(lexer)
+        except ValueError:  # a quote that is still open
+            continue
+        return [*words, ""] if not closing and line[-1:].isspace() else words
+    return [""]
+
+
+def candidates(words: Sequence[str]) -> list[Candidate]:
+    """What the last of some words, which follow the program's name, may become."""
+    from aosplan.cli.app import COMMANDS, GROUP
+
+    *before, current = words or [""]
+    name = next((word for word in before if not word.startswith("-")), None)
+    if name is None:
+        options = [(flag, _help(each)) for each in GROUP.params for flag in each.opts]
+        shells = [] if not before else [shell for shell in SCRIPTS if "completion" in before[-1]]
+        known = [(shell, "") for shell in shells] or [*COMMANDS.items(), *options, HELP]
+        return _matching(known, current)
+    if name not in COMMANDS:
+        return []
+    parameters = import_module(f"aosplan.cli.{name}").COMMAND.params
+    before = before[before.index(name) + 1 :]
+    by_flag = {flag: each for each in parameters for flag in each.opts if flag.startswith("--")}
+    if before and _takes_value(by_flag.get(before[-1])):
+        return _values(name, by_flag[before[-1]].name, current)
+    flag, equals, value = current.partition("=")
+    if equals and _takes_value(by_flag.get(flag)):
+        found = _values(name, by_flag[flag].name, value)
+        return [(f"{flag}={word}", text) for word, text in found]
+    if current.startswith("-"):
+        open_flags = {f: p for f, p in by_flag.items() if p.multiple or f not in before}
+        return _matching([*((f, _help(p)) for f, p in open_flags.items()), HELP], current)
+    return _argument(name, parameters, by_flag, before, current)
+
+
+HELP = ("--help", "Show this message and exit.")
+
+
+def _argument(
+    command: str,
+    parameters: Sequence[Any],
+    by_flag: dict[str, Any],
+    before: Sequence[str],
+    current: str,
+) -> list[Candidate]:
+    """Candidates for the argument that comes next."""
+    values = {i + 1 for i, word in enumerate(before) if _takes_value(by_flag.get(word))}
+    given = sum(i not in values and not word.startswith("-") for i, word in enumerate(before))
+    arguments = [each for each in parameters if each.param_type_name == "argument"]
+    if arguments and arguments[-1].nargs == -1:
+        given = min(given, len(arguments) - 1)
+    return _values(command, arguments[given].name, current) if given < len(arguments) else []
+
+
+def _help(parameter: Any) -> str:
+    return parameter.help or ""
+
+
+def _takes_value(parameter: Any) -> bool:
+    return parameter is not None and not parameter.is_flag
+
+
+def _matching(known: Iterable[Candidate], current: str) -> list[Candidate]:
+    return [(word, text) for word, text in known if word.startswith(current)]
+
+
+def _values(command: str, name: str, current: str) -> list[Candidate]:
+    """Words and files that an option or argument may be given."""
+    values = OWN.get((command, name)) or VALUES.get(name, Values())
+    prefix = ""
+    if name == "out" and values is VALUES["out"]:
+        form, colon, path = current.partition(":")
+        if colon and form in _formats():
+            prefix, current, values = f"{form}:", path, Values(endings=("",))
+    found = _matching([(word, "") for word in values.words()], current)
+    return found + [(prefix + path, "") for path in _files(current, values.endings)]
+
+
+def _files(current: str, endings: tuple[str, ...]) -> list[str]:
+    """Files with one of some endings whose path begins like this, and folders, which end in /."""
+    if not endings:
+        return []
+    folder, start = os.path.split(current)
+    try:
+        with os.scandir(os.path.expanduser(folder) or ".") as entries:
+            there = [(entry.name, entry.is_dir()) for entry in entries]
+    except OSError:
+        return []
+    return sorted(
+        os.path.join(folder, name) + "/" * is_folder
+        for name, is_folder in there
+        if name.startswith(start)
+        and (start.startswith(".") or not name.startswith("."))
+        and (is_folder or name.lower().endswith(endings))
+    )
+
+
+BASH = """\
+_aosplan() {
+    local line
+    COMPREPLY=()
+    while IFS= read -r line; do
+        COMPREPLY+=("$line")
+    done < <(AOSPLAN_COMPLETE=bash COMP_LINE="${COMP_LINE:0:COMP_POINT}" \\
+        COMP_WORDBREAKS="$COMP_WORDBREAKS" "$1" 2>/dev/null)
+}
+complete -o filenames -o nosort -F _aosplan aosplan 2>/dev/null ||
+    complete -o filenames -F _aosplan aosplan
+"""
+
+ZSH = """\
+#compdef aosplan
+_aosplan() {
+    local -a told words_only folders before
+    local word text
+    before=("${(@Q)words[2,CURRENT-1]}")
+    while IFS=$'\\t' read -r word text; do
+        if [[ $word == */ ]]; then
+            folders+=("$word")
+        elif [[ -n $text ]]; then
+            told+=("${word//:/\\\\:}:$text")
+        else
+            words_only+=("$word")
+        fi
+    done < <(AOSPLAN_COMPLETE=zsh ${(Q)words[1]} "${before[@]}" "${(Q)PREFIX}" 2>/dev/null)
+    (( $#told )) && _describe -V aosplan told
+    (( $#words_only )) && compadd -- "${words_only[@]}"
+    (( $#folders )) && compadd -S '' -- "${folders[@]}"
+}
+if [[ $funcstack[1] == _aosplan ]]; then
+    _aosplan "$@"
+else
+    compdef _aosplan aosplan
+fi
+"""
+
+FISH = """\
+function __aosplan_candidates
+    set -l before (commandline -opc)
+    set -l current (commandline -ct | string unescape)
+    env AOSPLAN_COMPLETE=fish $before[1] $before[2..-1] "$current" 2>/dev/null
+end
+complete --command aosplan --no-files --arguments '(__aosplan_candidates)'
+"""
+
+SCRIPTS = {"bash": BASH, "zsh": ZSH, "fish": FISH}
+"""What each shell is to run when it starts."""
+
+
+def script_of(shell: str) -> str:
+    """The script of a shell."""
+    if shell not in SCRIPTS:
+        raise RequestError(f"unknown shell '{shell}'", f"known: {', '.join(SCRIPTS)}")
+    return SCRIPTS[shell]
+
+
+def install(shell: str) -> tuple[str, str]:
+    """Write a shell's script to where it looks; the file, and what the user has still to do."""
+    from aosplan.files import write_all
+
+    content = script_of(shell).encode()
+    home = os.path.expanduser("~")
+    data = os.environ.get("XDG_DATA_HOME") or os.path.join(home, ".local", "share")
+    settings = os.environ.get("XDG_CONFIG_HOME") or os.path.join(home, ".config")
+    path, left = {
+        "bash": (
+            os.path.join(data, "bash-completion", "completions", "aosplan"),
+            "without the package bash-completion, add to ~/.bashrc: source '{}'",
+        ),
+        "zsh": (
+            os.path.join(home, ".zfunc", "_aosplan"),
+            "have in ~/.zshrc: fpath+=~/.zfunc; autoload -Uz compinit; compinit",
+        ),
+        "fish": (os.path.join(settings, "fish", "completions", "aosplan.fish"), ""),
+    }[shell]
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    write_all({path: content}, force=True)
+    return path, left.format(path)
