@@ -208,6 +208,32 @@ def test_a_plan_without_a_place_is_put_in_the_middle_of_the_photos(tmp_path, com
     assert "48.3358" in err
 
 
+def test_a_plan_without_a_place_lies_where_its_photos_are_whatever_is_missing(tmp_path, command):
+    planned = plan(PlanRequest(**PLACED))
+    ways = planned.waypoints
+    # One side of the grid but for a photo, and one in its middle.
+    side = np.argsort(ways.east_m)[: len(ways) // 3].tolist()
+    gone = sorted({*side[1:], len(ways) // 2})
+    rows = [
+        f"{latitude!r},{longitude!r}"
+        for index, (latitude, longitude) in enumerate(
+            zip(ways.latitude, ways.longitude, strict=True)
+        )
+        if index not in gone
+    ]
+    csv_of(tmp_path / "f.csv", [], "latitude,longitude", [*rows, "48.34,14.33"])
+    line = ("review", "f.csv", "--altitude=40", "--heading=30", "--json", "--out", "rest.waypoints")
+    status, text, _ = command(*line)
+    found = json.loads(text)
+    assert status == 0
+    assert found["origin"] == pytest.approx(PLACED["origin"], abs=1e-8)
+    assert [each["index"] for each in found["missing"]] == gone
+    assert found["off_site_m"]["largest"] < 1e-3
+    assert len(found["strays"]) == 1
+    topup = read_places("rest.waypoints")
+    assert np.abs(np.array(topup)[:, :2] - PLACED["origin"]).max() < 1e-3
+
+
 def test_a_measured_stand_is_predicted_voxel_by_voxel(tmp_path):
     scene = tmp_path / "stand.npz"
     forest = clumped_forest(STANDS["beech"], side_m=20.0, voxel_m=0.5)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from aosplan.models import Prediction
     from aosplan.planning import Plan
     from aosplan.request import PlanRequest
+    from aosplan.route import Route
 
 ALONE_M = 1.0
 """Tolerance of a single site, which has no neighbour: about what satellites tell."""
@@ -160,8 +161,8 @@ def review(
     wanted
         The plan's request.
     views
-        Photos.  Positions in metres count from the plan's origin; places on earth as well, or
-        where the plan has none, from the middle of all of them.
+        Photos.  Positions in metres count from the plan's origin, places on earth as well; a plan
+        without a place is laid where most of its sites have a photo.
     tolerance_m
         Farthest that a photo may be from its site; half the smaller pitch unless given.
     folder, progress
@@ -179,16 +180,19 @@ def review(
         heading = wanted.heading if isinstance(wanted.heading, float) else 0.0
         wanted = replace(wanted, origin=views.middle(heading))
     planned = plan(wanted, folder=folder, progress=progress)
+    if tolerance_m is None:
+        pattern = planned.solution.pattern
+        pitch_m = pattern.nearest * planned.solution.baseline_m if pattern.samples > 1 else 0.0
+        tolerance_m = 0.5 * pitch_m or ALONE_M
+    alike = 1
+    if assumed:
+        planned, alike = _laid_on(planned, views, tolerance_m, folder)
     east, north = views.local_m(planned.origin)
     ways = planned.waypoints
     photo = ways.photo or [True] * len(ways)
     sites = [index for index, taken in enumerate(photo) if taken]
     sites_m = np.array([(ways.east_m[index], ways.north_m[index]) for index in sites])
     points_m = np.column_stack([east, north])
-    if tolerance_m is None:
-        pattern = planned.solution.pattern
-        pitch_m = pattern.nearest * planned.solution.baseline_m if pattern.samples > 1 else 0.0
-        tolerance_m = 0.5 * pitch_m or ALONE_M
     off_m, site_of = _nearest(sites_m, points_m)
     near = _near(off_m, tolerance_m)
     there = np.zeros(len(sites), dtype=bool)
@@ -196,14 +200,7 @@ def review(
     missing = [sites[place] for place in np.flatnonzero(~there)]
     warnings = [*planned.notices, *views.messages()]
     if assumed:
-        latitude, longitude = planned.origin or (math.nan, math.nan)
-        warnings.append(
-            Message(
-                "origin_assumed",
-                "the plan has no place on earth: its middle is taken to be that of the photos, "
-                f"{latitude:.7f},{longitude:.7f}; give --origin where some may be missing",
-            )
-        )
+        warnings.append(_of_origin(planned, alike))
     warnings += _of_distances(near, off_m, tolerance_m)
     warnings += _of_altitudes(planned, views)
     counted = points_m[near | _sees_middle(planned, points_m)]
@@ -233,6 +230,28 @@ def review(
         topup,
         tuple(warnings),
     )
+
+
+def _laid_on(planned: Plan, views: Views, reach_m: float, folder: str) -> tuple[Plan, int]:
+    """The plan with its origin where its sites lie on the photos, and how many such places fit."""
+    from aosplan.geodesy import to_wgs84
+    from aosplan.registration import registered
+
+    sites = planned.layout.sites
+    taken = np.column_stack([sites.east_m, sites.north_m])[np.asarray(sites.photo, dtype=bool)]
+    found = registered(taken, np.column_stack(views.local_m(planned.origin)), reach_m)
+    if found is None:
+        return planned, 1
+    assert planned.origin is not None  # it was given one
+    (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
+    origin = latitude, longitude
+    moved = replace(
+        planned,
+        request=replace(planned.request, origin=origin),
+        layout=planned.layout._replace(origin=origin),
+    )
+    headed = replace(moved.request, heading=moved.heading_deg)
+    return replace(moved, route=_laid(moved, headed, sites, folder)), found.alike
 
 
 def _nearest(
@@ -296,9 +315,18 @@ def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
         from aosplan.survey import routed
 
         points, taken = routed(points, Zones(area.keep_out))
-    route = lay(
+    route = _laid(
+        planned, request, Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken), folder
+    )
+    warnings = tuple(ways_in_zones(request, area, route))
+    return replace(planned, route=route, notices=warnings)
+
+
+def _laid(planned: Plan, request: PlanRequest, sites: Sites, folder: str) -> Route:
+    """The way over sites of a plan."""
+    return lay(
         request,
-        Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken),
+        sites,
         origin=planned.origin,
         altitude_m=planned.altitude_m + request.focal_height,
         gsd_m=planned.camera.gsd_m(planned.altitude_m),
@@ -306,8 +334,18 @@ def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
         canopy_top_m=planned.scene.canopy_top_m,
         folder=folder,
     )
-    warnings = tuple(ways_in_zones(request, area, route))
-    return replace(planned, route=route, notices=warnings)
+
+
+def _of_origin(planned: Plan, alike: int) -> Message:
+    latitude, longitude = planned.origin or (math.nan, math.nan)
+    where = "where most of its sites have a photo"
+    if alike > 1:
+        where += f" (of {alike} such places, where the first sites have)"
+    return Message(
+        "origin_assumed",
+        f"the plan has no place on earth: it is laid {where}, with its origin at "
+        f"{latitude:.7f},{longitude:.7f}; give --origin if that is wrong",
+    )
 
 
 def _of_distances(
