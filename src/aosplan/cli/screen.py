@@ -46,6 +46,8 @@ PLAIN = {
     "■": "#",
     "●": "o",
     "█": "#",
+    "\xa0": " ",
+    "\ufffd": "?",
 }
 """What is written for the project's own characters where there is nothing but ASCII."""
 
