@@ -391,7 +391,8 @@ def ended(folder, act):
     """How a long sweep with two workers ends when something happens to it, and what it says."""
     path, out = folder / "s.toml", folder / "r.csv"
     path.write_text(
-        "[sweep]\naltitude = { start = 30, stop = 90, count = 300000 }\noptimize = 'time'\n"
+        "[sweep]\noptimize = 'time'\naltitude = { start = 30, stop = 90, count = 300 }\n"
+        "vhat = { start = 0.5, stop = 0.99, count = 1000 }\n"
     )
     command = ["sweep", path, "--out", out, "--workers", 2]
     with subprocess.Popen(
