@@ -17,6 +17,10 @@ def main() -> None:
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
         signal.signal(signal.SIGINT, _leave)
+    if sys.argv[1:2] != ["thin"]:
+        # The BLAS below numpy starts a thread for each processor, which takes longer than all that
+        # the other commands multiply.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from aosplan.cli.app import leave, run
 
     try:
