@@ -163,6 +163,14 @@ def test_too_many_voxels_are_refused_with_a_size_that_does(tmp_path, voxel):
     assert read_voxels(path, voxel_m=10 * size).occupied.any()
 
 
+def test_a_file_that_shrinks_while_it_is_read_is_named(tmp_path):
+    path = write_cloud(tmp_path / "a.las", *stand())
+    file = las.PointFile(str(path))
+    os.truncate(path, os.path.getsize(path) - 40)
+    with pytest.raises(RequestError, match="truncated: it ends within its points"):
+        list(file.chunks())
+
+
 # --- Surroundings ---
 
 

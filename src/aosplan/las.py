@@ -87,13 +87,14 @@ class PointFile:
             reader = _reader(stream)
             if reader.header.are_points_compressed:
                 _check_compression(reader.header, stream)
-                points = CHUNK_POINTS
+                records = reader.chunk_iterator(CHUNK_POINTS)
             else:
-                points = min(CHUNK_POINTS, PLAIN_CHUNK_POINTS)
-            for chunk in reader.chunk_iterator(points):
+                records = _plain_records(reader.header, stream)
+            for chunk in records:
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
-                withheld = np.asarray(chunk.withheld, dtype=np.bool_)
-                yield raw, np.asarray(chunk.classification), withheld
+                # Of one piece, as numbers are compared sixty-four at a time then.
+                kind = np.ascontiguousarray(chunk.classification)
+                yield raw, kind, np.asarray(chunk.withheld, dtype=np.bool_)
 
 
 def not_metric(source: str, why: str) -> RequestError:
@@ -140,6 +141,21 @@ def _reader(stream: IO[bytes]) -> Any:
         read_evlrs=False,
         decompression_selection=wanted.base() | wanted.Z | wanted.CLASSIFICATION | wanted.FLAGS,
     )
+
+
+def _plain_records(header: Any, stream: IO[bytes]) -> Iterator[Any]:
+    """Yield records that are not compressed, all in the same memory: each until the next."""
+    from laspy import PackedPointRecord
+
+    layout, count = header.point_format, header.point_count
+    points = min(CHUNK_POINTS, PLAIN_CHUNK_POINTS, count)
+    memory = np.empty(points, layout.dtype())
+    stream.seek(header.offset_to_point_data)
+    for start in range(0, count, points):
+        part = memory[: count - start]
+        if stream.readinto(part.view(np.uint8)) < part.nbytes:  # type: ignore[attr-defined]
+            raise ValueError("it ends within its points")
+        yield PackedPointRecord(part, layout)
 
 
 def _check_sizes(stream: IO[bytes], name: str) -> None:

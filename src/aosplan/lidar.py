@@ -245,7 +245,9 @@ def _decode(
             is_ground = kind == GROUND_CLASS
             ground = np.flatnonzero(used & is_ground)
             other = np.flatnonzero(used & ~is_ground)
-            cloud.append(raw.take(np.concatenate([ground, other]), axis=1), ground.size, file)
+            order = np.concatenate([ground, other])
+            in_order = order.size == kind.size and ground.size in (0, kind.size)
+            cloud.append(raw if in_order else raw.take(order, axis=1), ground.size, file)
             done += kind.size
             if progress is not None:
                 progress(done, 2 * total)

@@ -175,20 +175,24 @@ def fill(
     slices = 0
     for block in blocks:
         x, y, z = block + FACE
-        i, cell = x.astype(np.intp), y.astype(np.intp)
-        x -= i
-        y -= cell
-        cell *= columns
-        cell += i
+        # All in place and of one type: a block stays in the processor's cache, and numpy needs no
+        # room to convert it in.
+        column, row = np.floor(x), np.floor(y)
+        x -= column
+        y -= row
+        row *= columns
+        row += column
+        cell = row.astype(np.intp)
         if touched is not None:
             touched[cell] = True
-        # Base + x east + y (north + x twist), in place: a block stays in the processor's cache.
-        rise = twist.take(cell) * x
-        rise += north.take(cell)
+        # Base + x east + y (north + x twist).
+        rise = twist.take(cell).astype(np.float64)
+        rise *= x
+        rise += north.take(cell).astype(np.float64)
         rise *= y
-        x *= east.take(cell)
+        x *= east.take(cell).astype(np.float64)
         rise += x
-        rise += base.take(cell)
+        rise += base.take(cell).astype(np.float64)
         z -= rise
         kept = np.flatnonzero(z >= cut)
         level = z.take(kept).astype(np.intp)
