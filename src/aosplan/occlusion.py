@@ -274,7 +274,9 @@ class Occlusion:
         x = (low_x + self._window.column + np.arange(8 * tiles.octets)) // self._per_voxel
         y = (low_y + tiles.row + np.arange(tiles.stride)) // self._per_voxel
         near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
-        packed = np.packbits(near.take(x, axis=1, mode="wrap"), axis=1, bitorder="little")
+        # Turned for it, as rows are taken whole and columns bit by bit.
+        fine = np.ascontiguousarray(near.T).take(x, axis=0, mode="wrap").T
+        packed = np.packbits(np.ascontiguousarray(fine), axis=1, bitorder="little")
         tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
         return tile
 
