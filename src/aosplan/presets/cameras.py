@@ -81,7 +81,7 @@ CAMERAS: dict[str, CameraPreset] = {
         image_width_px=640,
         image_height_px=512,
         source="Zenmuse H20 Series specifications, DJI (13.5 mm, 40.6° diagonal)",
-        assumed="sensor size from 12 µm pitch; focal length unconfirmed",
+        assumed="sensor size from 12 µm pitch",
     ),
     "dji-h30t-thermal": CameraPreset(
         title="DJI Zenmuse H30T, thermal camera",

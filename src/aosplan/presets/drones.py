@@ -285,7 +285,7 @@ DRONES: dict[str, DronePreset] = {
         camera="autel-evo-2-dual-640t-thermal",
         photo_interval_s=2.0,
         source="EVO II Dual 640T specifications, Autel Robotics (standard mode)",
-        assumed=f"{_CRUISE}; descent 3 m/s; flight time and speed unconfirmed; photo interval: the shortest of its time lapse",
+        assumed=f"{_CRUISE}; descent 3 m/s; speed unconfirmed; photo interval: the shortest of its time lapse",
     ),
     "parrot-anafi-usa": DronePreset(
         title="Parrot ANAFI USA",
