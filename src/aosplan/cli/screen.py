@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 PLAIN = {
-    "\u00a0": " ",
     "\u0302": "^",
     "\u0304": "",
     "≥": ">=",
