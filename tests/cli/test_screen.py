@@ -123,6 +123,15 @@ def test_tables_fit_the_terminal(arguments, columns):
     assert max(map(len, lines)) <= min(columns, 80)
 
 
+@pytest.mark.parametrize("columns", [40, 80])
+def test_no_number_of_a_table_is_broken_over_lines(columns):
+    line = ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "12"]
+    shown = re.sub(r"\s+", " ", ESCAPE.sub("", on_a_terminal(*line, COLUMNS=str(columns))))
+    assert "b [m]" in shown
+    assert len(re.findall(r" 0\.9000,? ", shown)) >= 2
+    assert "2.61" in shown
+
+
 @pytest.mark.parametrize("columns", ["1", "20", "0", "x", "99999999999"])
 def test_absurd_widths_are_no_traceback(columns):
     shown = on_a_terminal("plan", "--altitude", "40", COLUMNS=columns)
