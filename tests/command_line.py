@@ -1,11 +1,13 @@
 """What the tests of the command line share: processes, terminals, and what a refusal looks like."""
 
+import fcntl
 import json
 import os
 import pty
 import re
 import subprocess
 import sys
+import termios
 from pathlib import Path
 
 UNIFORM = ["--occluder-size", "0.2", "--volume-height", "18"]
@@ -53,19 +55,23 @@ def check_refusal(status, out, err, expected=2):
     assert all(len(line) < 500 for line in lines)
 
 
-def on_a_terminal(*arguments, **environment):
-    """What a process writes to a terminal."""
+def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environment):
+    """What a process writes to a terminal, and where keys are `typed` once it writes, its status."""
     parent, child = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     with subprocess.Popen(
-        [sys.executable, "-m", "aosplan", *arguments],
-        stdin=subprocess.DEVNULL,
+        [sys.executable, *program, *arguments],
+        stdin=subprocess.DEVNULL if typed is None else child,
         stdout=child,
         stderr=child,
+        start_new_session=typed is not None,
+        preexec_fn=None  # noqa: PLW1509 (one thread)
+        if typed is None
+        else lambda: fcntl.ioctl(child, termios.TIOCSCTTY, 0),
         env=kept | {"TERM": "xterm-256color"} | environment,
     ) as running:
         os.close(child)
-        parts = []
+        parts, keys = [], None
         while True:
             try:
                 part = os.read(parent, 65536)
@@ -74,9 +80,13 @@ def on_a_terminal(*arguments, **environment):
             if not part:
                 break
             parts.append(part)
+            if typed is not None:
+                os.write(parent, typed)
+                keys, typed = typed, None
         os.close(parent)
-        running.wait(timeout=60)
-    return b"".join(parts).decode()
+        status = running.wait(timeout=60)
+    shown = b"".join(parts).decode()
+    return shown if keys is None else (shown, status)
 
 
 def extent(result):

@@ -3,6 +3,7 @@
 The counter here knows nothing of lattices: it projects waypoints and area with PROJ, and counts.
 """
 
+import contextlib
 import json
 import math
 from collections import Counter
@@ -391,6 +392,21 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     plan = planned(path, **options | {"vhat": 0.97}, max_aperture=most)
     assert plan.layout.survey.covered_share == 1.0
     assert plan.solution.met
+
+
+@pytest.mark.parametrize("optimize", ["samples", "time"])
+@pytest.mark.parametrize("vhat", [0.8, 0.88, 0.9, 0.92])
+def test_the_best_grid_is_one_that_the_images_take(file, vhat, optimize):
+    path = file(shapely.box(-40, -30, 40, 30))
+    options = {"vhat": vhat, "optimize": optimize, "trigger": "distance"}
+    taken = []
+    for grid in ("trimmed", "lanes"):
+        with contextlib.suppress(InfeasibleError):
+            taken.append(planned(path, grid=grid, **options))
+    assert taken
+    best = planned(path, grid="best", **options)  # once refused for the line it had chosen
+    assert best.layout.survey.covered_share == 1.0
+    assert best.solution.pattern.samples <= max(one.solution.pattern.samples for one in taken)
 
 
 # Heading and order

@@ -8,6 +8,7 @@ Grids over no ground that all samples see are taken only where every kind has su
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.answer import BEST, limits_of
@@ -18,7 +19,7 @@ from aosplan.problem import GridKind, Limit, Problem, Solution
 from aosplan.solve import APERTURE_SLACK, solve
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 COMPARED = ("trimmed", "lanes", "spiral", "line")
 """What ``--grid best`` compares: whole rectangles and squares are among the trimmed grids."""
@@ -75,12 +76,16 @@ class Choice(NamedTuple):
         path = path_of(self.solution.pattern, self.problem.timing)
         return path.time_s(self.solution.baseline_m, self.problem.timing)
 
-    def has_ground(self, footprint_m: tuple[float, float]) -> bool:
-        """Whether there is ground that all samples see."""
-        return all(
-            side * self.solution.baseline_m < size
-            for side, size in zip(self.solution.pattern.extent, footprint_m, strict=True)
-        )
+    def has_ground(self, footprint_m: tuple[float, float], *, over_area: bool = False) -> bool:
+        """Whether there is ground that all samples see; over an area, a whole cell between them."""
+        pattern, baseline = self.solution[:2]
+        cell = pattern.pitch if over_area else (0.0, 0.0)
+        sides = zip(pattern.extent, cell, footprint_m, strict=True)
+        if over_area:  # as `aosplan.survey` has it
+            return all(
+                (side + more) * baseline <= size * (1.0 + 1e-9) for side, more, size in sides
+            )
+        return all(side * baseline < size for side, _, size in sides)
 
 
 def kinds(
@@ -112,7 +117,10 @@ def kinds(
 
 
 def solve_best(
-    problems: Sequence[Problem], *, footprint_m: tuple[float, float] = (math.inf, math.inf)
+    problems: Sequence[Problem],
+    *,
+    footprint_m: tuple[float, float] = (math.inf, math.inf),
+    over_area: bool = False,
 ) -> Choice:
     """Solve problems that differ in their kind of grid or heading; the best by their objective.
 
@@ -122,6 +130,8 @@ def solve_best(
         At least one.
     footprint_m
         Ground that a photo shows along and across the heading.
+    over_area
+        Whether the grid is repeated over an area, where it has to show a cell more.
 
     Raises
     ------
@@ -137,7 +147,7 @@ def solve_best(
             failed.append(error)
     if not found:
         raise failed[0] if len(failed) == 1 else _none_of(problems, failed)
-    grounded = [choice for choice in found if choice.has_ground(footprint_m)]
+    grounded = [choice for choice in found if choice.has_ground(footprint_m, over_area=over_area)]
     best = _best(grounded or found)
     if len(problems) == 1:
         return best
@@ -246,7 +256,10 @@ def other_heading(chosen: Choice) -> str:
 
 
 def solve_best_heading(
-    problems: Sequence[Problem], *, footprint_m: tuple[float, float] = (math.inf, math.inf)
+    problems: Sequence[Problem],
+    *,
+    footprint_m: tuple[float, float] = (math.inf, math.inf),
+    over_area: bool = False,
 ) -> Choice:
     """The best of the problems at the best heading.
 
@@ -254,21 +267,24 @@ def solve_best_heading(
     headings; the model then solves that kind of grid at those it rates highest, and the objective
     decides.
     """
-    first = _first_heading(problems, footprint_m)
+    best = partial(solve_best, footprint_m=footprint_m, over_area=over_area)
+    first = _first_heading(problems, best)
     if not hasattr(first.problem.model, "heading_deg") or first.solution.pattern.samples == 1:
         return first
     here: float = first.problem.model.heading_deg
     others = [heading for heading, _ in headings_worth_a_look(first.problem, first.solution)]
     turned = [first.problem.turned(heading) for heading in dict.fromkeys([here, *others])]
-    return solve_best(turned, footprint_m=footprint_m)
+    return best(turned)
 
 
-def _first_heading(problems: Sequence[Problem], footprint_m: tuple[float, float]) -> Choice:
+def _first_heading(
+    problems: Sequence[Problem], best: Callable[[Sequence[Problem]], Choice]
+) -> Choice:
     """The best of the problems at the first heading at which any has a solution."""
     failed: list[InfeasibleError] = []
     for heading in FIRST_HEADINGS_DEG:
         try:
-            return solve_best([each.turned(heading) for each in problems], footprint_m=footprint_m)
+            return best([each.turned(heading) for each in problems])
         except InfeasibleError as error:
             failed.append(error)
             if not hasattr(problems[0].model, "heading_deg"):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from aosplan.camera import Camera
     from aosplan.geometry import CoverageBaseline
     from aosplan.models.measured import Flown
+    from aosplan.problem import Trying
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
     from aosplan.scene import Scene
@@ -239,6 +240,7 @@ def plan(
     *,
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
+    trying: Trying | None = None,
     found: ResolvedScene | None = None,
 ) -> Plan:
     """Solve a request: how many photos, how far apart, and where.
@@ -251,6 +253,8 @@ def plan(
         Where the request's file names are looked for before the current folder.
     progress
         Called with points read and points in all while a point cloud is read.
+    trying
+        Called while a search lasts, with the problem, a pattern and a baseline [m].
     found
         The request's scene, where it has been read before.
 
@@ -287,7 +291,7 @@ def plan(
         problem, heading = None, request.heading_deg
     else:
         coverage = posed[1]
-        problem, solution = chosen = task.choice(posed[0])
+        problem, solution = chosen = task.choice(posed[0]._replace(trying=trying))
         grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
         task = task._replace(request=replace(request, heading=heading))
         doubts = doubts_of(task, found, problem, solution)

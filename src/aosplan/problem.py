@@ -11,7 +11,11 @@ from aosplan.pattern import AnyFrame, Sites, frame_at, pattern_for
 from aosplan.roots import smallest_root, smallest_whole
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from aosplan.models import Prediction, VisibilityModel
+
+    Trying = Callable[["Problem", Sites, float], None]
 
 OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast")
 """What a plan may minimise, or, the last two, maximise."""
@@ -133,6 +137,7 @@ class Problem(NamedTuple):
     """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
 
     `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.
+    `trying` is told of the problem, a pattern and a baseline [m] before a search looks at them.
     """
 
     model: VisibilityModel
@@ -142,6 +147,7 @@ class Problem(NamedTuple):
     objective: str = "samples"
     timing: Timing = Timing()
     sketch: VisibilityModel | None = None
+    trying: Trying | None = None
 
     @property
     def name(self) -> str:

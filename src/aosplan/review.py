@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from aosplan.models import Prediction
     from aosplan.planning import Plan
+    from aosplan.problem import Trying
     from aosplan.request import PlanRequest
     from aosplan.route import Route
 
@@ -153,6 +154,7 @@ def review(
     tolerance_m: float | None = None,
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
+    trying: Trying | None = None,
 ) -> Review:
     """Hold recorded views against what was planned.
 
@@ -165,7 +167,7 @@ def review(
         without a place is laid where most of its sites have a photo.
     tolerance_m
         Farthest that a photo may be from its site; half the smaller pitch unless given.
-    folder, progress
+    folder, progress, trying
         As of `aosplan.planning.plan`.
 
     Raises
@@ -179,7 +181,7 @@ def review(
     if assumed:
         heading = wanted.heading if isinstance(wanted.heading, float) else 0.0
         wanted = replace(wanted, origin=views.middle(heading))
-    planned = plan(wanted, folder=folder, progress=progress)
+    planned = plan(wanted, folder=folder, progress=progress, trying=trying)
     if tolerance_m is None:
         pattern = planned.solution.pattern
         pitch_m = pattern.nearest * planned.solution.baseline_m if pattern.samples > 1 else 0.0

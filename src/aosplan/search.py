@@ -162,6 +162,7 @@ class Scan:
         """The model's prediction; the sketch is measured by it."""
         known = self._known.get(candidate)
         if known is None:
+            self._tell(candidate)
             known = self.problem.model.predict(*candidate)
             self._known[candidate] = known
             if self.problem.sketch is not None:
@@ -218,8 +219,13 @@ class Scan:
         guess = self._sketched.get(candidate)
         if guess is None:
             assert self.problem.sketch is not None
+            self._tell(candidate)
             guess = self._sketched[candidate] = self.problem.sketch.predict(*candidate)
         return guess
+
+    def _tell(self, candidate: Candidate) -> None:
+        if self.problem.trying is not None:
+            self.problem.trying(self.problem, *candidate)
 
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM

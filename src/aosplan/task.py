@@ -34,7 +34,8 @@ class Task(NamedTuple):
         """The best of the grids and headings that the request leaves open."""
         problems = [problem._replace(grid=kind) for kind in kinds_of(self.request)]
         best = solve_best_heading if self.request.heading == "best" else solve_best
-        return best(problems, footprint_m=self.footprint_m)
+        over_area = self.request.area is not None
+        return best(problems, footprint_m=self.footprint_m, over_area=over_area)
 
     def problem_of(self, found: ResolvedScene) -> tuple[Problem, CoverageBaseline] | None:
         """The problem that a scene poses, and its coverage rule; None where nothing is hidden."""

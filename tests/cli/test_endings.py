@@ -102,6 +102,7 @@ def test_readers_that_leave_early_are_no_error(line):
         ("plan --altitude 40 --json >&-", 0),
         ("plan --altitude 40 --out a.csv --quiet >&- 2>&- <&-", 0),
         ("plan --altitude 10 2>&-", 2),
+        ("plan --altitude 10 2>&1 >/dev/null | true", 0),
         ("plan - <&-", 2),
         ("plan --altitude 40 --grid line 2>&- | wc -l", 0),
     ],

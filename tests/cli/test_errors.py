@@ -415,3 +415,10 @@ def test_a_warning_stays_one_line_whatever_a_file_says(folder, command):
     )
     _, _, err = command("plan", "--altitude", "40", "--scene", "s.toml", "--json")
     assert [line.partition(": ")[0] for line in err.splitlines()] == ["warning"]
+
+
+@pytest.mark.parametrize("flag", ["--scene", "--camera", "--vhat", "--out", "--area", "--drone"])
+def test_a_name_without_end_leaves_a_message_that_can_be_read(command, flag):
+    refused = command("plan", "--altitude", "40", flag, "y" * 100_000)
+    check_refusal(*refused, expected=refused[0])
+    assert re.search(r"yyy(…|\.\.\.)", refused[2])

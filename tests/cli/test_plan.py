@@ -308,3 +308,14 @@ def test_the_numbers_of_a_plan_agree_with_each_other(plan_of):
         for f, e in zip(result["camera"]["footprint_m"], result["grid"]["extent_m"], strict=True)
     ]
     assert result["camera"]["common_footprint_m"] == pytest.approx(common)
+
+
+@pytest.mark.parametrize("name", ["x" * 10_000, "x y " * 3000, "ü" * 500])
+def test_a_name_without_end_leaves_a_table_that_can_be_read(folder, command, name):
+    camera = {"name": name, "focal_length_mm": 9.1, "sensor_width_mm": 7.68}
+    camera |= {"sensor_height_mm": 6.144, "image_width_px": 640, "image_height_px": 512}
+    (folder / "c.json").write_text(json.dumps(camera))
+    status, out, err = command("plan", "--altitude", "40", "--camera", "c.json")
+    assert (status, err) == (0, "")
+    assert len(out.splitlines()) < 40
+    assert max(map(len, out.splitlines())) <= 80

@@ -34,3 +34,13 @@ def test_a_saved_scene_is_not_overwritten_unless_forced(folder, command):
     check_refusal(*command("scene", "savanna", "--save", "s.toml"))
     assert (folder / "s.toml").read_text() == "old"
     assert command("scene", "savanna", "--save", "s.toml", "--quiet", "--force")[0] == 0
+
+
+def test_a_scene_is_saved_under_each_name_that_is_given(folder, command):
+    assert command("scene", "savanna", "--save", "a.toml", "--save", "b.toml", "--quiet")[0] == 0
+    assert (folder / "a.toml").read_bytes() == (folder / "b.toml").read_bytes() != b""
+    (folder / "b.toml").unlink()
+    for again in ("a.toml", "./b.toml"):  # exists; is given twice
+        refused = command("scene", "paper-forest", "--save", "b.toml", "--save", again)
+        check_refusal(*refused)
+        assert not (folder / "b.toml").exists()

@@ -89,14 +89,9 @@ def test_a_dumb_terminal_gets_ascii_without_escapes(arguments):
     assert shown.isascii()
 
 
-@pytest.mark.parametrize(
-    "environment",
-    [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}],
-    ids=["ascii", "C"],
-)
 @pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
-def test_nothing_is_lost_without_unicode(arguments, environment):
-    done = process(*arguments, **environment)
+def test_nothing_is_lost_without_unicode(arguments):
+    done = process(*arguments, LC_ALL="C", PYTHONUTF8="0", PYTHONCOERCECLOCALE="0")
     assert done.returncode == 0
     for text in (done.stdout.decode("ascii"), done.stderr.decode("ascii")):
         assert "?" not in text
@@ -119,7 +114,7 @@ def test_every_character_of_the_project_has_one_in_ascii():
     assert all(text.isascii() for text in screen.PLAIN.values())
 
 
-@pytest.mark.parametrize("columns", [40, 60, 80, 200])
+@pytest.mark.parametrize("columns", [40, 200])
 @pytest.mark.parametrize("arguments", TABLES[:1] + TABLES[2:], ids=" ".join)
 def test_tables_fit_the_terminal(arguments, columns):
     shown = ESCAPE.sub("", on_a_terminal(*arguments, COLUMNS=str(columns)))
@@ -128,11 +123,20 @@ def test_tables_fit_the_terminal(arguments, columns):
     assert max(map(len, lines)) <= min(columns, 80)
 
 
-@pytest.mark.parametrize("columns", ["1", "5", "20", "0", "-3", "x", "99999999999"])
+@pytest.mark.parametrize("columns", [40, 80])
+def test_no_number_of_a_table_is_broken_over_lines(columns):
+    line = ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "12"]
+    shown = re.sub(r"\s+", " ", ESCAPE.sub("", on_a_terminal(*line, COLUMNS=str(columns))))
+    assert "b [m]" in shown
+    assert len(re.findall(r" 0\.9000,? ", shown)) >= 2
+    assert "2.61" in shown
+
+
+@pytest.mark.parametrize("columns", ["1", "20", "0", "x", "99999999999"])
 def test_absurd_widths_are_no_traceback(columns):
     shown = on_a_terminal("plan", "--altitude", "40", COLUMNS=columns)
     assert "rror" not in shown
-    assert "b = 2.80 m" in re.sub(r"\s+", " ", ESCAPE.sub("", shown)) or columns in "15"
+    assert "b = 2.80 m" in re.sub(r"\s+", " ", ESCAPE.sub("", shown)) or columns == "1"
 
 
 def test_long_lists_of_files_are_named_in_part():

@@ -193,13 +193,13 @@ def _report(message: str, hint: str, status: int) -> int:
         say("error", _one_line(message))
         if hint:
             say("hint", _one_line(hint))
-    except BrokenPipeError:
-        return _unheard()
+    except OSError:
+        _unheard()
     return status
 
 
 def _unheard() -> int:
-    """The reader has gone: what is left in the buffers must not raise again at exit."""
+    """Nobody reads, or nothing fits: what is left in the buffers must not raise again at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -220,6 +220,15 @@ def _report_usage(error: TyperException) -> int:
     return _report(message[:1].lower() + message[1:], hint, 2)
 
 
+LONGEST_WORD = 200
+"""Characters of a word in a message; of longer ones the middle is left out."""
+
+
 def _one_line(text: str) -> str:
     """Text without line breaks and control characters, which a file may have put into a name."""
+    if len(text) > LONGEST_WORD:
+        text = " ".join(
+            word if len(word) <= LONGEST_WORD else f"{word[:100]}…{word[-60:]}"
+            for word in text.split(" ")
+        )
     return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)

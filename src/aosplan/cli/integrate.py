@@ -11,7 +11,7 @@ from typer.core import TyperOption
 
 from aosplan import __version__
 from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
-from aosplan.cli.output import print_json
+from aosplan.cli.output import drawn, print_json
 from aosplan.cli.screen import say
 from aosplan.errors import RequestError
 from aosplan.quantities import number, positive
@@ -287,7 +287,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None]]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with drawn(Progress(console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task("integrating", total=total)
         yield lambda done: progress.update(task, completed=done)
 

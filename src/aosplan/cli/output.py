@@ -12,8 +12,12 @@ from aosplan.errors import RequestError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from rich.progress import Progress
+
     from aosplan.export import Format
     from aosplan.mission import Mission
+    from aosplan.pattern import Sites
+    from aosplan.problem import Problem
     from aosplan.resolve import Message
 
 
@@ -56,9 +60,16 @@ def chosen_outputs(
     chosen = [choose(path, name) for path in outputs]
     for _, path in chosen:
         check_output(path, force=force)
-        if sum(os.path.realpath(other) == os.path.realpath(path) for _, other in chosen) > 1:
-            raise RequestError(f"output '{path}' is given twice")
+    check_apart([path for _, path in chosen])
     return chosen
+
+
+def check_apart(paths: Sequence[str]) -> None:
+    """Refuse a file that is given twice, be it under two names."""
+    places = [os.path.realpath(path) for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        if places.count(place) > 1:
+            raise RequestError(f"output '{path}' is given twice")
 
 
 def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
@@ -125,29 +136,114 @@ def _leftovers(path: str, count: int) -> list[str]:
     return [f"{after} is not of this mission" for _ in range(os.path.lexists(after))]
 
 
+PATIENCE_S = 1.0
+"""How long a search may take before a terminal shows what it tries."""
+
+
+class Bar:
+    """What a plan is at, on a terminal's stderr: points that are read, then what a search tries.
+
+    Where there is no terminal, or nothing takes long, it shows nothing and loads nothing.
+    """
+
+    def __init__(self, *, live: bool) -> None:
+        self._live = live
+        self._begun_s: float | None = None
+        self._shown: Any = None
+        self._title = ""
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show how many points are read."""
+        if self._live:
+            self._show("reading points")
+            self._shown.update(self._shown.task_ids[0], completed=done, total=total)
+
+    def trying(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
+        """Show what a search tries, once it has lasted a while."""
+        if not self._live:
+            return
+        from time import monotonic
+
+        if self._begun_s is None:
+            self._begun_s = monotonic()
+        elif monotonic() - self._begun_s > PATIENCE_S:
+            from aosplan.cli.screen import readable
+
+            self._show("searching")
+            tried = f"{problem.name}, N = {pattern.samples}, b = {baseline_m:.2f} m"
+            self._shown.update(
+                self._shown.task_ids[0], description=readable(f"searching: {tried}", sys.stderr)
+            )
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        self._live = False
+        if self._shown is not None:
+            _stop(self._shown)
+
+    def _show(self, title: str) -> None:
+        """Begin to show something, in place of what was shown before."""
+        if title == self._title:
+            return
+        if self._shown is not None:
+            self._shown.stop()
+        self._title, self._shown = title, _progress(endless=title == "searching")
+        self._shown.add_task(title, total=None)
+        self._shown.start()
+
+
+def _progress(*, endless: bool) -> Any:
+    """A bar for what has an end, else a sign of life and the time that it has taken."""
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    from aosplan.cli.screen import speaks_unicode
+
+    spinner = SpinnerColumn("dots" if speaks_unicode(sys.stderr) else "line")
+    columns = (spinner, TimeElapsedColumn(), TextColumn("{task.description}", markup=False))
+    return Progress(*columns * endless, console=Console(stderr=True), transient=True)
+
+
 @contextlib.contextmanager
-def progress_bar(scene: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar on a terminal's stderr, or None where there is none, or nothing to wait for."""
-    with waiting_bar("reading points", quiet=quiet or not _is_read(scene)) as progress:
+def drawn(progress: Progress) -> Iterator[Progress]:
+    """A bar on the screen, which is left as it was, whenever Ctrl-C comes."""
+    try:
+        progress.start()
         yield progress
+    finally:
+        _stop(progress)
+
+
+def _stop(progress: Progress) -> None:
+    with contextlib.suppress(IndexError):  # interrupted while it began, it cannot stop
+        progress.stop()
+    progress.console.show_cursor()
+
+
+@contextlib.contextmanager
+def progress_bar(*, quiet: bool) -> Iterator[Bar]:
+    """What a plan is at, on a terminal's stderr."""
+    bar = Bar(live=not quiet and _is_live())
+    try:
+        yield bar
+    finally:
+        bar.close()
+
+
+def _is_live() -> bool:
+    """Whether stderr is a terminal that takes a line back."""
+    return sys.stderr.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 @contextlib.contextmanager
 def waiting_bar(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
     """A bar on a terminal's stderr while something takes long, or None where there is none."""
-    if quiet or not sys.stderr.isatty():
+    if quiet or not _is_live():
         yield None
         return
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with drawn(Progress(console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
-
-
-def _is_read(scene: str) -> bool:
-    """Whether a scene's name may stand for point clouds: files, a folder or a pattern."""
-    from aosplan.resolve import CLOUD_SUFFIXES
-
-    return scene.lower().endswith(CLOUD_SUFFIXES) or os.path.isdir(scene)

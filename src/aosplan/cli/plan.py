@@ -57,8 +57,9 @@ def run(
                     f"output '{path}': {form.title} needs a place on earth",
                     "give --origin LAT,LON or --area FILE, or write CSV",
                 )
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
-        result = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
+    with progress_bar(quiet=quiet) as bar:
+        folder = os.path.dirname(request or "")
+        result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
     pages = {}
     if report is not None:

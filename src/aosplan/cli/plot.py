@@ -110,8 +110,8 @@ def _of_plan(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool
     from aosplan.planning import plan
 
     wanted, folder = request_of(file, flags, defaults="none"), os.path.dirname(file or "")
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
-        result = plan(wanted, folder=folder, progress=progress)
+    with progress_bar(quiet=quiet) as bar:
+        result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
     if kind.name == "visibility":
         from aosplan.plots.visibility import visibility_of
@@ -148,8 +148,8 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
     ways = ("altitude", "gsd", "target_size")
     high = any(name in given for name in ways)
     request = request_from(given if high else given | {"altitude": 1.0})
-    with progress_bar(request.scene or "", quiet=quiet) as progress:
-        found = scene_of(request, folder=folder, progress=progress)
+    with progress_bar(quiet=quiet) as bar:
+        found = scene_of(request, folder=folder, progress=bar)
     print_warnings(found.warnings, quiet=quiet)
     if kind.name == "density":
         from aosplan.plots.density import density_of

@@ -56,13 +56,14 @@ def run(
     from aosplan.review import review
 
     views = read_views(positions, on_earth=wanted.has_place)
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
+    with progress_bar(quiet=quiet) as bar:
         found = review(
             wanted,
             views,
             tolerance_m=within,
             folder=os.path.dirname(plan or ""),
-            progress=progress,
+            progress=bar,
+            trying=bar.trying,
         )
     print_warnings(found.warnings, quiet=quiet)
     written = []

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperArgument
+from typer.core import TyperArgument, TyperOption
 
 from aosplan.cli.options import (
     command,
     flag_option,
     json_option,
     request_options,
-    text_option,
 )
-from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.cli.screen import say
 from aosplan.errors import RequestError
 from aosplan.resolve import VOXEL_SUFFIX
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 def run(
     *,
     scene: list[str] | None,
-    save: str | None,
+    save: list[str] | None,
     force: bool,
     quiet: bool,
     as_json: bool,
@@ -38,30 +37,31 @@ def run(
     from aosplan.resolve import scene_of
     from aosplan.scene_file import statistics_document
 
-    if save is not None:
-        if not save.lower().endswith((".toml", VOXEL_SUFFIX)):
+    saved = save or []
+    for path in saved:
+        if not path.lower().endswith((".toml", VOXEL_SUFFIX)):
             raise RequestError(
-                f"--save '{save}' does not end in .toml or {VOXEL_SUFFIX}",
+                f"--save '{path}' does not end in .toml or {VOXEL_SUFFIX}",
                 ".toml has the statistics, .npz the voxels as well",
             )
-        check_output(save, force=force)
+        check_output(path, force=force)
+    check_apart(saved)
     first, more = (scene[0], scene[1:]) if scene else (None, [])
     if first is None and not any(flags.values()):
         raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
     # A request needs an altitude; the statistics do not depend on it.
     request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
-    with progress_bar(first or "", quiet=quiet) as progress:
-        resolved = scene_of(request, progress=progress, also=more)
+    with progress_bar(quiet=quiet) as bar:
+        resolved = scene_of(request, progress=bar, also=more)
     print_warnings(resolved.warnings, quiet=quiet)
     if resolved.kept and not quiet:
         say("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
     table = resolved.correlogram
-    if table is None and resolved.volume is not None and (as_json or save is not None):
+    if table is None and resolved.volume is not None and (as_json or saved):
         from aosplan.models.correlogram import correlogram
 
         table = correlogram(resolved.volume)
-    if save is not None:
-        write_all({save: _scene_bytes(resolved, table, save)}, force=force)
+    write_all({path: _scene_bytes(resolved, table, path) for path in saved}, force=force)
     document = statistics_document(resolved.scene, resolved.warnings, resolved.volume, table)
     if as_json:
         print_json(document)
@@ -106,11 +106,14 @@ COMMAND = command(
             "(.tif); a scene file (.toml, .json, .npz, .csv); or a preset.",
         ),
         *request_options(lambda option: option.panel == "Scene" and option.name != "scene"),
-        text_option(
-            "--save",
-            "PATH",
-            "Write a scene file that plans at once: .toml, or .npz with the voxels.",
-            "Output",
+        TyperOption(
+            param_decls=["--save"],
+            type=str,
+            multiple=True,
+            metavar="PATH",
+            help="Write a scene file that plans at once: .toml, or .npz with the voxels.  "
+            "Repeatable.",
+            rich_help_panel="Output",
         ),
         flag_option("--force", "Overwrite an existing file."),
         flag_option("--quiet", "No table, no warnings."),

@@ -48,8 +48,9 @@ def run(
     wanted = request_of(request, flags, defaults=defaults)
     chosen = _settings(wanted, seed, precision, forest, max_targets)
     outputs = _outputs(picture, occlusion_map, force=force)
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
-        result = plan(_plannable(wanted), folder=os.path.dirname(request or ""), progress=progress)
+    with progress_bar(quiet=quiet) as bar:
+        folder = os.path.dirname(request or "")
+        result = plan(_plannable(wanted), folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
     from aosplan.simulate.compare import simulate
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from typer.core import TyperOption
 
 from aosplan.cli.options import command, file_argument, flag_option, text_option
+from aosplan.cli.output import drawn
 from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.quantities import whole
@@ -182,7 +183,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
         Rate(),
         TimeRemainingColumn(),
     )
-    with Progress(*shown, console=Console(stderr=True), transient=True) as progress:
+    with drawn(Progress(*shown, console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task("scenarios", total=total)
         yield lambda done: progress.advance(task, done)
 

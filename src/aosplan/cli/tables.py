@@ -8,6 +8,7 @@ import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -37,6 +38,9 @@ NARROWEST = 20
 
 PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
 """Spaces at the end of a line, and the escape sequences behind them."""
+
+UNBROKEN = 20
+"""Cells up to so many characters stay on one line."""
 
 BANDS = 20
 """Most bands of a profile."""
@@ -288,12 +292,30 @@ def _next_step(plan: Plan, written: Sequence[str]) -> str:
 
 
 def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A plain table with a header."""
+    """A plain table with a header; where it is too wide for the terminal, a paragraph a row."""
+    shown = [[readable(cell) for cell in row] for row in rows]
+    names = [readable(name) for name in header]
+    columns = list(zip(names, *shown, strict=True))
+    short = [max(map(cell_len, column)) <= UNBROKEN for column in columns]
+    least = sum(
+        max(cell_len(word) for cell in column for word in ([cell] if whole else cell.split(" ")))
+        for column, whole in zip(columns, short, strict=True)
+    )
+    if least + 2 * (len(names) - 1) > screen_width():
+        first, *others = names
+        for row in shown:
+            pairs = (
+                f"{name} {cell}" if name else cell
+                for name, cell in zip(others, row[1:], strict=True)
+            )
+            text = Text(f"{row[0] or first}: {', '.join(filter(None, pairs))}")
+            show(text)
+        return
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for name in header:
-        table.add_column(one_line(name), overflow="fold")
-    for row in rows:
-        table.add_row(*(one_line(cell) for cell in row))
+    for name, whole in zip(names, short, strict=True):
+        table.add_column(Text(name), overflow="fold", no_wrap=whole)
+    for row in shown:
+        table.add_row(*map(Text, row))
     show(table)
 
 
@@ -311,7 +333,7 @@ def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
     """Sets of samples side by side: their numbers, and what each shows."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", *columns):
-        table.add_column(one_line(name), justify="left" if not name else "right")
+        table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
     table.add_row("N", *(str(count) for count, _ in columns.values()))
     found = [prediction for _, prediction in columns.values()]
     hidden = [each if each.density else None for each in found]
@@ -334,7 +356,7 @@ def print_simulation(
     view = "" if settings.forest == "noise" else f", {settings.view} view"
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", "planned", "predicted", "simulated", "standard error"):
-        table.add_column(one_line(name), justify="left" if not name else "right")
+        table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
     for symbol, name in (("p", "density"), ("V", "expected"), ("V̂", "normalized")):
         value, error = getattr(found, name), getattr(found, f"{name}_standard_error")
         if math.isnan(value):

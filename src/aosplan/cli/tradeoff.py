@@ -43,9 +43,10 @@ def run(
         if not out.lower().endswith(ENDINGS):
             raise RequestError(f"--out '{out}' does not end in {', '.join(ENDINGS)}")
         check_output(out, force=force)
-    with progress_bar(wanted.scene or "", quiet=quiet) as progress:
-        chosen = plan(wanted, folder=os.path.dirname(request or ""), progress=progress)
-    rows = [row.document() for row in chosen.tradeoff()]
+    with progress_bar(quiet=quiet) as bar:
+        folder = os.path.dirname(request or "")
+        chosen = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
+        rows = [row.document() for row in chosen.tradeoff()]
     print_warnings(chosen.warnings, quiet=quiet)
     document = {
         "schema": SCHEMA,

@@ -1,0 +1,47 @@
+"""What a terminal shows while something takes long, and how it is left."""
+
+import re
+
+from command_line import on_a_terminal, process
+
+AT_ONCE = (
+    "-c",
+    "import aosplan.cli.output as output\noutput.PATIENCE_S = 0.0\n"
+    "from aosplan.__main__ import main\nmain()\n",
+)
+"""The program, without the second that it waits before it shows a search."""
+
+SEARCH = ["plan", "--altitude", "40", "--grid", "best", "--optimize", "visibility"]
+SEARCH = [*SEARCH, "--max-samples", "30", "--max-aperture", "9"]
+
+CURSOR = "\x1b[?25h"
+
+
+def test_a_search_says_what_it_tries_and_leaves_nothing_behind():
+    shown = on_a_terminal(*SEARCH, program=AT_ONCE)
+    tried = re.findall(r"searching: ([a-z0-9 ]+?)( of pitch [0-9.]+)?, N = \d+, b = \d", shown)
+    assert tried
+    before, _, after = shown.rpartition(CURSOR)
+    assert "searching" in before
+    assert "searching" not in after
+    assert "Baseline" in after
+
+
+def test_what_is_quick_shows_no_search():
+    for arguments in (SEARCH, ["plan", "--altitude", "40"]):
+        assert "searching" not in on_a_terminal(*arguments, TERM="dumb")
+    assert "searching" not in on_a_terminal("plan", "--altitude", "40", program=AT_ONCE)
+    assert "searching" not in on_a_terminal(*SEARCH, "--quiet", program=AT_ONCE)
+
+
+def test_a_pipe_is_told_of_no_search():
+    done = process(*SEARCH)
+    assert b"searching" not in done.stdout + done.stderr
+
+
+def test_ctrl_c_ends_a_search_and_gives_the_cursor_back():
+    endless = [*SEARCH[:-4], "--max-samples", "100000"]
+    shown, status = on_a_terminal(*endless, program=AT_ONCE, typed=b"\x03")
+    assert status == 130
+    assert "Traceback" not in shown
+    assert shown.rstrip().endswith(CURSOR) or CURSOR in shown.rpartition("searching")[2]
