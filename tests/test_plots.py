@@ -269,7 +269,7 @@ def test_a_png_and_a_pdf_say_what_they_show(tmp_path):
     assert b"CreationDate" not in pdf
 
 
-@pytest.mark.parametrize("look", [Look(), Look(DARK), Look(width_mm=80.0, dpi=100.0)])
+@pytest.mark.parametrize("look", [Look(), Look(DARK), Look(width_mm=150.0, dpi=100.0)])
 def test_a_png_has_its_background_and_its_width(look, tmp_path):
     path = tmp_path / "x.png"
     path.write_bytes(rendered(KINDS["baseline-curve"], shown("baseline-curve"), "png", look))
@@ -342,6 +342,7 @@ plot grid --altitude 40 --out - | figure '-' ends in none of .png, .svg, .pdf |
 plot grid --altitude 40 --out nowhere/grid.svg | there is no folder 'nowhere' | make it first
 plot grid --altitude 40 --dpi 1e9 | --dpi 1e+09 is not from 50 to 1200 |
 plot grid --altitude 40 --width-mm -3 | --width-mm |
+plot grid --altitude 40 --width-mm 90 | --width-mm 90 is not from 140 to 1000 |
 plot grid --altitude 40 --width-mm 1000 --dpi 1200 | million pixels | .svg or .pdf
 plot grid | altitude |
 plot density | no scene is given | preset

@@ -126,8 +126,8 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
         )
         panel.set_ylabel(label)
         panel.set_xlabel("number of samples $N$" if x == "samples" else "extent, longer side [m]")
-        panel.set_ylim(bottom=0.0)
-        panel.set_xlim(left=0.0)
+        panel.set_xlim(0.0, 1.04 * max(getattr(p, x) for p in shown.points) or 1.0)
+        panel.set_ylim(0.0, 1.08 * max(getattr(p, y) for p in shown.points) or 1.0)
     legend_below(figure, _legend(looks, shown, theme))
     entitle(figure, shown.title)
 
