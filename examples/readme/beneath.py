@@ -10,6 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import uniform_filter
 
 from aosplan import PlanRequest, plan
 from aosplan.mission import local_sites
@@ -132,14 +133,9 @@ class Camera:
 
 def smooth(field, width):
     """A field of random numbers, smoothed over a width and stretched to 0 … 1 again."""
-    for axis in (0, 1):
-        for _ in range(2):
-            summed = np.cumsum(np.concatenate([field, field.take(range(width), axis)], axis), axis)
-            field = summed.take(range(width, summed.shape[axis]), axis) - summed.take(
-                range(summed.shape[axis] - width), axis
-            )
+    field = uniform_filter(uniform_filter(field, width, mode="wrap"), width, mode="wrap")
     low, high = np.quantile(field, (0.01, 0.99))
-    return np.clip((field - low) / (high - low), 0.0, 1.0)
+    return np.clip((field - low) / max(high - low, 1e-9), 0.0, 1.0)
 
 
 # What lies beneath

@@ -73,7 +73,7 @@ class Grid(NamedTuple):
     def title(self) -> str:
         """What it is, in one line."""
         over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
-        return f"{self.photos} photos{over} for {self.scene}"
+        return f"{self.photos} photo{'s' if self.photos > 1 else ''}{over} for {self.scene}"
 
     @property
     def extent_m(self) -> tuple[float, float]:
@@ -207,7 +207,8 @@ def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]
     if count > MOST_NUMBERED:
         return sorted(ends if len(ends) <= MOST_NUMBERS else {0, count - 1})
     steps = (step * 10**power for power in range(4) for step in STEPS)
-    step = next(s for s in steps if count / s <= MOST_NUMBERS and s * spacing_mm >= NUMBERED_MM)
+    apart = (step for step in steps if step * spacing_mm >= NUMBERED_MM)
+    step = next((step for step in apart if count / step <= MOST_NUMBERS), count)
     return sorted({0, *range(0, count - step // 2, step), count - 1})
 
 
