@@ -22,6 +22,8 @@ from aosplan.plots.correlogram import correlations_of
 from aosplan.plots.density import density_of
 from aosplan.plots.grid import grid_of, nice_length_m, numbered
 from aosplan.plots.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
+from aosplan.plots.tradeoff import tradeoff_of
+from aosplan.plots.visibility import visibility_of
 from aosplan.resolve import ResolvedScene
 from aosplan.voxels import VoxelVolume
 
@@ -136,7 +138,7 @@ def test_scale_bars_are_round(span, length):
 
 
 @pytest.mark.parametrize("count", [1, 2, 50, 999, 500_000])
-@pytest.mark.parametrize("spacing_mm", [10.0, 4.6, 2.0, 0.01])
+@pytest.mark.parametrize("spacing_mm", [10.0, 4.6, 2.0, 0.01, 0.0])
 def test_numbers_are_few_and_apart_and_name_both_ends(count, spacing_mm):
     found = numbered([(0, 0), (1, count - 1)] if count > 1 else [(0, 0)], spacing_mm)
     assert found[0] == 0
@@ -144,6 +146,14 @@ def test_numbers_are_few_and_apart_and_name_both_ends(count, spacing_mm):
     assert found == sorted(set(found))
     if spacing_mm < 4.6:
         assert len(found) <= 22
+
+
+@pytest.mark.parametrize(
+    "changed", [{"samples": 1, "baseline": 2.0}, {"vhat": 0}, {"samples": 2, "baseline": 1.0}]
+)
+def test_the_smallest_plans_have_figures(changed):
+    for kind, of in (("visibility", visibility_of), ("tradeoff", tradeoff_of), ("grid", grid_of)):
+        assert rendered(KINDS[kind], of(planned(max_samples=9, **changed)), "svg")
 
 
 # The words
@@ -269,7 +279,7 @@ def test_a_png_and_a_pdf_say_what_they_show(tmp_path):
     assert b"CreationDate" not in pdf
 
 
-@pytest.mark.parametrize("look", [Look(), Look(DARK), Look(width_mm=80.0, dpi=100.0)])
+@pytest.mark.parametrize("look", [Look(), Look(DARK), Look(width_mm=150.0, dpi=100.0)])
 def test_a_png_has_its_background_and_its_width(look, tmp_path):
     path = tmp_path / "x.png"
     path.write_bytes(rendered(KINDS["baseline-curve"], shown("baseline-curve"), "png", look))
@@ -342,6 +352,7 @@ plot grid --altitude 40 --out - | figure '-' ends in none of .png, .svg, .pdf |
 plot grid --altitude 40 --out nowhere/grid.svg | there is no folder 'nowhere' | make it first
 plot grid --altitude 40 --dpi 1e9 | --dpi 1e+09 is not from 50 to 1200 |
 plot grid --altitude 40 --width-mm -3 | --width-mm |
+plot grid --altitude 40 --width-mm 90 | --width-mm 90 is not from 140 to 1000 |
 plot grid --altitude 40 --width-mm 1000 --dpi 1200 | million pixels | .svg or .pdf
 plot grid | altitude |
 plot density | no scene is given | preset

@@ -162,7 +162,7 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
 # What is read
 
 
-@pytest.mark.parametrize("look", [Look(), Look(DARK, width_mm=110.0)], ids=["wide", "narrow"])
+@pytest.mark.parametrize("look", [Look(), Look(DARK, width_mm=140.0)], ids=["wide", "narrow"])
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_words_are_cut(figure_of, name, look):
     figure = figure_of(name, look)

@@ -87,7 +87,7 @@ def test_a_map_says_what_cannot_be_met_and_what_is_missing(tmp_path):
         figure = drawn(KINDS["sweep"], found, Look())
     words = {text.get_text() for text in figure.legends[0].get_texts()}
     assert words == {"none can be met", "some cannot be met", "no scenario"}
-    assert "1 cells where none can be met" in found.description()
+    assert "cells where none can be met: 1" in found.description()
 
 
 def test_many_rows_become_few_points(tmp_path):

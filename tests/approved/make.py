@@ -29,7 +29,7 @@ from aosplan.resolve import ResolvedScene, scene_of
 
 FOLDER = Path(__file__).parent
 VERSION = FOLDER / "VERSION"
-SMALL = Look(width_mm=130.0, dpi=72.0)
+SMALL = Look(width_mm=140.0, dpi=72.0)
 CELLS = ((Cell(2, 2, 31.5), Cell(3, 2, 40.25)), (Cell(1, 1, 120.0), Cell(1, 0, None)))
 
 

@@ -60,7 +60,7 @@ KINDS = {
         Kind("density", "what stands at each height", "scene", "density", 0.62),
         Kind("baseline-curve", "share of occluders at d̂ >= 1 by b/h", "scene", "curve", 0.62),
         Kind(
-            "correlogram", "how alike views are by lag and direction", "scene", "correlogram", 0.5
+            "correlogram", "how alike views are by lag and direction", "scene", "correlogram", 0.56
         ),
         Kind("sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66),
     )

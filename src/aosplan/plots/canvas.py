@@ -21,7 +21,9 @@ EXTRA = "figures"
 
 FORMATS = (".png", ".svg", ".pdf")
 
-WIDTHS_MM = (60.0, 1000.0)
+WIDTHS_MM = (140.0, 1000.0)
+"""In less than that there is no room beside the words; a figure can be placed smaller than it is."""
+
 DPIS = (50.0, 1200.0)
 MOST_PIXELS = 100_000_000
 
@@ -49,7 +51,7 @@ class Look(NamedTuple):
         ):
             if not least <= value <= most:
                 raise RequestError(f"{name} {value:g} is not from {least:g} to {most:g}")
-        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2
+        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # the highest figure is a square
         if pixels > MOST_PIXELS:
             raise RequestError(
                 f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} is a picture of more than "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.plots.style import LINES, MARKERS, entitle, logarithmic
+from aosplan.plots.style import LINES, MARKERS, entitle, legend_below, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,8 +122,8 @@ def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
                 shown.reach, color=theme.muted, ls="-.", lw=1.0, label="reach of the plot"
             )
         panel.set_xscale("log")
-        logarithmic(panel.xaxis)
-    left.legend(loc="upper right")
+        logarithmic(panel.xaxis, (1.0, 3.0))
+    legend_below(figure, left.get_legend_handles_labels()[0])
     step = 180.0 / count
     image = right.pcolormesh(
         shown.lags,

@@ -73,7 +73,7 @@ class Grid(NamedTuple):
     def title(self) -> str:
         """What it is, in one line."""
         over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
-        return f"{self.photos} photos{over} for {self.scene}"
+        return f"{self.photos} photo{'s' if self.photos > 1 else ''}{over} for {self.scene}"
 
     @property
     def extent_m(self) -> tuple[float, float]:
@@ -207,7 +207,8 @@ def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]
     if count > MOST_NUMBERED:
         return sorted(ends if len(ends) <= MOST_NUMBERS else {0, count - 1})
     steps = (step * 10**power for power in range(4) for step in STEPS)
-    step = next(s for s in steps if count / s <= MOST_NUMBERS and s * spacing_mm >= NUMBERED_MM)
+    apart = (step for step in steps if step * spacing_mm >= NUMBERED_MM)
+    step = next((step for step in apart if count / step <= MOST_NUMBERS), count)
     return sorted({0, *range(0, count - step // 2, step), count - 1})
 
 
@@ -230,8 +231,8 @@ def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     _scale_bar(panel, nice_length_m(span), (low[0], low[1] - 0.06 * span), theme)
     panel.annotate(
         "N",
-        xy=(0.965, 0.99),
-        xytext=(0.965, 0.90),
+        xy=(0.965, 0.105),
+        xytext=(0.965, 0.02),
         xycoords="axes fraction",
         ha="center",
         va="center",
@@ -268,7 +269,9 @@ def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], d
 
 def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
     """The path of each flight, and its waypoints as far as there is room for them."""
-    blue = theme.data[0]
+    from matplotlib.patheffects import withStroke
+
+    blue, halo = theme.data[0], [withStroke(linewidth=2.0, foreground=theme.background)]
     each = spacing_mm >= NUMBERED_MM
     for first, last in shown.flights:
         places = slice(first, last + 1)
@@ -316,6 +319,7 @@ def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
             textcoords="offset points",
             color=theme.data[1] if end else theme.text,
             weight="bold" if end else "normal",
+            path_effects=[] if each else halo,
         )
 
 
@@ -341,8 +345,9 @@ def _window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
         ]
         for pick in (min, max)
     )
-    margin = 0.04 * max(high[0] - low[0], high[1] - low[1])
-    return (low[0] - margin, low[1] - margin), (high[0] + margin, high[1] + margin)
+    sides = [top - bottom for bottom, top in zip(low, high, strict=True)]
+    more = [0.04 * max(sides) + 0.5 * max(NARROWEST * max(sides) - side, 0.0) for side in sides]
+    return (low[0] - more[0], low[1] - more[1]), (high[0] + more[0], high[1] + more[1])
 
 
 def _patch(polygon: Polygon, **look: Any) -> PathPatch:

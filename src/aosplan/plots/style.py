@@ -128,11 +128,11 @@ def entitle(figure: Figure, title: str) -> None:
     figure.suptitle(plain(title, TITLE), x=0.01, ha="left", size=9.5, wrap=True)
 
 
-def logarithmic(axis: Axis) -> None:
-    """Label a logarithmic axis at 1, 2 and 5, in plain numbers."""
+def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
+    """Label a logarithmic axis at these steps of each decade, in plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_locator(LogLocator(subs=steps))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 

@@ -40,6 +40,9 @@ MORE_IS_BETTER = (
 BINS = (200, 150)
 """Cells of a scatter along x and y: what lies in one is one point."""
 
+FEW = 500
+"""Points that may be large."""
+
 MOST_VALUES = 400
 """Different values along a side of a map."""
 
@@ -127,7 +130,7 @@ class Map(NamedTuple):
                 for name, (value, x, y) in (("least", low), ("most", high))
             )
         empty = sum(cell is not None and cell.met == 0 for row in self.cells for cell in row)
-        return f"{text}; {empty} cells where none can be met."
+        return f"{text}; cells where none can be met: {empty}."
 
     def document(self) -> dict[str, Any]:
         """The numbers as plain values."""
@@ -340,7 +343,7 @@ def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
     panel.plot(
         *zip(*shown.points, strict=True),
         "o",
-        ms=3.0,
+        ms=3.0 if len(shown.points) > FEW else 4.5,
         mew=0.0,
         color=theme.data[2],
         alpha=0.55,

@@ -23,6 +23,7 @@ class Point(NamedTuple):
     time_s: float
     normalized: float
     expected: float
+    contrast: float
     meets: bool
     front: bool
     chosen: bool
@@ -34,6 +35,7 @@ class Tradeoff(NamedTuple):
     scene: str
     altitude_m: float
     target: str
+    objective: str
     points: tuple[Point, ...]
 
     @property
@@ -80,6 +82,7 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
         scene=plan.scene.title or plan.scene.name,
         altitude_m=plan.altitude_m,
         target=str(plan.problem.requirement),
+        objective=plan.problem.objective,
         points=tuple(
             Point(
                 row.problem.grid.title,
@@ -89,6 +92,7 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
                 row.time_s,
                 row.prediction.normalized,
                 row.prediction.expected,
+                row.prediction.contrast,
                 row.meets,
                 row.front,
                 row.chosen,
@@ -102,8 +106,12 @@ PANELS = (
     ("samples", "baseline_m", "baseline $b$ [m]"),
     ("samples", "extent_m", "extent, longer side [m]"),
     ("samples", "time_s", "flight time [s]"),
-    ("extent_m", "time_s", "flight time [s]"),
 )
+LAST = {
+    "visibility": ("samples", "expected", "visibility $V$"),
+    "contrast": ("samples", "contrast", "contrast"),
+}
+"""The last panel, for the objectives that are maximised; else time against extent."""
 
 
 def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
@@ -111,7 +119,9 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
     axes = figure.subplots(2, 2)
     looks = _looks(shown, theme)
     (own,) = (p for p in shown.points if p.chosen)
-    for panel, (x, y, label) in zip(axes.flat, PANELS, strict=True):
+    last = LAST.get(shown.objective, ("extent_m", "time_s", "flight time [s]"))
+    several = [p for p in shown.points if p.samples > 1] or shown.points  # one has no baseline
+    for panel, (x, y, label) in zip(axes.flat, (*PANELS, last), strict=True):
         for grid, look in looks.items():
             rows = [p for p in shown.points if p.grid == grid]
             for kept, more in (
@@ -126,8 +136,8 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
         )
         panel.set_ylabel(label)
         panel.set_xlabel("number of samples $N$" if x == "samples" else "extent, longer side [m]")
-        panel.set_ylim(bottom=0.0)
-        panel.set_xlim(left=0.0)
+        panel.set_xlim(0.0, 1.04 * max(getattr(p, x) for p in several) or 1.0)
+        panel.set_ylim(0.0, 1.08 * max(getattr(p, y) for p in several) or 1.0)
     legend_below(figure, _legend(looks, shown, theme))
     entitle(figure, shown.title)
 

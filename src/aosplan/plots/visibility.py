@@ -235,11 +235,11 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
             if shown.independent_m <= panel.get_xlim()[1]:
                 panel.axvline(shown.independent_m, color=theme.muted, ls="-.", lw=0.9, zorder=1)
     for panel in axes[0]:
-        panel.legend(loc="lower right")
+        panel.legend(loc="best")
         panel.set_ylim(-0.03, 1.06)
     heights = [v for curve in (*shown.by_samples, *shown.by_baseline) for v in curve.expected]
     low, high = min(shown.minimum, *heights), max(shown.maximum, *heights)
-    room = 0.12 * max(high - low, 1e-6)
+    room = 0.12 * (high - low) or 1e-12
     axes[1][0].set_ylim(low - room, high + 1.5 * room)
     symbol = r"$\hat{V}$" if shown.target_quantity == "normalized" else "$V$"
     axes[0][0].annotate(

@@ -1,0 +1,20 @@
+"""The README's two pictures, by one command:  python examples/readme/run.py
+
+`beneath.png` is one photo beside the integral of a plan's photos; `agreement.png` holds the models
+against simulations.  Everything is drawn from seeds.  Needs the extras `figures` and `pictures`.
+"""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+
+def main():
+    sys.path.insert(0, str(Path(__file__).parent))
+    for name in ("beneath", "agreement"):
+        print(f"{name}.png", flush=True)
+        import_module(name).main()
+
+
+if __name__ == "__main__":
+    main()
