@@ -228,12 +228,15 @@ def test_the_wheel_zooms_about_the_pointer(pages, opened):
         map_ = page.locator("#map")
         widest = map_.get_attribute("data-scale")
         before, place = scale(page), pixel(page, 12)
+        pointer = [int(place[0]) - 9, int(place[1]) - 6]
         page.wait_for_timeout(250)  # a page that has just been scrolled goes on
-        page.mouse.move(*place)
+        page.mouse.move(*pointer)
         page.mouse.wheel(0, -240)
         playwright.expect(map_).not_to_have_attribute("data-scale", widest)
-        assert scale(page) > before
-        assert pixel(page, 12) == pytest.approx(place, abs=0.5)
+        grown = scale(page) / before
+        assert grown > 1.5
+        wanted = [at + grown * (was - at) for was, at in zip(place, pointer, strict=True)]
+        assert pixel(page, 12) == pytest.approx(wanted, abs=0.05)
         page.mouse.wheel(0, 5000)
         playwright.expect(map_).to_have_attribute("data-scale", widest)
 
