@@ -407,6 +407,22 @@ def test_it_prints_on_a4_in_light_colours(pages, opened):
         assert page.locator("#theme").is_hidden()
 
 
+def test_paper_gets_the_whole_map_in_light_colours_and_the_screen_its_own_back(pages, opened):
+    _, path = pages("default")
+    with opened(path, color_scheme="dark") as page:
+        widest = scale(page)
+        page.get_by_role("button", name="Zoom in").click()
+        zoomed, dark = scale(page), colour(page, 12)
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        assert scale(page) == pytest.approx(widest)
+        light = [int(part) for part in re.findall(r"\d+", page.evaluate("inks().blue"))]
+        assert colour(page, 12) == light != dark
+        page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        settled(page)
+        assert scale(page) == pytest.approx(zoomed)
+        assert colour(page, 12) == dark
+
+
 @pytest.mark.parametrize("settings", [DESK, PHONE], ids=["desk", "phone"])
 def test_a_hostile_name_is_text_and_breaks_no_layout(pages, opened, tmp_path, settings):
     scene = {"name": HOSTILE, "title": HOSTILE, "density": 0.01, "occluder_size_m": 0.2}
