@@ -26,8 +26,11 @@ class Tick(NamedTuple):
     text: str
 
 
-FEW = 12
-"""Points of a measured stand's curve, where each is a count over all of its voxels."""
+FEW, COUNTED = 12, 2000
+"""Points of a measured stand's curve, where each photo of each is a count over all voxels.
+
+They are fewer, down to half, where their photos together would be more than the second.
+"""
 
 MANY = 10_000
 """Photos of a plan whose curve goes on to twice as many."""
@@ -92,7 +95,8 @@ def charts_of(plan: Plan) -> list[Chart]:
     samples, baseline = solution.pattern.samples, solution.baseline_m
     bounds = baseline_bounds(problem, solution.pattern)
     # Of each only the first, the plan's own, is asked for.
-    points = POINTS if problem.model.rises_with_baseline else FEW
+    rising = problem.model.rises_with_baseline
+    points = POINTS if rising else min(max(COUNTED // samples, FEW // 2), FEW)
     many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
     near = [1.2 * bound.value for bound in bounds if bound.value < 3.0 * baseline]
     widest = max([1.5 * baseline, *near])

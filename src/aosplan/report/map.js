@@ -384,10 +384,14 @@ new ResizeObserver(resized).observe(canvas);
 
 // Paper: light, whole and sharp
 
+let before = null;
 function printing(on) {
+  if (on) before = { x: view.x, y: view.y, scale: view.scale };
   state.printing = on;
   resized();
-  if (on) { fit(); paint(); }
+  if (on) fit();
+  else if (before.scale > view.least) { Object.assign(view, before); moved(); }
+  paint();
 }
 window.addEventListener("beforeprint", () => printing(true));
 window.addEventListener("afterprint", () => printing(false));

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from aosplan.occlusion import ViewKind
     from aosplan.planning import Plan
 
-MOST_VIEWS = 2000
-"""More photos than these take too long for a page: a second or two."""
+MOST_VIEWS = 500
+"""More photos than these take longer than the few seconds that a page is worth."""
 
 
 class Views(NamedTuple):

@@ -65,7 +65,7 @@ function described(index) {
     `Waypoint ${index} of ${count}${photo(index) ? "" : ", a turn without a photo"}`,
     `east ${metres(it.east_m)}, north ${metres(it.north_m)}`,
     `${metres(it.altitude_m, 1)} above ground` +
-      (it.ground_m === undefined ? "" : ` at ${metres(it.ground_m, 1)}`),
+      (it.ground_m === undefined ? "" : `, which is at ${metres(it.ground_m, 1)}`),
   ];
   if (it.latitude !== undefined) lines.push(`${it.latitude.toFixed(7)}, ${it.longitude.toFixed(7)}`);
   if (scenery.flights.length > 1) lines.push(`flight ${flightOf(index) + 1}`);

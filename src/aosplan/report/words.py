@@ -34,18 +34,18 @@ def duration(seconds: float) -> str:
     hours, minutes = divmod(minutes, 60)
     parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
     first = next((place for place, part in enumerate(parts) if part[0]), 2)
-    return " ".join(f"{value}\u00a0{unit}" for value, unit in parts[first:])
+    return " ".join(f"{value} {unit}" for value, unit in parts[first:])
 
 
 KINDS: dict[str, Callable[[Any], str]] = {
-    "m": lambda value: f"{_length(value)}\u00a0m",
-    "b": lambda value: f"{value:.2f}\u00a0m",
-    "cm": lambda value: f"{100.0 * value:.3g}\u00a0cm",
-    "ha": lambda value: f"{value / 1e4:,.4g}\u00a0ha",
-    "m/s": lambda value: f"{value:.3g}\u00a0m/s",
+    "m": lambda value: f"{_length(value)} m",
+    "b": lambda value: f"{value:.2f} m",
+    "cm": lambda value: f"{100.0 * value:.3g} cm",
+    "ha": lambda value: f"{value / 1e4:,.4g} ha",
+    "m/s": lambda value: f"{value:.3g} m/s",
     "deg": lambda value: f"{value:.4g}°",
-    "px": lambda value: f"{value:.3g}\u00a0px",
-    "%": lambda value: f"{percent(value)}\u00a0%",
+    "px": lambda value: f"{value:.3g} px",
+    "%": lambda value: f"{percent(value)} %",
     "time": duration,
     "count": lambda value: f"{value:,}",
     "plain": lambda value: f"{value:.4g}",
