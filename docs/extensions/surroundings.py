@@ -29,7 +29,8 @@ def warnings():
     said = dict(ELSEWHERE)
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
-            said.setdefault(code, text)
+            if text:
+                said.setdefault(code, text)
     rows = ["| code | says |", "|---|---|"]
     rows += [f"| `{code}` | {said[code]} |" for code in sorted(said)]
     return "\n".join(rows)
