@@ -1,7 +1,9 @@
 """The documentation: its examples print what it shows, and it leaves nothing out."""
 
+import ast
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,10 @@ from aosplan.export import formats
 from aosplan.meanings import MEANINGS
 
 DOCS = Path(__file__).parents[1] / "docs"
+SOURCE = DOCS.parent / "src" / "aosplan"
 sys.path.insert(0, str(DOCS))
 
-from extensions import commands, documents, examples, presets  # noqa: E402
+from extensions import commands, documents, examples, presets, surroundings  # noqa: E402
 
 PAGES = examples.pages()
 
@@ -103,9 +106,70 @@ def test_every_picture_says_in_words_what_it_shows():
         text = page.read_text(encoding="utf-8")
         assert not re.search(r"!\[\]\(", text), page
         for block in examples.blocks(text):
-            if block.kind in ("drawn", "figure", "image"):
+            if block.kind in ("drawn", "figure", "image") and not block.argument.endswith(".html"):
                 said = "aosplan plot" in block.body and block.options.get("alt") == "described"
                 assert said or len(block.options.get("alt", "")) > 60, (page, block.argument)
+
+
+def test_every_extra_is_in_the_installation():
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    told = re.findall(r"^\| `(\w+)` \|", text_of("install.md"), re.MULTILINE)
+    assert sorted(told) == sorted(project["project"]["optional-dependencies"])
+
+
+def test_every_environment_variable_is_in_the_reference():
+    text = text_of("reference/errors.md")
+    for path in SOURCE.rglob("*.py"):
+        for name in re.findall(r"\bAOSPLAN_[A-Z]+\b", path.read_text(encoding="utf-8")):
+            assert f"`{name}`" in text, (path, name)
+
+
+def test_every_unit_is_in_the_glossary():
+    told = re.findall(r"`_(\w+)`", text_of("reference/glossary.md"))
+    assert set(told) == set(documents.UNITS)
+
+
+def test_every_symbol_s_name_is_a_name_of_the_program():
+    rows = re.findall(r"^\| \$[^|]*\| ([^|]*) \|", text_of("reference/glossary.md"), re.MULTILINE)
+    assert len(rows) > 12
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in SOURCE.rglob("*.py"))
+    for name in re.findall(r"`([\w.]+)`", " ".join(rows)):
+        assert re.search(rf"\b{name.rpartition('.')[2]}\b", sources), name
+
+
+def test_every_term_that_pages_use_is_in_the_glossary():
+    glossary = re.search(r"```\{glossary\}\n(.*?)```", text_of("reference/glossary.md"), re.DOTALL)[
+        1
+    ]
+    terms = set(re.findall(r"^(\S.*)$", glossary, re.MULTILINE))
+    for page in PAGES:
+        for text in re.findall(r"\{term\}`([^`]*)`", page.read_text(encoding="utf-8")):
+            target = re.search(r"<(.*)>", text)
+            assert (target[1] if target else text) in terms, (page, text)
+
+
+def test_every_warning_is_in_the_reference():
+    told = dict(re.findall(r"^\| `(\w+)` \| (.*) \|$", surroundings.warnings(), re.MULTILINE))
+    codes = {"small_plot", "sparse_cloud", "target_missed"}
+    for path in SOURCE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Message":
+                codes |= {each.value for each in node.args[:1] if isinstance(each, ast.Constant)}
+    assert len(codes) > 20
+    assert codes <= set(told)
+    assert min(map(len, told.values())) > 20
+
+
+def test_every_format_has_its_how_to():
+    titles = re.findall(r"^## .*$", text_of("howto/ground-stations.md"), re.MULTILINE)
+    assert set(re.findall(r"`(\w+)`", " ".join(titles))) == set(formats())
+
+
+def test_every_page_is_in_a_table_of_contents():
+    listed = re.findall(r"^(?!:)([\w/-]+)$", text_of("index.md"), re.MULTILINE)
+    assert {f"{name}.md" for name in listed} | {"index.md"} == {
+        str(page.relative_to(DOCS)) for page in PAGES
+    }
 
 
 # The machinery itself.

@@ -45,7 +45,7 @@ def fields(schema):
     required = schema.get("required", ())
     rows = ["| name | kind | meaning |", "|---|---|---|"]
     for name, about in schema["properties"].items():
-        facts = [_kind(about, name)]
+        facts = [_kind(about, name).removesuffix(" or null" if name not in required else "")]
         if name not in required:
             default = about.get("default")
             facts.append("optional" if default in (None, "") else f"default `{default}`")
@@ -98,4 +98,5 @@ def _anchor(name):
 
 
 def _cell(text):
-    return text.replace("|", "\\|")
+    """Text of a cell; the default that an option's help has in brackets, in words."""
+    return re.sub(r"\s*\[([^\[\]]+)\]$", r" Default: \1.", text).replace("|", "\\|")

@@ -10,7 +10,7 @@
 The blocks of the page run from top to bottom when its first picture is needed, so that a
 picture may take what earlier blocks wrote; nothing drawn is kept in the repository.  With
 ``:alt: described`` the words are those that the command prints, as `aosplan plot` does, and the
-figure is drawn a second time for dark pages.
+figure is drawn a second time for dark pages.  Of a ``.html`` that is written there is a link.
 """
 
 import os
@@ -18,6 +18,7 @@ from pathlib import Path
 
 from docutils import nodes
 from docutils.parsers.rst import directives
+from sphinx import addnodes
 from sphinx.util.docutils import SphinxDirective
 
 from .examples import Failed, command_lines, follow, inside, run_line
@@ -34,20 +35,22 @@ class Drawn(SphinxDirective):
     }
 
     def run(self):
-        if "alt" not in self.options or "caption" not in self.options:
-            raise self.error("a drawn picture needs :alt: and :caption:")
         name = self.arguments[0]
+        if "caption" not in self.options or ("alt" not in self.options and not is_page(name)):
+            raise self.error("a drawn picture needs :alt: and :caption:")
         try:
             folder, printed = self._followed()
             if name not in printed or not (folder / name).is_file():
                 raise self.error(f"no block of this page writes '{name}'")
+            command = "\n".join(self.content).strip()
+            shown = nodes.literal_block(command, command, language="sh")
+            if is_page(name):
+                return [shown, self._link(folder / name)]
             images = list(self._images(folder, name, printed[name]))
         except Failed as failed:
             raise self.error(f"an example of this page: {failed}") from failed
         texts, messages = self.parse_inline(self.options["caption"])
         figure = nodes.figure("", *images, nodes.caption("", "", *texts))
-        command = "\n".join(self.content).strip()
-        shown = nodes.literal_block(command, command, language="sh")
         return [shown, figure, *messages]
 
     def _followed(self):
@@ -80,8 +83,21 @@ class Drawn(SphinxDirective):
         yield self._image(folder / f"dark-{name}", words, "only-dark")
 
     def _image(self, picture, words, *classes):
-        page = Path(self.env.doc2path(self.env.docname)).parent
-        return nodes.image(uri=os.path.relpath(picture, page), alt=words, classes=[*classes])
+        return nodes.image(uri=self._from_here(picture), alt=words, classes=[*classes])
+
+    def _link(self, page):
+        """A link to a page that was written."""
+        words = self.options["caption"]
+        link = addnodes.download_reference("", words, reftarget=self._from_here(page))
+        return nodes.paragraph("", "", link)
+
+    def _from_here(self, path):
+        return os.path.relpath(path, Path(self.env.doc2path(self.env.docname)).parent)
+
+
+def is_page(name):
+    """Whether what is made is a page to link to, not a picture to show."""
+    return name.endswith(".html")
 
 
 def _empty(folder):

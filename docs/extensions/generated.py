@@ -19,6 +19,7 @@ TEXTS = {
     "drones": presets.drones,
     "scenes": presets.scenes,
     "formats": presets.formats,
+    "sources": presets.sources,
     "payloads": presets.payloads,
     "results": results.results,
     "stress": results.stress,

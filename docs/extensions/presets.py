@@ -15,6 +15,8 @@ INTRINSICS = (
     "image_height_px",
 )
 
+PRESETS = {"cameras": CAMERAS, "drones": DRONES, "scenes": SCENES}
+
 
 def table(header, rows):
     """A table of text."""
@@ -22,17 +24,17 @@ def table(header, rows):
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
 
 
-def sources(presets):
-    """Where each preset's numbers come from, and what is assumed."""
+def sources(kind):
+    """Where the numbers of each preset of a kind come from, and what is assumed."""
     lines = []
-    for name, preset in presets.items():
+    for name, preset in PRESETS[kind].items():
         assumed = f" Assumed: {_text(preset.assumed)}." if preset.assumed else ""
         lines.append(f"`{name}`\n: {_text(preset.source)}.{assumed}\n")
     return "\n".join(lines)
 
 
 def cameras():
-    """The built-in cameras, and their sources."""
+    """The built-in cameras."""
     rows = []
     for name, preset in CAMERAS.items():
         camera = Camera(name, *(getattr(preset, part) for part in INTRINSICS))
@@ -49,11 +51,11 @@ def cameras():
             )
         )
     header = ("name", "camera", "band", "focal length [mm]", "sensor [mm]", "image [px]", "view [°]")  # fmt: skip
-    return f"{table(header, rows)}\n\n### Sources of the cameras\n\n{sources(CAMERAS)}"
+    return table(header, rows)
 
 
 def drones():
-    """The built-in drones, and their sources."""
+    """The built-in drones."""
     header = ("name", "drone", "cruise [m/s]", "acceleration [m/s²]", "climb [m/s]", "airspeed [m/s]", "endurance [min]", "waypoints", "camera")  # fmt: skip
     rows = [
         (
@@ -69,11 +71,11 @@ def drones():
         )
         for name, each in DRONES.items()
     ]
-    return f"{table(header, rows)}\n\n### Sources of the drones\n\n{sources(DRONES)}"
+    return table(header, rows)
 
 
 def scenes():
-    """The built-in scenes, and their sources."""
+    """The built-in scenes."""
     header = ("name", "stand", "p", "occluder [m]", "volume [m]", "slice density")
     rows = []
     for name, each in SCENES.items():
@@ -88,7 +90,7 @@ def scenes():
                 f"{_slice_density(each):.2%}",
             )
         )
-    return f"{table(header, rows)}\n\n### Sources of the scenes\n\n{sources(SCENES)}"
+    return table(header, rows)
 
 
 def _slice_density(each):

@@ -9,6 +9,9 @@ from aosplan import errors
 
 SOURCE = Path(aosplan.__file__).parent
 
+ELSEWHERE = {"heading": "at another heading this grid would show more"}
+"""What warnings say whose text is made in another place than they are."""
+
 
 def statuses():
     """The errors that aosplan raises, and the exit status of each."""
@@ -23,10 +26,11 @@ def statuses():
 
 def warnings():
     """Every warning by its code, and what it says, an ellipsis for what it fills in."""
-    said = {}
+    said = dict(ELSEWHERE)
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
-            said.setdefault(code, text)
+            if text:
+                said.setdefault(code, text)
     rows = ["| code | says |", "|---|---|"]
     rows += [f"| `{code}` | {said[code]} |" for code in sorted(said)]
     return "\n".join(rows)

@@ -186,6 +186,9 @@ MEANINGS = {
     "meets": "Whether it meets the target.",
     "front": "Whether no other row is better.",
     "chosen": "Whether it is the plan's own.",
+    # Figures
+    "description": "The figure in words.",
+    "data": "The numbers in it.",
     # Simulations
     "predicted": "The model's answer to the question that the simulation asks.",
     "simulated": "What was seen.",

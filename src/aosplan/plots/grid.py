@@ -186,7 +186,7 @@ def _polygons(shape: Any) -> tuple[Polygon, ...]:
             for ring in (part.exterior, *part.interiors)
         )
         for part in shapely.get_parts(shape)
-        if part.geom_type == "Polygon"
+        if part.geom_type == "Polygon" and not part.is_empty
     )
 
 
