@@ -271,7 +271,6 @@ MEANINGS = {
     "fixed": "Inputs with one value.",
     "verification": "A sample of the rows beside their simulations.",
     "row": "Place among the scenarios, from 1.",
-    "ScenarioDocument.request": "What plan takes to solve it again.",
     "ExtremeDocument.request": "What plan takes to solve it again.",
     "FirstDocument.request": "What plan takes to solve it again.",
     "CheckedRowDocument.request": "What plan takes to solve it again.",

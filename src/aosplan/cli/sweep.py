@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperOption
 
-from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
+from aosplan.cli.options import (
+    command,
+    defaults_option,
+    file_argument,
+    flag_option,
+    json_option,
+    text_option,
+)
 from aosplan.cli.outcome import drawn_of, gather_of, tell
+from aosplan.defaults import find_defaults, read_defaults
 from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.quantities import whole
@@ -45,6 +53,7 @@ def run(
     plot_y: str | None,
     plot_value: str | None,
     as_json: bool,
+    defaults: str | None,
 ) -> None:
     """Solve every scenario of a file; write a row for each, or say what came out."""
     from aosplan.sweep.frame import chosen_results
@@ -70,6 +79,11 @@ def run(
     if per and best is None:
         raise RequestError("--per without --best", "--best COLUMN says which row is the best")
     scenarios = read_scenarios(file)
+    own = find_defaults(defaults)
+    if own is not None:
+        from aosplan.sweep.defaults import with_defaults
+
+        scenarios = with_defaults(scenarios, read_defaults(own), own)
     if scenarios.rows > MOST_SCENARIOS and not yes:
         raise RequestError(
             f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
@@ -278,6 +292,7 @@ COMMAND = command(
             "Standard error of V and V̂ in each simulation.  [0.005]",
             "Simulation",
         ),
+        defaults_option(),
         text_option("--workers", "N", "Processes.  [1]"),
         text_option(
             "--scheduler",
