@@ -3,7 +3,8 @@
 A TOML file of options as a request file has them.  It is ``aosplan/defaults.toml`` in the folder
 for settings (``$XDG_CONFIG_HOME`` or ``~/.config``; ``%APPDATA%`` on Windows), or what
 ``AOSPLAN_DEFAULTS`` or ``--defaults`` name; ``none`` is no file at all.  A request file and flags
-override it; an earlier result is complete and takes nothing from it.
+override it, and so does each scenario of a sweep; an earlier result is complete and takes nothing
+from it.
 """
 
 from __future__ import annotations

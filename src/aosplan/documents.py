@@ -32,6 +32,7 @@ from aosplan.results_schema import (
 )
 from aosplan.scene_schema import SceneDocument
 from aosplan.summary import SCHEMA
+from aosplan.sweep_schema import SweepDocument
 
 
 class CameraDocument(Document):
@@ -84,6 +85,7 @@ DOCUMENTS: dict[str, type[BaseModel]] = {
     "thinning": ThinningDocument,
     "tradeoff": TradeoffDocument,
     "figure": FigureDocument,
+    "sweep": SweepDocument,
 }
 
 

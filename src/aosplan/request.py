@@ -393,7 +393,7 @@ def request_from(
     flags = {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
     asked = _beneath(given, flags) | flags
     if own:
-        asked = _own(own, asked, defaults_where) | asked
+        asked = own_beneath(own, asked, defaults_where) | asked
     return PlanRequest(**asked)
 
 
@@ -434,7 +434,7 @@ def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in lower.items() if name not in dropped}
 
 
-def _own(defaults: dict[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
+def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
     """The user's own defaults that what is asked for leaves room for.
 
     Raises

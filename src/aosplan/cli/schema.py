@@ -29,7 +29,7 @@ COMMAND = command(
             type=str,
             required=False,
             metavar="DOCUMENT",
-            help="plan, request, scene, camera, statistics, visibility, poses or integral.",
+            help="plan, request, scene, camera, statistics, visibility, poses, integral, sweep, …",
         )
     ],
 )

@@ -77,17 +77,22 @@ def _settings(
     from aosplan.simulate.compare import FORESTS, Settings
 
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
-    if seed is not None:
-        given["seed"] = _seed(seed)
-    if precision is not None:
-        given["precision"] = q.positive(precision, "--precision")
-        if given["precision"] > 1.0:
-            raise RequestError(f"--precision {precision} is not a standard error of at most 1")
     if forest is not None:
         given["forest"] = q.one_of(FORESTS)(forest, "--forest")
     if max_targets is not None:
         given["most_targets"] = q.whole(max_targets, "--max-targets")
-    return Settings(**given)
+    return read_settings(Settings(**given), seed, precision)
+
+
+def read_settings(settings: Settings, seed: str | None, precision: str | None) -> Settings:
+    """Settings with what ``--seed`` and ``--precision`` say."""
+    if seed is not None:
+        settings = settings._replace(seed=_seed(seed))
+    if precision is not None:
+        settings = settings._replace(precision=q.positive(precision, "--precision"))
+        if settings.precision > 1.0:
+            raise RequestError(f"--precision {precision} is not a standard error of at most 1")
+    return settings
 
 
 def _seed(value: str) -> int:

@@ -5,12 +5,21 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperOption
 
-from aosplan.cli.options import command, file_argument, flag_option, text_option
+from aosplan.cli.options import (
+    command,
+    defaults_option,
+    file_argument,
+    flag_option,
+    json_option,
+    text_option,
+)
+from aosplan.cli.outcome import drawn_of, gather_of, tell
 from aosplan.cli.output import drawn
+from aosplan.defaults import find_defaults, read_defaults
 from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.quantities import whole
@@ -30,6 +39,10 @@ def run(
     where: str | None,
     best: str | None,
     per: list[str] | None,
+    summary: bool,
+    simulate: str | None,
+    seed: str | None,
+    precision: str | None,
     workers: str | None,
     scheduler: str | None,
     resume: bool,
@@ -40,16 +53,84 @@ def run(
     plot_x: str | None,
     plot_y: str | None,
     plot_value: str | None,
+    as_json: bool,
+    defaults: str | None,
 ) -> None:
-    """Solve every scenario of a file and write a row for each."""
+    """Solve every scenario of a file; write a row for each, or say what came out."""
     from aosplan.sweep.frame import chosen_results
-    from aosplan.sweep.partitions import check_folder, is_folder
-    from aosplan.sweep.run import SUFFIXES, Sweep, check
+    from aosplan.sweep.run import Sweep, check, gather
     from aosplan.sweep.run import run as run_sweep
     from aosplan.sweep.scenarios import read_scenarios
 
-    if out is None:
-        raise RequestError("no output is given", f"give --out results{SUFFIXES[0]}")
+    sampled = drawn_of(simulate, seed, precision)
+    told = summary or sampled is not None
+    if as_json and not told:
+        raise RequestError("--json without --summary or --simulate", "give one of them too")
+    if out is not None:
+        _check_out(out, best, resume=resume, force=force)
+    elif not told or plot is not None or scheduler is not None:
+        need = "" if not told else " for --plot" if plot is not None else " for --scheduler"
+        raise RequestError(
+            f"no output is given{need}", f"give --out results.csv{'' if told else ', or --summary'}"
+        )
+    if scheduler is not None and workers is not None:
+        raise RequestError(
+            "--scheduler and --workers both say who solves", "a cluster has its own workers"
+        )
+    if per and best is None:
+        raise RequestError("--per without --best", "--best COLUMN says which row is the best")
+    scenarios = read_scenarios(file)
+    own = find_defaults(defaults)
+    if own is not None:
+        from aosplan.sweep.defaults import with_defaults
+
+        scenarios = with_defaults(scenarios, read_defaults(own), own)
+    if scenarios.rows > MOST_SCENARIOS and not yes:
+        raise RequestError(
+            f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
+            "leave values out, or give --yes; --where and --best keep the result small",
+        )
+    sweep = Sweep(
+        scenarios,
+        chosen_results(columns),
+        os.path.dirname(os.path.abspath(file)),
+        where,
+        best,
+        tuple(name for text in per or [] for name in text.split(",")),
+        gather_of(scenarios, best, sampled) if told else None,
+    )
+    check(sweep)
+    if plot is not None:
+        _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
+    elif any((plot_x, plot_y, plot_value)):
+        raise RequestError("--plot-x, --plot-y and --plot-value go with --plot")
+    conduct: dict[str, Any] = {
+        "resume": resume,
+        "force": force,
+        "workers": 1 if workers is None else whole(workers, "--workers"),
+    }
+    with _bar(scenarios.rows, quiet=quiet) as advance, _kept():
+        if out is not None:
+            rows, gathering = run_sweep(
+                sweep, out, **conduct, scheduler=scheduler, progress=advance
+            )
+        else:
+            rows, gathering = 0, gather(sweep, f"{file}.gathered", **conduct, progress=advance)
+    if gathering is not None:
+        tell(sweep, gathering, sampled, summary=summary, quiet=quiet, as_json=as_json)
+    if out is not None:
+        quiet = quiet or as_json
+        if not quiet:
+            print(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios")
+        if plot is not None:
+            _draw(plot, out, plot_x, plot_y, plot_value, force=force, quiet=quiet)
+
+
+def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None:
+    """Refuse a result that could not be written."""
+    from aosplan.sweep.partitions import check_folder, is_folder
+    from aosplan.sweep.run import SUFFIXES
+
     if is_folder(out):
         check_folder(out, resume=resume, force=force)
         if best is not None:
@@ -64,49 +145,16 @@ def run(
         )
     else:
         check_output(out, force=force)
-    if scheduler is not None and workers is not None:
-        raise RequestError(
-            "--scheduler and --workers both say who solves", "a cluster has its own workers"
-        )
-    if per and best is None:
-        raise RequestError("--per without --best", "--best COLUMN says which row is the best")
-    scenarios = read_scenarios(file)
-    if scenarios.rows > MOST_SCENARIOS and not yes:
-        raise RequestError(
-            f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",
-            "leave values out, or give --yes; --where and --best keep the result small",
-        )
-    sweep = Sweep(
-        scenarios,
-        chosen_results(columns),
-        os.path.dirname(os.path.abspath(file)),
-        where,
-        best,
-        tuple(name for text in per or [] for name in text.split(",")),
-    )
-    check(sweep)
-    if plot is not None:
-        _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
-    elif any((plot_x, plot_y, plot_value)):
-        raise RequestError("--plot-x, --plot-y and --plot-value go with --plot")
-    with _bar(scenarios.rows, quiet=quiet) as advance:
-        try:
-            rows = run_sweep(
-                sweep,
-                out,
-                resume=resume,
-                force=force,
-                workers=1 if workers is None else whole(workers, "--workers"),
-                scheduler=scheduler,
-                progress=advance,
-            )
-        except KeyboardInterrupt:
-            print("hint: what is done is kept; --resume goes on with it", file=sys.stderr)
-            raise
-    if not quiet:
-        print(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios")
-    if plot is not None:
-        _draw(plot, out, plot_x, plot_y, plot_value, force=force, quiet=quiet)
+
+
+@contextlib.contextmanager
+def _kept() -> Iterator[None]:
+    """Say where what is done within is interrupted that it is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("hint: what is done is kept; --resume goes on with it", file=sys.stderr)
+        raise
 
 
 def _check_plot(
@@ -191,9 +239,9 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
 COMMAND = command(
     "sweep",
     run,
-    summary="Solve many scenarios and write a row for each.",
+    summary="Solve many scenarios: write a row for each, or say what came out.",
     examples=(
-        "aosplan sweep campaign.toml --out results.parquet\n"
+        "aosplan sweep campaign.toml --summary --simulate 20\n"
         'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
         "    --best -flight_time_s --per altitude\n"
         "aosplan sweep campaign.toml --scheduler head:8786 \\\n"
@@ -227,6 +275,25 @@ COMMAND = command(
             help="With --best: one row for each of their values.",
             rich_help_panel="Output",
         ),
+        flag_option(
+            "--summary", "Say what came out: counts, extremes, shares by input; no --out needed."
+        ),
+        text_option(
+            "--simulate",
+            "N",
+            "Simulate N of the rows that are met, the extremes among them.",
+            "Simulation",
+        ),
+        text_option(
+            "--seed", "N", "Of the rows drawn and of their simulations.  [1]", "Simulation"
+        ),
+        text_option(
+            "--precision",
+            "X",
+            "Standard error of V and V̂ in each simulation.  [0.005]",
+            "Simulation",
+        ),
+        defaults_option(),
         text_option("--workers", "N", "Processes.  [1]"),
         text_option(
             "--scheduler",
@@ -238,6 +305,7 @@ COMMAND = command(
         ),
         flag_option("--yes", f"Begin even more than {MOST_SCENARIOS} scenarios.", "Options"),
         flag_option("--force", "Overwrite an existing file, drop an interrupted sweep."),
-        flag_option("--quiet", "No bar, no message."),
+        flag_option("--quiet", "No bar, no table, no message."),
+        json_option(),
     ],
 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan import __version__
 from aosplan.cli.options import (
     command,
+    defaults_option,
     file_argument,
     flag_option,
     json_option,
@@ -32,13 +33,14 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    defaults: str | None,
     **flags: Any,
 ) -> None:
     """Show what each number of samples takes and gives, for every kind of grid asked for."""
     from aosplan.files import check_output, write_all
     from aosplan.planning import plan
 
-    wanted = request_of(request, flags, defaults="none")
+    wanted = request_of(request, flags, defaults=defaults)
     if out is not None:
         if not out.lower().endswith(ENDINGS):
             raise RequestError(f"--out '{out}' does not end in {', '.join(ENDINGS)}")
@@ -128,6 +130,7 @@ COMMAND = command(
             required=False,
         ),
         *request_options(),
+        defaults_option(),
         text_option("--out", "PATH", "Write all rows: .csv, .json or .jsonl.", "Output"),
         flag_option("--force", "Overwrite an existing file."),
         flag_option("--quiet", "No table, no hints."),

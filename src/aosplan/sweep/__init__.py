@@ -4,4 +4,7 @@
 - `aosplan.sweep.columns`: uniform scenarios solved as whole columns.
 - `aosplan.sweep.rows`: the rest, one plan a row, with what rows have in common kept.
 - `aosplan.sweep.run`: block by block to a file, resumable.
+- `aosplan.sweep.summary`, over `outline`: what came out, added up block by block.
+- `aosplan.sweep.verify`: a sample of the rows beside their simulations.
+- `aosplan.sweep.gather`: both on the way, and while a sweep is interrupted.
 """

@@ -21,18 +21,24 @@ from aosplan.sweep.scenarios import polars
 if TYPE_CHECKING:
     import polars as pl
 
+    from aosplan.sweep.gather import Gathered
     from aosplan.sweep.run import Sweep
 
 JOURNAL = "journal.jsonl"
 
 
 class Part(NamedTuple):
-    """A part that is whole: its place, the rows it has, and what its file holds."""
+    """A part that is whole: its place, the rows it has, what its file holds, what was gathered."""
 
     part: int
     rows: int
     bytes: int
     sha256: str
+    gathered: Gathered | None = None
+
+    def note(self) -> dict[str, Any]:
+        """Its line in a journal."""
+        return {name: value for name, value in self._asdict().items() if name != "gathered"}
 
 
 class Parts:
@@ -93,15 +99,15 @@ class Parts:
     def add(self, part: Part) -> None:
         """Note that a part is whole."""
         with open(self.journal, "a", encoding="utf-8") as file:
-            file.write(json.dumps(part._asdict()) + "\n")
+            file.write(json.dumps(part.note()) + "\n")
             file.flush()
             os.fsync(file.fileno())
-        self.done[part.part] = part
+        self.done[part.part] = part._replace(gathered=None)
 
     def note_all(self) -> None:
         """Write the journal anew: the parts that are whole, in order."""
         notes = [{"fingerprint": self.fingerprint}]
-        notes += [part._asdict() for _, part in sorted(self.done.items())]
+        notes += [part.note() for _, part in sorted(self.done.items())]
         text = "".join(json.dumps(note) + "\n" for note in notes)
         write_durably(text.encode(), self.journal)
 

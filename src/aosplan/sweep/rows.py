@@ -74,7 +74,7 @@ def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[st
     """Status, reason and results of one scenario; a scenario that cannot be met is no error."""
     try:
         request = PlanRequest(**values)
-        result = plan(request, folder=folder, found=_scene(request, folder))
+        result = plan(request, folder=folder, found=scene_for(request, folder))
     except InfeasibleError as error:
         return "infeasible", error.message, {}
     except RequestError as error:
@@ -82,7 +82,7 @@ def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[st
     return "ok", "", results_of(result)
 
 
-def _scene(request: PlanRequest, folder: str) -> ResolvedScene:
+def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
     """The scene of a request, read once for all rows that have it."""
     key = (folder, *(getattr(request, name) for name in SCENE))
     if key not in _scenes:

@@ -26,6 +26,7 @@ from aosplan import __version__
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.frame import input_column, solve_block
+from aosplan.sweep.gather import kept, start_gathering
 from aosplan.sweep.partitions import Partitions, is_folder
 from aosplan.sweep.parts import Part, Parts, write_frame
 from aosplan.sweep.scenarios import polars
@@ -34,7 +35,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     import polars as pl
+    from numpy.typing import NDArray
 
+    from aosplan.sweep.gather import Gather, Gathered, Gathering
     from aosplan.sweep.scenarios import Crossing, Table
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
@@ -54,6 +57,7 @@ class Sweep(NamedTuple):
     where: str | None = None
     best: str | None = None
     per: tuple[str, ...] = ()
+    gather: Gather | None = None
 
     @property
     def names(self) -> list[str]:
@@ -69,23 +73,42 @@ class Sweep(NamedTuple):
             digest.update(repr(values.tolist()).encode())
         return digest.hexdigest()
 
-    def frame(self, index: int) -> pl.DataFrame:
-        """What is kept of one block."""
+    def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
+        """What is kept of one block, and what is gathered from it."""
         block = self.scenarios.block(index)
-        return self.kept(solve_block(block, self.scenarios.names, self.results, self.folder))
+        needed = () if self.gather is None else self.gather.outline.needed
+        results = tuple(dict.fromkeys((*self.results, *needed)))
+        frame = solve_block(block, self.scenarios.names, results, self.folder)
+        if self.gather is None:
+            return self.kept(frame), None
+        rows = self._rows(frame)
+        gathered = self.gather.of(self.results, block, frame, rows)
+        shown = frame.select(self.names)
+        return self.best_of(shown if len(rows) == frame.height else shown[rows]), gathered
 
     def kept(self, frame: pl.DataFrame) -> pl.DataFrame:
         """The rows of a frame that the conditions keep, in order."""
+        return self.best_of(self._filtered(frame))
+
+    def _rows(self, frame: pl.DataFrame) -> NDArray[np.intp]:
+        """Places of the rows for which the condition holds."""
+        if self.where is None:
+            return np.arange(frame.height)
+        rows = self._filtered(frame.with_row_index("_row")).get_column("_row").to_numpy()
+        return rows.astype(np.intp)
+
+    def _filtered(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """The rows for which the condition holds, in order."""
+        if self.where is None:
+            return frame
         pl = polars()
-        if self.where is not None:
-            try:
-                frame = frame.filter(pl.sql_expr(self.where))
-            except pl.exceptions.PolarsError as error:
-                raise RequestError(
-                    f"--where {self.where}: {str(error).splitlines()[0]}",
-                    f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
-                ) from None
-        return self.best_of(frame)
+        try:
+            return frame.filter(pl.sql_expr(self.where))
+        except pl.exceptions.PolarsError as error:
+            raise RequestError(
+                f"--where {self.where}: {str(error).splitlines()[0]}",
+                f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
+            ) from None
 
     def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
         """The best row of each group, in the order of the rows; of several equal ones the first."""
@@ -142,8 +165,8 @@ def run(
     workers: int = 1,
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
-) -> int:
-    """Solve every scenario and write what is kept; the number of rows written.
+) -> tuple[int, Gathering | None]:
+    """Solve every scenario and write what is kept; how many rows, and what was gathered.
 
     Parameters
     ----------
@@ -168,11 +191,14 @@ def run(
     SurroundingsError
         Where something cannot be written, or a worker dies; what is done stays, for `resume`.
     """
-    if sys.platform != "win32":
-        # The columnar library's handler lets waits go on after Ctrl-C; they have to end.
-        signal.siginterrupt(signal.SIGINT, True)
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     parts.start(resume=resume, force=force)
+    gathering = None
+    if sweep.gather is not None:
+        gathering = start_gathering(
+            sweep, f"{out.rstrip('/')}.gathered", resume=resume, force=force
+        )
+        parts.done = {index: part for index, part in parts.done.items() if index in gathering.done}
     count = sweep.scenarios.blocks
     advance = progress or (lambda _: None)
     advance(sum(sweep.scenarios.block(index).rows for index in parts.done))
@@ -184,9 +210,12 @@ def run(
             from aosplan.sweep.cluster import solved_by
 
             solved = solved_by(scheduler, sweep, parts, left)
-        for part in solved:
-            parts.add(part)
-            advance(sweep.scenarios.block(part.part).rows)
+        with kept(gathering):
+            for part in solved:
+                if gathering is not None:
+                    gathering.add(part)
+                parts.add(part)
+                advance(sweep.scenarios.block(part.part).rows)
         whole = parts.join(sweep, count)
         os.replace(whole, parts.out)
     except AosplanError:
@@ -199,14 +228,56 @@ def run(
             "what is done is kept: make room, then --resume",
         ) from None
     parts.remove()
-    return sum(part.rows for part in parts.done.values())
+    return sum(part.rows for part in parts.done.values()), gathering
 
 
-def _solved(sweep: Sweep, parts: Parts, left: Iterable[int], workers: int) -> Iterator[Part]:
-    """Write parts on this machine, and hand them out as they come."""
+def gather(
+    sweep: Sweep,
+    path: str,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    workers: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> Gathering:
+    """Solve every scenario and keep no row, only what is gathered on the way.
+
+    Parameters
+    ----------
+    sweep
+        What to solve; it says what to gather.
+    path
+        File that keeps what was gathered where this is interrupted, or takes long; the caller
+        removes it.
+    resume, force, workers, progress
+        As for `run`.
+
+    Raises
+    ------
+    RequestError
+        Where `Gathering.start` refuses, or a scenario's file is wrong.
+    """
+    gathering = start_gathering(sweep, path, resume=resume, force=force)
+    advance = progress or (lambda _: None)
+    advance(sum(sweep.scenarios.block(index).rows for index in gathering.done))
+    left = (index for index in range(sweep.scenarios.blocks) if index not in gathering.done)
+    with kept(gathering):
+        for part in _solved(sweep, None, left, workers):
+            gathering.add(part)
+            advance(sweep.scenarios.block(part.part).rows)
+    return gathering
+
+
+def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int) -> Iterator[Part]:
+    """Solve parts on this machine, write them unless None, and hand them out as they come."""
+    _end_waits()
+
+    def path(index: int) -> str | None:
+        return None if parts is None else parts.path(index)
+
     if workers == 1:
         for index in left:
-            yield solve_part(sweep, index, parts.path(index))
+            yield solve_part(sweep, index, path(index))
         return
     waiting = iter(left)
     others = set(active_children())
@@ -216,15 +287,14 @@ def _solved(sweep: Sweep, parts: Parts, left: Iterable[int], workers: int) -> It
         try:
             with _interrupted_later():  # a half-started process would complain
                 running = {
-                    pool.submit(_part, index, parts.path(index))
-                    for index in islice(waiting, 2 * workers)
+                    pool.submit(_part, index, path(index)) for index in islice(waiting, 2 * workers)
                 }
             while running:
                 finished, running = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
                     yield future.result()
                 running |= {
-                    pool.submit(_part, index, parts.path(index))
+                    pool.submit(_part, index, path(index))
                     for index in islice(waiting, len(finished))
                 }
         except BaseException as error:
@@ -237,6 +307,12 @@ def _solved(sweep: Sweep, parts: Parts, left: Iterable[int], workers: int) -> It
                     "what is done is kept: --resume goes on with it, --workers 1 takes the least",
                 ) from None
             raise
+
+
+def _end_waits() -> None:
+    if sys.platform != "win32":
+        # The columnar library's handler lets waits go on after Ctrl-C; they have to end.
+        signal.siginterrupt(signal.SIGINT, True)
 
 
 @contextlib.contextmanager
@@ -267,12 +343,13 @@ def _take(sweep: Sweep) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _part(index: int, path: str) -> Part:
+def _part(index: int, path: str | None) -> Part:
     assert _sweep is not None  # every worker takes it at its start
     return solve_part(_sweep, index, path)
 
 
-def solve_part(sweep: Sweep, index: int, path: str, folder: str | None = None) -> Part:
-    """Solve a block and write what is kept of it, in `folder` until it is whole."""
-    frame = sweep.frame(index)
-    return Part(index, frame.height, *write_frame(frame, path, folder))
+def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = None) -> Part:
+    """Solve a block and write what is kept of it, in `folder` until it is whole; None: nowhere."""
+    frame, gathered = sweep.part(index)
+    size, checksum = (0, "") if path is None else write_frame(frame, path, folder)
+    return Part(index, frame.height, size, checksum, gathered)
