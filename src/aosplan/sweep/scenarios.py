@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -169,7 +169,7 @@ class Table:
 class Single(Table):
     """One block of scenarios, in its place among others that are not there."""
 
-    only: Block
+    only: Block = field(kw_only=True)
 
     def block(self, index: int) -> Block:  # noqa: ARG002 (there is one)
         """The block."""
