@@ -91,7 +91,7 @@ def test_data_without_files_loads_neither_heavy_modules_nor_rich(arguments):
 
 OF_A_PLAIN_PLAN = """
     advice answer batteries camera choose cli cli.app cli.options cli.output cli.plan defaults
-    doubts errors flight geodesy geometry layout mission models models.elementwise models.equations
+    doubts draft errors flight geodesy geometry layout mission models models.elementwise models.equations
     models.sites models.uniform options pattern planning presets presets.cameras presets.scenes
     problem quantities request resolve roots route scene solve spiral summary task track trigger
 """

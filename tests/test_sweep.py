@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aosplan.cli.app import run as run_command
@@ -26,7 +26,8 @@ from aosplan.solve import fewest_at
 from aosplan.sweep import lattices
 from aosplan.sweep import scenarios as scenarios_module
 from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.rows import RESULTS, WHOLE, results_of
+from aosplan.sweep.frame import solve_block
+from aosplan.sweep.rows import RESULTS, WHOLE
 from aosplan.sweep.scenarios import Crossing, column_of, read_scenarios
 from aosplan.sweep.verdicts import STATUSES
 
@@ -101,6 +102,19 @@ def crossings(draw):
     return Crossing({name: column_of(values) for name, values in axes.items()})
 
 
+def results_of(result):
+    """The numbers of a plan's JSON document by the names of `RESULTS`; nan where it has none."""
+    document = result.document()
+    named = {name: document.get(name) for name in RESULTS}
+    for part in ("visibility", "disparity", "camera", "flight"):
+        named |= {f"{part}_{name}": value for name, value in document[part].items()}
+    grid = document["grid"]
+    named |= {f"grid_{name}": grid[name] for name in ("rows", "columns")}
+    named["grid_extent_x_m"], named["grid_extent_y_m"] = grid["extent_m"]
+    named["camera_footprint_x_m"], named["camera_footprint_y_m"] = document["camera"]["footprint_m"]
+    return {name: math.nan if named[name] is None else named[name] for name in RESULTS}
+
+
 def by_plan(values):
     """Status, reason and results of a scenario, from what plan says of it."""
     try:
@@ -136,6 +150,102 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
                 assert found == expected[name], name
             # Arrays take other roundings of exp and log than floats do.
             assert found == pytest.approx(expected[name], rel=1e-12, nan_ok=True), name
+
+
+ALONE = {
+    "altitude": st.sampled_from([10.0, 24.0, 40.0, 60.0]),
+    "model": st.sampled_from(["uniform", "layered"]),
+    "grid": st.sampled_from(["trimmed", "lanes", "spiral", "line", "best"]),
+    "optimize": st.sampled_from(["samples", "aperture", "time", "visibility"]),
+    "vhat": st.sampled_from([0.5, 0.8, 0.9]),
+    "samples": st.sampled_from([4, 9, 30]),
+    "baseline": st.sampled_from([1.0, 3.0]),
+    "max_aperture": st.sampled_from([4.0, 30.0]),
+    "trigger": st.sampled_from(["stop", "distance"]),
+    "wind_speed": st.sampled_from([4.0, 30.0]),
+    "rays": st.sampled_from(["nadir", "oblique"]),
+    "hold_error": st.sampled_from([0.0, 0.3]),
+    "heading": st.sampled_from([0.0, 33.0, "best"]),
+    "scene": st.sampled_from(["paper-forest", "nowhere"]),
+    "flight_time": st.sampled_from([1.0, 20.0]),
+    "line_length": st.just(200.0),
+}
+
+
+@settings(max_examples=30)
+@given(data=st.data())
+def test_rows_have_the_numbers_and_the_words_of_plan(data):
+    names = data.draw(st.permutations(sorted(ALONE)))[: data.draw(st.integers(1, 6))]
+    axes = {name: [data.draw(ALONE[name])] for name in {*names, "altitude"}}
+    if "wind_speed" in axes:
+        axes["wind_from"] = [30.0]
+    crossing = Crossing({name: column_of(values) for name, values in axes.items()})
+    frame = solve_block(crossing.block(0), [], RESULTS)
+    state, why, expected = by_plan(crossing.block(0).request_values(0))
+    row = frame.row(0, named=True)
+    assert (row["status"], row["reason"] or "") == (state, why)
+    for name in RESULTS if state == "ok" else ():
+        found = math.nan if row[name] is None else row[name]
+        assert found == pytest.approx(expected[name], rel=1e-12, nan_ok=True), name
+
+
+def test_scenarios_of_one_geometry_share_its_views_whatever_their_order(monkeypatch):
+    from aosplan.models import layered
+
+    made = []
+    model = layered.LayeredModel
+    monkeypatch.setattr(layered, "LayeredModel", lambda *a, **k: made.append(a) or model(*a, **k))
+    crossing = Crossing(
+        {
+            "vhat": column_of([0.6, 0.7, 0.8]),
+            "altitude": column_of([40.0, 60.0]),
+            "model": column_of(["layered"]),
+            "optimize": column_of(["samples", "aperture"]),
+        }
+    )
+    block = crossing.block(0)
+    frame = solve_block(block, crossing.names, RESULTS)
+    assert len(made) == 2
+    assert frame["altitude"].to_list() == [40.0, 40.0, 60.0, 60.0] * 3
+    for row in range(block.rows):
+        state, _, expected = by_plan(block.request_values(row))
+        assert state == frame["status"][row] == "ok"
+        assert frame["baseline_m"][row] == pytest.approx(expected["baseline_m"], rel=1e-12)
+        assert frame["samples_required"][row] == expected["samples_required"]
+
+
+def test_blocks_are_smaller_the_more_scenarios_are_solved_alone(tmp_path):
+    def rows_a_block(text):
+        path = tmp_path / "s.toml"
+        path.write_text("[sweep]\naltitude = { start = 40, stop = 99, count = 1000000 }\n" + text)
+        return read_scenarios(str(path)).block(0).rows
+
+    (tmp_path / "scene.toml").write_text(
+        'name = "wood"\ndensity = 0.01\noccluder_size_m = 0.2\n'
+        "volume_base_m = 2.0\nvolume_height_m = 20.0\n"
+    )
+    assert rows_a_block("") == rows_a_block("scene = 'scene.toml'\n") == 1 << 18
+    assert rows_a_block("max_aperture = 20\ntrigger = 'stop'\n") == 1 << 18
+    assert rows_a_block("model = 'layered'\n") == rows_a_block("scene = 'x.laz'\n") == 1 << 10
+    assert rows_a_block("grid = ['lanes', 'trimmed', 'line', 'square']\n") == 1 << 12
+
+
+def test_uniform_scenes_and_cameras_of_files_are_columns(tmp_path):
+    (tmp_path / "wood.toml").write_text(
+        'name = "wood"\ndensity = 0.01\noccluder_size_m = 0.2\n'
+        "volume_base_m = 2.0\nvolume_height_m = 20.0\n"
+    )
+    (tmp_path / "eye.toml").write_text(
+        'name = "eye"\nfocal_length_mm = 9.1\nsensor_width_mm = 7.68\nsensor_height_mm = 6.14\n'
+        "image_width_px = 640\nimage_height_px = 512\n"
+    )
+    values = {"altitude": 40.0, "scene": "wood.toml", "camera": "eye.toml"}
+    block = Crossing({name: column_of([value]) for name, value in values.items()}).block(0)
+    solved = solve_columns(block, str(tmp_path))
+    assert solved.holds.all()
+    expected = results_of(plan(PlanRequest(**values), folder=str(tmp_path)))
+    for name in RESULTS:
+        assert float(np.ravel(solved.columns[name])[0]) == pytest.approx(expected[name], rel=1e-12)
 
 
 @pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
@@ -182,15 +292,36 @@ def test_fixed_baselines_are_columns_too():
     assert solve_columns(crossing.block(0)).holds.all()
 
 
-def test_columns_serve_the_plain_scenarios():
+@pytest.mark.parametrize(
+    "axes",
+    [
+        {"vhat": [0.9, 0.98], "max_aperture": [200.0]},
+        {"vhat": [0.9, 0.98], "max_aperture": [3.0, 12.0], "max_samples": [20, 300]},
+        {"visibility": [0.5, 0.66, 0.99]},
+        {"visibility": [0.5, 0.66], "max_aperture": [3.0, 12.0], "grid": ["line", "square"]},
+        {"samples": [9, 50], "baseline": [1.0, 4.0], "max_samples": [20]},
+        {"samples": [9, 50], "max_aperture": [8.0]},
+        {"baseline": [1.0, 4.0], "max_samples": [60], "max_aperture": [20.0]},
+        {"scene": ["paper-forest", "conifer-forest"], "focal_height": [0.0, 30.0]},
+        {"vhat": [0.9, 0.99999999]},
+    ],
+)
+def test_nothing_of_these_is_left_to_rows(axes):
     crossing = Crossing(
         {
-            "altitude": column_of([30.0, 60.0, 120.0]),
-            "vhat": column_of([0.9, 0.98]),
-            "max_aperture": column_of([200.0]),
+            name: column_of(values)
+            for name, values in ({"altitude": [10.0, 30.0, 60.0]} | axes).items()
         }
     )
-    assert solve_columns(crossing.block(0)).holds.all()
+    block = crossing.block(0)
+    solved = solve_columns(block)
+    assert not solved.left.any()
+    for row in range(block.rows):
+        status, reason = (
+            part.reshape(-1)[row] for part in (solved.verdicts.status, solved.verdicts.reason)
+        )
+        words = "" if reason < 0 else solved.verdicts.texts[reason]
+        assert (STATUSES[status], words) == by_plan(block.request_values(row))[:2]
 
 
 @given(sizes=st.lists(st.integers(1, 7), min_size=1, max_size=4), room=st.integers(1, 20))

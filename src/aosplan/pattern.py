@@ -216,17 +216,21 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
         Where that is more than `MOST_SITES`.
     """
     check_size(samples)
-    if grid in ("line", "spiral"):
-        index = samples
-    elif grid == "square":
-        index = math.isqrt(samples - 1) + 1
-    elif grid == "lanes":
-        index = -(-samples // lanes)
-    else:
-        side = math.isqrt(samples)
-        index = 2 * side - 1 if side * side == samples else 2 * side + (samples > side * (side + 1))
+    index = index_for(grid, samples, lanes=lanes)
     frame = frame_at(grid, index, lanes=lanes, lane_pitch=lane_pitch)
     return frame.pattern(max(samples, frame.fewest))
+
+
+def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
+    """Place of the first frame of a kind of grid that takes so many samples."""
+    if grid in ("line", "spiral"):
+        return samples
+    if grid == "square":
+        return math.isqrt(samples - 1) + 1
+    if grid == "lanes":
+        return -(-samples // lanes)
+    side = math.isqrt(samples)
+    return 2 * side - 1 if side * side == samples else 2 * side + (samples > side * (side + 1))
 
 
 def check_size(samples: int, wanted: str = "the grid has") -> None:

@@ -5,19 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from aosplan.answer import rounded_up
-from aosplan.choose import other_heading
+from aosplan.choose import Choice, other_heading
 from aosplan.doubts import Doubts, doubts_of
+from aosplan.draft import draft_of, route_of
 from aosplan.errors import RequestError
-from aosplan.layout import Layout, layout_of, over_area, ways_in_zones
+from aosplan.layout import Layout, layout_of, ways_in_zones
 from aosplan.mission import Conduct, Mission, Waypoints, split
-from aosplan.models import Prediction
 from aosplan.models.equations import aperture
-from aosplan.problem import GridKind, Limit, Problem, Solution
 from aosplan.request import find_drone
-from aosplan.resolve import Message, altitude_of, camera_of, scene_of
-from aosplan.route import Route, lay
-from aosplan.task import Task, kinds_of
+from aosplan.resolve import Message
+from aosplan.task import kinds_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,17 +22,15 @@ if TYPE_CHECKING:
     from aosplan.camera import Camera
     from aosplan.geometry import CoverageBaseline
     from aosplan.models.measured import Flown
-    from aosplan.problem import Trying
+    from aosplan.problem import GridKind, Limit, Problem, Solution, Trying
     from aosplan.request import PlanRequest
     from aosplan.resolve import ResolvedScene
+    from aosplan.route import Route
     from aosplan.scene import Scene
     from aosplan.sensitivity import Change
     from aosplan.tradeoff import Row
     from aosplan.uncertainty import Uncertainty
     from aosplan.voxels import VoxelVolume
-
-MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
-"""The smallest model that fits a kind of scene."""
 
 SATURATED = 0.98
 """Mean share of the ground that views hide, from which on a prediction hangs on few gaps."""
@@ -272,100 +267,37 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
-    camera = camera_of(request, folder=folder)
-    altitude = altitude_of(request, camera)
-    gsd = camera.gsd_m(altitude)
-    request, area = over_area(request, folder)
-    if found is None:
-        found = scene_of(request, folder=folder, progress=progress)
-    scene, kind, notices = found.scene, found.kind, found.warnings
-    model_name = request.model or MODEL_OF[kind]
-    _check_model(model_name, kind, request)
-    if scene.integrated_density > 0.0:
-        _check_altitude(scene, altitude, request)
-    task = Task(request, model_name, camera, altitude, gsd, camera.footprint_m(altitude))
-    posed = task.problem_of(found)
+    draft = draft_of(request, folder=folder, progress=progress, trying=trying, found=found)
+    task, found, solution, problem = draft.task, draft.found, draft.solution, draft.problem
+    headed, altitude, notices = task.request, task.altitude_m, found.warnings
     doubts = Doubts(uncertainty_reason="nothing is hidden")
-    if posed is None:
-        coverage, grid, solution = None, *_clear_view(request)
-        problem, heading = None, request.heading_deg
-    else:
-        coverage = posed[1]
-        problem, solution = chosen = task.choice(posed[0]._replace(trying=trying))
-        grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
-        task = task._replace(request=replace(request, heading=heading))
+    if problem is not None:
         doubts = doubts_of(task, found, problem, solution)
-        if model_name == "measured":
+        if task.model == "measured":
             notices += tuple(_doubts(found, problem, solution, altitude))
-            if request.heading != "best" and (word := other_heading(chosen)):
+            if request.heading != "best" and (word := other_heading(Choice(problem, solution))):
                 notices += (Message("heading", word),)
-    headed = replace(request, heading=heading)
-    layout = layout_of(headed, area, solution, problem, camera, altitude)
-    route = lay(
-        headed,
-        layout.sites,
-        origin=layout.origin,
-        altitude_m=altitude + request.focal_height,
-        gsd_m=gsd,
-        baseline_m=solution.baseline_m,
-        canopy_top_m=scene.canopy_top_m,
-        folder=folder,
-    )
-    notices += layout.notices + tuple(ways_in_zones(request, area, route))
+    layout = layout_of(headed, draft.area, solution, problem, task.camera, altitude)
+    route = route_of(draft, layout, folder)
+    notices += layout.notices + tuple(ways_in_zones(headed, draft.area, route))
     return Plan(
-        request=_completed(request, model_name, found),
-        scene=scene,
-        camera=camera,
+        request=_completed(draft.request, task.model, found),
+        scene=found.scene,
+        camera=task.camera,
         altitude_m=altitude,
-        model=model_name,
+        model=task.model,
         solution=solution,
-        grid=grid,
-        heading_deg=heading,
+        grid=draft.grid,
+        heading_deg=draft.heading_deg,
         problem=problem,
-        coverage=coverage,
+        coverage=draft.coverage,
         route=route,
         layout=layout,
         notices=notices,
         volume=found.volume,
-        approximation="correlogram" if model_name == "measured" and found.volume is None else None,
+        approximation="correlogram" if task.model == "measured" and found.volume is None else None,
         **doubts._asdict(),
     )
-
-
-def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> None:
-    """Refuse an altitude within the canopy, or nearer to it than the clearance."""
-    top = scene.canopy_top_m - request.focal_height
-    lowest = top + request.clearance
-    if altitude_m > top and altitude_m >= lowest:
-        return
-    origin = "" if request.altitude is not None else ", solved from the resolution,"
-    stands = f"the canopy, whose top is {top:.6g} m above the focal plane"
-    remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
-    if altitude_m <= top:
-        raise RequestError(
-            f"altitude {altitude_m:.6g} m{origin} is not above {stands}",
-            remedy if request.clearance else f"fly higher than {top:.6g} m",
-        )
-    raise RequestError(
-        f"altitude {altitude_m:.6g} m{origin} is less than --clearance {request.clearance:g} m "
-        f"above {stands}",
-        f"{remedy}; or give a smaller --clearance",
-    )
-
-
-def _check_model(name: str, kind: str, request: PlanRequest) -> None:
-    if name == "measured" and kind != "cloud":
-        raise RequestError(
-            "--model measured needs the voxels of a point cloud",
-            "give --scene FILE.laz, FILE.npz or what scene --save wrote, or another --model",
-        )
-    if request.view is not None and name != "measured":
-        raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
-    if request.rays is not None and name == "measured":
-        raise RequestError(
-            f"--rays {request.rays} with --model measured",
-            "it traces the rays as they are; --rays goes with uniform and layered",
-        )
 
 
 def _doubts(
@@ -395,20 +327,6 @@ def _doubts(
             "half its wrapped copies count twice; keep the aperture within "
             f"{problem.model.widest_aperture_m:.4g} m, or measure a larger plot",
         )
-
-
-def _clear_view(request: PlanRequest) -> tuple[GridKind, Solution]:
-    """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
-    grid = kinds_of(request)[0]
-    pattern = grid.pattern(request.samples or 1)
-    return grid, Solution(
-        pattern=pattern,
-        baseline_m=request.baseline or 0.0,
-        prediction=Prediction(0.0, 1.0, 1.0 / pattern.samples),
-        samples_required=1,
-        limits=(),
-        met=True,
-    )
 
 
 def _completed(request: PlanRequest, model: str, found: ResolvedScene) -> PlanRequest:

@@ -7,8 +7,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight import Timing
-from aosplan.pattern import AnyFrame, Sites, frame_at, pattern_for
-from aosplan.roots import smallest_root, smallest_whole
+from aosplan.pattern import AnyFrame, Sites, frame_at, index_for, pattern_for
+from aosplan.roots import smallest_root
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -107,10 +107,7 @@ class GridKind(NamedTuple):
 
     def index_of(self, samples: int) -> int:
         """Place of the first frame that takes this many samples."""
-        high = 1
-        while self.frame(high).most < samples:
-            high *= 2
-        return smallest_whole(lambda index: self.frame(index).most >= samples, 1, high)
+        return index_for(self.name, samples, lanes=self.lanes)
 
 
 class Limit(NamedTuple):
@@ -136,7 +133,8 @@ class Solution(NamedTuple):
 class Problem(NamedTuple):
     """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
 
-    `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.
+    `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.  Where
+    nobody asks for the fewest samples at the answer's baseline, they need not be counted.
     `trying` is told of the problem, a pattern and a baseline [m] before a search looks at them.
     """
 
@@ -147,6 +145,7 @@ class Problem(NamedTuple):
     objective: str = "samples"
     timing: Timing = Timing()
     sketch: VisibilityModel | None = None
+    count_required: bool = True
     trying: Trying | None = None
 
     @property

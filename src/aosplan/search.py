@@ -117,7 +117,8 @@ def search(problem: Problem) -> Solution:
         highest = scan.settled(_highest)
         reached = None if highest is None else (*highest, scan.predict(highest))
         raise out_of_scan(problem, reached, problem.bounds.max_samples or SEARCHED_SAMPLES)
-    return solution_of(problem, best.pattern, best.baseline_m, _fewest_at(scan, best.baseline_m))
+    required = _fewest_at(scan, best.baseline_m) if problem.count_required else None
+    return solution_of(problem, best.pattern, best.baseline_m, required)
 
 
 class Scan:

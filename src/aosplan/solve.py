@@ -300,6 +300,8 @@ def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
 
 
 def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
+    if not problem.count_required:
+        return solution_of(problem, pattern, baseline_m, None)
     trimmed = problem.grid._replace(name="trimmed")
     whole = problem.grid.name in ("rectangle", "square")
     counted = problem._replace(grid=trimmed) if whole else problem

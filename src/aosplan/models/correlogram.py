@@ -33,6 +33,7 @@ import numpy as np
 
 from aosplan.cubics import monotone_cubics
 from aosplan.models import Prediction
+from aosplan.models.memory import remembered
 from aosplan.models.sites import offset_counts
 from aosplan.occlusion import Occlusion, popcount
 from aosplan.spiral import Spiral
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from aosplan.models.memory import Known
     from aosplan.occlusion import Words
     from aosplan.pattern import Pattern, Sites
     from aosplan.voxels import VoxelVolume
@@ -253,6 +255,7 @@ class CorrelogramModel:
         self.heading_deg = heading_deg
         self.hold_error_m = hold_error_m
         self._spirals: dict[tuple[float, float, float, bool], tuple[Floats, Floats]] = {}
+        self._predictions: Known = {}
 
     @property
     def density(self) -> float:
@@ -279,6 +282,7 @@ class CorrelogramModel:
         """The same distance."""
         return self.independent_baseline_m
 
+    @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.
 

@@ -20,13 +20,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import copy
-from functools import partial
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aosplan.models import Prediction
 from aosplan.models.blur import BlurredTable
+from aosplan.models.memory import remembered
 from aosplan.models.noise import NEGLIGIBLE
 from aosplan.models.sites import offset_counts
 from aosplan.pattern import Pattern, Sites
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from aosplan.models.memory import Known
     from aosplan.scene import Layer
 
     Floats = NDArray[np.float64]
@@ -52,6 +54,9 @@ LENGTHS = 5
 
 GROUPS = 64
 """Groups of offsets along an axis that a bound on the shortfall is taken from."""
+
+COUNTS_KEPT = 1 << 14
+"""Offsets up to which the numbers of a pattern's pairs are kept."""
 
 LARGEST_SLANT = 30.0
 """Logarithm of the share that a slanted ray loses to a nadir one, from which on it counts as lost."""
@@ -94,6 +99,7 @@ class LayeredModel:
         self.hold_error_m = hold_error_m
         self.rays = rays
         self._tables: dict[float, BlurredTable] = {}
+        self._predictions: Known = {}
         filled = [layer for layer in layers if layer.density > 0.0]
         density = np.array([layer.density for layer in filled])
         height = np.array([layer.height_m for layer in filled])
@@ -138,6 +144,7 @@ class LayeredModel:
         """Not where rays may be oblique; see `aosplan.models.uniform`."""
         return self.rays == "nadir"
 
+    @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
         reach = self.independent_baseline_m
@@ -150,7 +157,8 @@ class LayeredModel:
         offsets_y: Floats = baseline_m * pattern.row_pitch * np.arange(reach_y + 1.0)
         if self.rays != "nadir":
             return self._predict_oblique(pattern, baseline_m, offsets_x, offsets_y)
-        pairs = _quadrant_counts(pattern, reach_y, reach_x)
+        few = (reach_y + 1) * (reach_x + 1) <= COUNTS_KEPT
+        pairs = (_kept_counts if few else _quadrant_counts)(pattern, reach_y, reach_x)
         covariance = self._at_crossings(self._pair_covariance, 0.0, offsets_x, offsets_y)
         shortfall = float((pairs * covariance).sum()) / pattern.samples**2
         return Prediction(self.density, self.transparency, shortfall)
@@ -452,3 +460,7 @@ def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np
     along_y[1:] *= 2.0
     along_x[1:] *= 2.0
     return np.outer(along_y, along_x)
+
+
+_kept_counts = lru_cache(maxsize=256)(_quadrant_counts)
+"""The same, kept for searches that ask at one baseline after another."""

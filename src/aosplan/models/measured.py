@@ -33,6 +33,7 @@ import numpy as np
 
 from aosplan.mission import local_sites
 from aosplan.models import Prediction
+from aosplan.models.memory import remembered
 from aosplan.occlusion import Occlusion, Tally, joint_counts
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.models.correlogram import CorrelogramModel
+    from aosplan.models.memory import Known
     from aosplan.occlusion import ViewKind, Words
     from aosplan.pattern import Sites
     from aosplan.voxels import VoxelVolume
@@ -123,6 +125,7 @@ class MeasuredModel:
         half_plot_m = 0.5 * min(volume.size_m)
         self._widest_m = half_plot_m * altitude_m / top_m if top_m > 0.0 else math.inf
         self._masks: dict[tuple[float, float], Words] = {}
+        self._predictions: Known = {}
 
     @cached_property
     def nadir(self) -> Prediction:
@@ -158,6 +161,7 @@ class MeasuredModel:
         """The same distance: no two sites of a grid are to be farther apart along an axis."""
         return self._widest_m
 
+    @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline: exact for its sites.
 

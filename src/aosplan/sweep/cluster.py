@@ -130,7 +130,7 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
 def alone(scenarios: Crossing | Table, index: int) -> Single:
     """The scenarios of one block."""
     block = scenarios.block(index)
-    return Single(block.columns, block)
+    return Single(block.columns, only=block)
 
 
 def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:

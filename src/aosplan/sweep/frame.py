@@ -100,7 +100,7 @@ def solve_block(
                     rows = np.flatnonzero(holds)
                     numbers[name][rows if places is None else places[rows]] = column[rows]
         for row, (state, why, found) in zip(
-            left.tolist(), solve_rows(part, left, folder), strict=True
+            left.tolist(), solve_rows(part, left, folder, results), strict=True
         ):
             place = row if places is None else int(places[row])
             status[place] = STATUSES.index(state)

@@ -117,6 +117,21 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     return mask if mask.any() else None
 
 
+def known_share(name: str, column: NDArray[Any], folder: str) -> float:
+    """Share of an option's values that columns know; whether options fit together is not asked."""
+    if name not in UNDERSTOOD:
+        return 0.0
+    if name == "scene":
+        known = [value is None or _scene(value, folder)[-1] > 0.0 for value in column.flat]
+    elif name == "heading" and column.dtype == object:
+        known = [not isinstance(value, str) for value in column.flat]
+    elif name in VALUES:
+        known = [value is None or value in VALUES[name] for value in column.flat]
+    else:
+        return 1.0
+    return sum(known) / len(known)
+
+
 def _among(column: NDArray[Any], values: tuple[Any, ...]) -> NDArray[np.bool_]:
     return np.reshape([value in values for value in column.flat], column.shape)
 
@@ -274,6 +289,7 @@ def _shares(
     return np.where(by_slice, density, whole), np.where(by_slice, clear, 1.0 - whole)
 
 
+@lru_cache(maxsize=1000)
 def _scene(name: str, folder: str) -> tuple[float, ...]:
     """Numbers of a uniform scene, preset or file, and whether the name is one."""
     found: Any = find_preset_scene(name)

@@ -90,7 +90,7 @@ class _Removed(NamedTuple):
     pairs: Floats
 
 
-@lru_cache(maxsize=1 << 14)
+@lru_cache(maxsize=2048)
 def _removed(grid: str, samples: int) -> _Removed:
     sites = pattern(grid, samples)
     rows, columns = np.array(sites.removed).T

@@ -1,26 +1,36 @@
 """Scenarios solved one at a time: whatever `aosplan.sweep.columns` leaves.
 
-What rows have in common, a scene and its voxels, is kept between them.
+Those over the same scene from the same altitude are taken one after the other, whatever their
+order, and share what the models make of it: views of voxels, correlograms, predictions.  Of each
+only the draft is made (`aosplan.draft`), and of the flight only what it takes.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.draft import draft_of, route_of
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.flight import path_of
+from aosplan.geometry import disparity_px
+from aosplan.layout import layout_of, ways_in_zones
+from aosplan.models.equations import aperture
 from aosplan.options import OPTIONS
-from aosplan.planning import plan
 from aosplan.request import PlanRequest
 from aosplan.resolve import ResolvedScene, scene_of
+from aosplan.route import flown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
 
-    from aosplan.planning import Plan
+    from aosplan.draft import Draft
+    from aosplan.flight import Path
+    from aosplan.pattern import Sites
     from aosplan.sweep.scenarios import Block
 
 WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
@@ -57,29 +67,84 @@ RESULTS = (
 SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
 """Options that decide what is read of a scene."""
 
+GEOMETRY = (
+    *(option.name for option in OPTIONS if option.panel in ("Altitude", "Scene", "Camera")),
+    *("model", "view", "rays", "hold_error", "drone"),
+)
+"""Options that decide what models see; scenarios with the same of them are solved together."""
+
+NOT_PLAIN = (
+    "area",
+    "line_length",
+    "wind_speed",
+    "terrain",
+    "takeoff",
+    "flight_time",
+    "resume_at",
+)
+"""Options with which a flight is more than its pattern."""
+
 MOST_SCENES = 16
 """Scenes kept; voxels may be large."""
 
 _scenes: dict[tuple[Any, ...], ResolvedScene] = {}
 
 
+class Outcome(NamedTuple):
+    """Status and reason of a scenario, and its results by name."""
+
+    status: str
+    reason: str = ""
+    results: Mapping[str, float] = {}
+
+
 def solve_rows(
-    block: Block, rows: NDArray[np.intp], folder: str
-) -> Iterator[tuple[str, str, dict[str, float]]]:
-    """Status, reason and results of some scenarios of a block, in their order."""
-    return (solve_row(block.request_values(row), folder) for row in rows.tolist())
+    block: Block, rows: NDArray[np.intp], folder: str, results: Sequence[str] = RESULTS
+) -> list[Outcome]:
+    """What becomes of some scenarios of a block, in their order.
+
+    Parameters
+    ----------
+    block, rows
+        The scenarios, and which of them.
+    folder
+        Where their file names are looked for first.
+    results
+        Results that are wanted.
+    """
+    values = [block.request_values(row) for row in rows.tolist()]
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for place, each in enumerate(values):
+        alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
+    outcomes: dict[int, Outcome] = {}
+    for places in alike.values():
+        kept: dict[tuple[Any, ...], Any] = {}  # not for long: views take memory
+        for place in places:
+            outcomes[place] = solve_row(values[place], folder, results, kept)
+    return [outcomes[place] for place in range(len(values))]
 
 
-def solve_row(values: Mapping[str, Any], folder: str) -> tuple[str, str, dict[str, float]]:
-    """Status, reason and results of one scenario; a scenario that cannot be met is no error."""
+def solve_row(
+    values: Mapping[str, Any],
+    folder: str,
+    results: Sequence[str] = RESULTS,
+    kept: dict[tuple[Any, ...], Any] | None = None,
+) -> Outcome:
+    """What becomes of one scenario; one that cannot be met is no error."""
     try:
         request = PlanRequest(**values)
-        result = plan(request, folder=folder, found=scene_for(request, folder))
+        draft = draft_of(
+            request,
+            folder=folder,
+            found=scene_for(request, folder),
+            kept=kept,
+            count_required="samples_required" in results,
+        )
+        return Outcome("ok", "", _results(draft, *_flight(draft, folder)))
     except InfeasibleError as error:
-        return "infeasible", error.message, {}
+        return Outcome("infeasible", error.message)
     except RequestError as error:
-        return "invalid", error.message, {}
-    return "ok", "", results_of(result)
+        return Outcome("invalid", error.message)
 
 
 def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
@@ -101,14 +166,70 @@ def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
     return _scenes[key]
 
 
-def results_of(result: Plan) -> dict[str, float]:
-    """The numbers of a plan by the names of `RESULTS`; nan where a plan has none."""
-    document = result.document()
-    grid, camera = document["grid"], document["camera"]
-    named: dict[str, Any] = {name: document.get(name) for name in RESULTS}
-    for part in ("visibility", "disparity", "camera", "flight"):
-        named |= {f"{part}_{name}": value for name, value in document[part].items()}
-    named |= {f"grid_{name}": grid[name] for name in ("rows", "columns")}
-    named["grid_extent_x_m"], named["grid_extent_y_m"] = grid["extent_m"]
-    named["camera_footprint_x_m"], named["camera_footprint_y_m"] = camera["footprint_m"]
-    return {name: math.nan if named[name] is None else named[name] for name in RESULTS}
+def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
+    """The numbers of a draft by the names of `RESULTS`; nan where it has none."""
+    task, solution, rule = draft.task, draft.solution, draft.coverage
+    pattern, baseline, shown = solution.pattern, solution.baseline_m, solution.prediction
+    camera, altitude = task.camera, task.altitude_m
+    footprint, required = task.footprint_m, solution.samples_required
+    clear = shown.density == 0.0
+    pixels = (
+        math.nan
+        if rule is None
+        else disparity_px(baseline, rule.height_m, altitude, camera.focal_length_px)
+    )
+    return {
+        "altitude_m": altitude,
+        "baseline_m": baseline,
+        "samples": pattern.samples,
+        "samples_required": math.nan if required is None else required,
+        "aperture_m": float(aperture(pattern.samples, baseline)),
+        "grid_rows": _number(pattern.rows),
+        "grid_columns": _number(pattern.columns),
+        "grid_extent_x_m": pattern.extent[0] * baseline,
+        "grid_extent_y_m": pattern.extent[1] * baseline,
+        "visibility_density": shown.density,
+        "visibility_minimum": shown.minimum,
+        "visibility_maximum": shown.maximum,
+        "visibility_expected": shown.expected,
+        "visibility_normalized": math.nan if clear else shown.normalized,
+        "visibility_shortfall": math.nan if clear else shown.shortfall,
+        "visibility_effective_samples": math.nan if clear else _finite(shown.effective_samples),
+        "visibility_contrast": math.nan if clear else _finite(shown.contrast),
+        "disparity_normalized": math.nan if rule is None else baseline / rule.baseline_m,
+        "disparity_pixels": pixels,
+        "camera_gsd_m": task.gsd_m,
+        "camera_footprint_x_m": footprint[0],
+        "camera_footprint_y_m": footprint[1],
+        "flight_length_m": length_m,
+        "flight_time_s": time_s,
+    }
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+def _flight(draft: Draft, folder: str) -> tuple[float, float]:
+    """Length [m] and time [s] of a flight from the first photo to the last."""
+    request, baseline = draft.task.request, draft.solution.baseline_m
+    if request.trigger == "stop" and all(getattr(request, name) is None for name in NOT_PLAIN):
+        path = _path(draft.solution.pattern)
+        timing, _ = flown(request, draft.task.gsd_m, baseline)
+        return path.length_m(baseline), path.time_s(baseline, timing)
+    layout = layout_of(
+        request, draft.area, draft.solution, draft.problem, draft.task.camera, draft.task.altitude_m
+    )
+    route = route_of(draft, layout, folder)
+    list(ways_in_zones(request, draft.area, route))  # which may be in the way
+    return route.length_m, route.time_s
+
+
+@lru_cache(maxsize=4096)
+def _path(pattern: Sites) -> Path:
+    """The legs of a pattern that is flown with a stop at every site, in still air."""
+    return path_of(pattern)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 
 ROWS_A_BLOCK = 1 << 18
 """Scenarios evaluated, and written, at a time: some tens of megabytes."""
+
+ROWS_ALONE = 1 << 10
+"""Of those that are solved one by one: what an interruption loses, and what workers share."""
 
 MOST_VALUES = 10_000_000
 """Values that one range or list may have."""
@@ -67,9 +70,13 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True)
 class Crossing:
-    """Every combination of the axes' values, the last axis fastest."""
+    """Every combination of the axes' values, the last axis fastest.
+
+    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    """
 
     values: dict[str, NDArray[Any]]
+    alone: float = 0.0
 
     @property
     def names(self) -> list[str]:
@@ -84,7 +91,7 @@ class Crossing:
     @cached_property
     def _steps(self) -> list[int]:
         """How much of each axis a block has: one of the leading ones, a cut of one, all of the rest."""
-        steps, room = [], ROWS_A_BLOCK
+        steps, room = [], _room(self.alone)
         for axis in reversed(self.values.values()):
             steps.append(min(len(axis), room))
             room = max(room // len(axis), 1)
@@ -122,9 +129,13 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Table:
-    """A scenario a row: columns of the same length, None where a row leaves an option out."""
+    """A scenario a row: columns of the same length, None where a row leaves an option out.
+
+    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    """
 
     values: dict[str, NDArray[Any]]
+    alone: float = 0.0
 
     @property
     def names(self) -> list[str]:
@@ -139,12 +150,13 @@ class Table:
     @property
     def blocks(self) -> int:
         """Number of blocks."""
-        return -(-self.rows // ROWS_A_BLOCK)
+        return -(-self.rows // _room(self.alone))
 
     def block(self, index: int) -> Block:
         """A block by its place in order."""
-        start = index * ROWS_A_BLOCK
-        part = slice(start, min(start + ROWS_A_BLOCK, self.rows))
+        room = _room(self.alone)
+        start = index * room
+        part = slice(start, min(start + room, self.rows))
         columns = {name: values[part] for name, values in self.values.items()}
         return Block(start, (part.stop - start,), columns, self._kinds)
 
@@ -157,7 +169,7 @@ class Table:
 class Single(Table):
     """One block of scenarios, in its place among others that are not there."""
 
-    only: Block
+    only: Block = field(kw_only=True)
 
     def block(self, index: int) -> Block:  # noqa: ARG002 (there is one)
         """The block."""
@@ -171,6 +183,12 @@ def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
         for name, column in columns.items()
         if column.dtype == object
     }
+
+
+def _room(alone: float) -> int:
+    """Scenarios that a block may have, by the share of those that are solved one by one."""
+    room = ROWS_A_BLOCK if alone * ROWS_A_BLOCK <= ROWS_ALONE else round(ROWS_ALONE / alone)
+    return min(room, ROWS_A_BLOCK)
 
 
 def read_crossing(path: str) -> Crossing:
@@ -199,7 +217,7 @@ def read_crossing(path: str) -> Crossing:
         if not values:
             raise RequestError(f"{place} has no values, so there are no scenarios")
         axes[name] = column_of([BY_NAME[name].parse(value, place) for value in values])
-    return Crossing(axes)
+    return Crossing(axes, share_alone(axes, folder))
 
 
 def read_scenarios(path: str) -> Crossing | Table:
@@ -235,7 +253,16 @@ def read_rows(path: str) -> Table:
                 f"'{path}': column '{name}' is no option of plan",
                 nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens",
             )
-    return Table({name: _parsed_column(frame, name, path) for name in frame.columns})
+    values = {name: _parsed_column(frame, name, path) for name in frame.columns}
+    return Table(values, share_alone(values, os.path.dirname(path)))
+
+
+def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
+    """About how many of the scenarios are beyond what is solved as whole columns."""
+    from aosplan.sweep.inputs import known_share
+
+    shares = (known_share(name, column, folder) for name, column in values.items())
+    return 1.0 - math.prod(shares)
 
 
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
