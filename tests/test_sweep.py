@@ -502,6 +502,19 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
     assert error == "hint: what is done is kept; --resume goes on with it\n"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
+    # The columnar library's handler has them go on.
+    code = (
+        "import os, signal, threading\nfrom aosplan.cli.app import run\n"
+        f"assert run(['sweep', {str(campaign)!r}, '--out', {str(tmp_path / 'r.csv')!r}]) == 0\n"
+        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "try:\n    threading.Event().wait()\nexcept KeyboardInterrupt:\n    os._exit(7)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    assert done.returncode == 7
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_a_worker_that_dies_is_an_error(tmp_path):
     def kill_workers(pid):
@@ -522,10 +535,11 @@ def ended(folder, act):
     """How a long sweep with two workers ends when something happens to it, and what it says."""
     path, out = folder / "s.toml", folder / "r.csv"
     path.write_text(
-        "[sweep]\noptimize = 'time'\naltitude = { start = 30, stop = 90, count = 300 }\n"
-        "vhat = { start = 0.5, stop = 0.99, count = 1000 }\n"
+        "[sweep]\nspeed = { start = 1, stop = 9, count = 5000 }\n"
+        "vhat = { start = 0.5, stop = 0.99, count = 30 }\n"
+        "altitude = { start = 30, stop = 90, count = 5000 }\n"
     )
-    command = ["sweep", path, "--out", out, "--workers", 2]
+    command = ["sweep", path, "--out", out, "--workers", 2, "--where", "altitude < 0"]
     with subprocess.Popen(
         [sys.executable, "-m", "aosplan", *map(str, command)],
         stderr=subprocess.PIPE,
@@ -533,9 +547,10 @@ def ended(folder, act):
         start_new_session=True,
     ) as process:
         try:
-            while not (folder / "r.csv.parts" / "journal.jsonl").exists():
+            journal = folder / "r.csv.parts" / "journal.jsonl"
+            while not journal.exists() or journal.read_bytes().count(b"\n") < 2:
+                assert process.poll() is None
                 time.sleep(0.05)
-            time.sleep(1.5)  # it waits for its workers, or starts them
             act(process.pid)
             error = process.communicate(timeout=60)[1]  # stderr ends with the last process
         except BaseException:

@@ -22,6 +22,7 @@ import re
 import shutil
 import time
 import uuid
+import warnings
 from concurrent.futures import CancelledError
 from functools import lru_cache
 from importlib.metadata import version
@@ -256,8 +257,11 @@ def _connected(address: str) -> Iterator[Any]:
     try:
         # A failed client complains again when it is collected, so the scheduler is asked first.
         asyncio.run(_ask(address))
-        # Blocks of a table may be large; they are as large as they are meant to be.
-        with config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}):
+        # Blocks of a table may be large, and other versions are an error.
+        with (
+            config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}),
+            warnings.catch_warnings(action="ignore"),
+        ):
             client = library.Client(address, timeout=CONNECT_S, set_as_default=False)
             try:
                 yield client
@@ -388,7 +392,7 @@ def _result(future: Any, index: int) -> Part:
     if isinstance(error, dask().KilledWorker):
         raise SurroundingsError(
             f"part {index} of the sweep: every worker that took it died",
-            f"look for memory in the workers' logs, give them more or fewer threads; {RESUME}",
+            f"perhaps for lack of memory, of which workers with fewer threads take less; {RESUME}",
         )
     raise SurroundingsError(
         f"part {index} of the sweep failed on a worker: {type(error).__name__}: {error}", RESUME

@@ -150,7 +150,8 @@ def solve_row(
 def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
     """The scene of a request, read once for all rows that have it."""
     key = (folder, *(getattr(request, name) for name in SCENE))
-    if key not in _scenes:
+    found = _scenes.get(key)
+    if found is None:  # threads of a worker may both read it
         if len(_scenes) >= MOST_SCENES:
             _scenes.clear()
         found = scene_of(request, folder=folder)
@@ -163,7 +164,7 @@ def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
 
             found = found._replace(correlogram=correlogram(found.volume))
         _scenes[key] = found
-    return _scenes[key]
+    return found
 
 
 def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
