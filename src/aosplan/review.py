@@ -202,7 +202,7 @@ def review(
     missing = [sites[place] for place in np.flatnonzero(~there)]
     warnings = [*planned.notices, *views.messages()]
     if assumed:
-        warnings.append(_of_origin(planned, alike))
+        warnings.append(_of_origin(planned, f"{there.sum()} of {len(sites)}", alike))
     warnings += _of_distances(near, off_m, tolerance_m)
     warnings += _of_altitudes(planned, views)
     counted = points_m[near | _sees_middle(planned, points_m)]
@@ -338,15 +338,15 @@ def _laid(planned: Plan, request: PlanRequest, sites: Sites, folder: str) -> Rou
     )
 
 
-def _of_origin(planned: Plan, alike: int) -> Message:
+def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
     latitude, longitude = planned.origin or (math.nan, math.nan)
-    where = "where most of its sites have a photo"
+    where = f"where most of its sites have a photo, {flown}"
     if alike > 1:
         where += f" (of {alike} such places, where the first sites have)"
     return Message(
         "origin_assumed",
         f"the plan has no place on earth: it is laid {where}, with its origin at "
-        f"{latitude:.7f},{longitude:.7f}; give --origin if that is wrong",
+        f"{latitude:.7f},{longitude:.7f}; give --origin, or the --heading flown, if that is wrong",
     )
 
 
