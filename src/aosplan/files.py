@@ -30,12 +30,27 @@ def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
     SurroundingsError
         Where it cannot be read.
     """
+    content = read_start(path, most + 1)
+    if len(content) > most:
+        raise RequestError(f"'{path}' is larger than {most // 2**20} MB")
+    return content
+
+
+def read_start(path: str, most: int) -> bytes:
+    """The first bytes of a file, or of stdin for ``-``: at most so many.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such file.
+    SurroundingsError
+        Where it cannot be read.
+    """
     try:
         if path == "-":
-            content = sys.stdin.buffer.read(most + 1)
-        else:
-            with open(path, "rb") as file:
-                content = file.read(most + 1)
+            return sys.stdin.buffer.read(most)
+        with open(path, "rb") as file:
+            return file.read(most)
     except (FileNotFoundError, NotADirectoryError):
         raise RequestError(f"no file '{path}'") from None
     except IsADirectoryError:
@@ -44,9 +59,6 @@ def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
         raise RequestError(f"no file {path!r}") from None
     except OSError as error:
         raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
-    if len(content) > most:
-        raise RequestError(f"'{path}' is larger than {most // 2**20} MB")
-    return content
 
 
 def read_table(path: str) -> dict[str, Any]:

@@ -84,7 +84,7 @@ def run(
     if own is not None:
         from aosplan.sweep.defaults import with_defaults
 
-        scenarios = with_defaults(scenarios, read_defaults(own), own)
+        scenarios = with_defaults(scenarios, read_defaults(own), own, os.path.dirname(file))
     if scenarios.rows > MOST_SCENARIOS and not yes:
         raise RequestError(
             f"'{file}' has {scenarios.rows} scenarios, more than {MOST_SCENARIOS}",

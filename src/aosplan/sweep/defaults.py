@@ -13,7 +13,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.request import own_beneath
-from aosplan.sweep.scenarios import Crossing, Table, column_of
+from aosplan.sweep.scenarios import Crossing, Table, column_of, share_alone
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,7 +25,7 @@ DECIDING = ("grid", "trigger")
 
 
 def with_defaults(
-    scenarios: Crossing | Table, own: Mapping[str, Any], where: str
+    scenarios: Crossing | Table, own: Mapping[str, Any], where: str, folder: str = ""
 ) -> Crossing | Table:
     """The scenarios, each with those of the user's own defaults that it leaves room for.
 
@@ -35,6 +35,8 @@ def with_defaults(
         What is swept.
     own, where
         Options by name, and the file that they are from.
+    folder
+        Where the scenarios' file names are looked for first.
 
     Raises
     ------
@@ -42,7 +44,8 @@ def with_defaults(
         Where the defaults contradict each other, or one goes with some values of a crossing alone.
     """
     if isinstance(scenarios, Table):
-        return Table(_filled(scenarios.values, own, where))
+        filled = _filled(scenarios.values, own, where)
+        return Table(filled, share_alone(filled, folder))
     values = scenarios.values
     deciding = {name: dict.fromkeys(values[name].flat) for name in DECIDING if name in values}
     asked = {name: axis.flat[0] for name, axis in values.items()}
@@ -56,7 +59,8 @@ def with_defaults(
                 f"'{where}': {name} does not go with every {' and '.join(deciding)} of the sweep",
                 f"give {name} in the sweep's own file, or --defaults none",
             )
-    return Crossing(values | {name: column_of([value]) for name, value in found[0].items()})
+    values = values | {name: column_of([value]) for name, value in found[0].items()}
+    return Crossing(values, share_alone(values, folder))
 
 
 def _filled(

@@ -146,7 +146,9 @@ def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
     }
     holes = {name: hole for name, hole in holes.items() if hole.any()}
     if not holes:
-        yield block, None
+        # A column of numbers that has holes in other blocks is one of objects in this one too.
+        columns = {name: _narrowed(column) for name, column in block.columns.items()}
+        yield block._replace(columns=columns), None
         return
     # Only tables have holes, and their blocks have one axis.
     patterns, places = np.unique(np.stack(list(holes.values())), axis=1, return_inverse=True)
@@ -162,7 +164,9 @@ def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
 
 
 def _narrowed(column: NDArray[Any]) -> NDArray[Any]:
-    return column_of(column.tolist()) if column.dtype == object else column
+    if column.dtype != object:
+        return column
+    return column_of(list(column.flat)).reshape(column.shape)
 
 
 def _input(pl: Any, name: str, values: NDArray[Any], kinds: frozenset[type] | None) -> Any:

@@ -6,6 +6,7 @@ crossing's columns keep an axis each, so what depends on few of them is computed
 
 from __future__ import annotations
 
+import csv
 import math
 import os
 from dataclasses import dataclass, field
@@ -29,6 +30,11 @@ ROWS_A_BLOCK = 1 << 18
 
 ROWS_ALONE = 1 << 10
 """Of those that are solved one by one: what an interruption loses, and what workers share."""
+
+SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
+
+MOST_HEADER = 1 << 16
+"""Bytes that the header of a CSV may have; all options take a fiftieth of it."""
 
 MOST_VALUES = 10_000_000
 """Values that one range or list may have."""
@@ -207,6 +213,8 @@ def read_crossing(path: str) -> Crossing:
     sweep = table.get("sweep")
     if not isinstance(sweep, dict):
         raise RequestError(f"'{path}' has no table [sweep]", "its keys are the options of `plan`")
+    if not sweep:
+        raise RequestError(f"'{path}': [sweep] is empty, so there are no scenarios")
     folder = os.path.dirname(path)
     axes = {}
     for name, given in sweep.items():
@@ -223,6 +231,8 @@ def read_crossing(path: str) -> Crossing:
 def read_scenarios(path: str) -> Crossing | Table:
     """What a file sweeps: a table of scenarios (``.csv``, ``.parquet``), or a crossing."""
     suffix = os.path.splitext(path)[1].lower()
+    if suffix in SPREADSHEETS:
+        raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
     return read_rows(path) if suffix in (".csv", ".parquet") else read_crossing(path)
 
 
@@ -235,24 +245,16 @@ def read_rows(path: str) -> Table:
         Where a column is no option, or a cell no value of it; the message names row and column.
     """
     pl = polars()
-    if not os.path.isfile(path):
-        raise RequestError(f"no file '{path}'")
+    as_text = path.lower().endswith(".csv")
+    _check_start(path, as_text=as_text)
     try:
-        if path.lower().endswith(".csv"):
-            frame = pl.read_csv(path, infer_schema=False)
-        else:
-            frame = pl.read_parquet(path)
+        frame = pl.read_csv(path, infer_schema=False) if as_text else pl.read_parquet(path)
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).strip().splitlines()[0]
         raise RequestError(f"'{path}' is no table of scenarios: {reason}") from None
     if not frame.height or not frame.width:
         raise RequestError(f"'{path}' has no rows, so there are no scenarios")
-    for name in frame.columns:
-        if name not in BY_NAME:
-            raise RequestError(
-                f"'{path}': column '{name}' is no option of plan",
-                nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens",
-            )
+    _check_names(frame.columns, path)
     values = {name: _parsed_column(frame, name, path) for name in frame.columns}
     return Table(values, share_alone(values, os.path.dirname(path)))
 
@@ -265,9 +267,47 @@ def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
     return 1.0 - math.prod(shares)
 
 
+def _check_start(path: str, *, as_text: bool) -> None:
+    """Refuse what is no table by its first bytes: before a library reads all of it."""
+    from aosplan.files import read_start
+
+    start = read_start(path, MOST_HEADER)
+    if start.startswith(b"PK\x03\x04"):
+        raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
+    if not as_text:
+        return
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise RequestError(f"'{path}' is UTF-16 text, not UTF-8", "save it as CSV in UTF-8")
+    line = start.decode("utf-8-sig", errors="replace").partition("\n")[0].rstrip("\r")
+    if len(start) == MOST_HEADER and "\n" not in start.decode("latin-1"):
+        raise RequestError(f"'{path}': its header is longer than {MOST_HEADER} bytes")
+    header = next(csv.reader([line]), [])
+    for other, title in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and other in line:
+            raise RequestError(
+                f"'{path}': its columns are separated by {title}",
+                "save it with commas between columns, and points in numbers",
+            )
+    _check_names(header, path)
+
+
+def _check_names(names: Sequence[str], path: str) -> None:
+    """Refuse columns that are no options, or are there twice."""
+    for place, name in enumerate(names):
+        if name not in BY_NAME:
+            hint = nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens"
+            if name.startswith("__index_level_"):
+                hint = "pandas wrote its index: give to_parquet index=False"
+            raise RequestError(f"'{path}': column {shown(name)} is no option of plan", hint)
+        if name in names[:place]:
+            raise RequestError(f"'{path}': column '{name}' is there twice", "keep one of them")
+
+
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
     """A column's values, each distinct one parsed once."""
     series = frame.get_column(name)
+    if series.dtype.is_nested():  # lists, such as a place; as a CSV has them
+        series = series.map_elements(_cell, return_dtype=polars().String)
     distinct = series.unique(maintain_order=True)
     parsed: list[Any] = []
     for value in distinct.to_list():
@@ -282,6 +322,11 @@ def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
     places = series.replace_strict(distinct, list(range(len(parsed))), return_dtype=polars().UInt32)
     column: NDArray[Any] = column_of(parsed)[places.to_numpy()]
     return column
+
+
+def _cell(value: Any) -> str:
+    plain = value.to_list() if hasattr(value, "to_list") else value
+    return ",".join(map(str, plain)) if isinstance(plain, list) else str(plain)
 
 
 def _values(given: Any, place: str, folder: str, *, pair: bool) -> list[Any]:
