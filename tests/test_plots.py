@@ -19,12 +19,14 @@ from aosplan.geometry import coverage_share
 from aosplan.plots import KINDS
 from aosplan.plots.canvas import Look, rendered
 from aosplan.plots.correlogram import correlations_of
+from aosplan.plots.curve import curve_of
 from aosplan.plots.density import density_of
 from aosplan.plots.grid import grid_of, nice_length_m, numbered
 from aosplan.plots.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
 from aosplan.plots.tradeoff import tradeoff_of
 from aosplan.plots.visibility import visibility_of
 from aosplan.resolve import ResolvedScene
+from aosplan.scene import Layer, LayeredScene
 from aosplan.voxels import VoxelVolume
 
 jsonschema = pytest.importorskip("jsonschema")
@@ -94,6 +96,19 @@ def test_the_baseline_curve_has_the_wanted_share_at_its_ratio():
     o = paper_forest().scene.occluder_size_m
     for ratio, told in found.knots:
         assert told == pytest.approx((base + height - o / ratio) / height, abs=0.02)
+
+
+def test_layers_make_a_staircase_of_the_baseline_curve():
+    layers = (Layer(2.0, 3.0, 0.1, 0.25), Layer(9.0, 11.0, 0.2, 0.5))
+    found = curve_of(LayeredScene("two", layers), 0.98)
+    assert found.stepped
+    # o/H at their middles, and density times thickness as weights.
+    assert found.knots == (
+        (pytest.approx(0.05), pytest.approx(0.8)),
+        (pytest.approx(0.1), pytest.approx(1.0)),
+    )
+    assert found.ratio == pytest.approx(0.1)
+    assert not shown("baseline-curve").stepped
 
 
 def test_a_correlogram_is_the_scenes_own_or_that_of_its_voxels():
