@@ -254,3 +254,12 @@ def test_without_matplotlib_there_is_a_hint(capsys, monkeypatch, tmp_path):
     err = capsys.readouterr().err
     assert "needs the optional extra 'figures'" in err
     assert 'pip install "aosplan[figures]"' in err
+
+
+def test_a_figure_is_of_the_plan_that_ones_own_defaults_make(tmp_path, capsys):
+    (tmp_path / "own.toml").write_text("vhat = 0.9\n")
+    told = []
+    for more in ([], ["--defaults", str(tmp_path / "own.toml")], ["--defaults", "none"]):
+        assert run(["plot", "visibility", "--altitude", "40", *more, "--json"]) == 0
+        told.append(json.loads(capsys.readouterr().out)["data"]["samples"])
+    assert told == [50, 10, 50]
