@@ -9,6 +9,7 @@ from aosplan import __version__
 from aosplan import quantities as q
 from aosplan.cli.options import (
     command,
+    defaults_option,
     file_argument,
     flag_option,
     json_option,
@@ -24,6 +25,7 @@ from aosplan.summary import SCHEMA
 
 if TYPE_CHECKING:
     from aosplan.plots.canvas import Look
+    from aosplan.request import PlanRequest
 
 
 def run(
@@ -40,6 +42,7 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    defaults: str | None,
     **flags: Any,
 ) -> None:
     """Draw a figure, and say in words what it shows."""
@@ -57,9 +60,11 @@ def run(
         shown = _of_results(file, flags, x, y, value)
     elif any((x, y, value)):
         raise RequestError(f"--x, --y and --value go with sweep, not with {chosen.name}")
+    elif chosen.source == "scene":
+        shown = _of_scene(chosen, file, flags, quiet=quiet)
     else:
-        of = _of_scene if chosen.source == "scene" else _of_plan
-        shown = of(chosen, file, flags, quiet=quiet)
+        wanted = request_of(file, flags, defaults=defaults)
+        shown = _of_plan(chosen, wanted, os.path.dirname(file or ""), quiet=quiet)
     if out is not None:
         write_all({out: rendered(chosen, shown, form_of(out), look)}, force=force)
     if as_json:
@@ -105,11 +110,10 @@ def _kind(name: str) -> Kind:
     )
 
 
-def _of_plan(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
+def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Shown:
     """The numbers of a figure of a plan."""
     from aosplan.planning import plan
 
-    wanted, folder = request_of(file, flags, defaults="none"), os.path.dirname(file or "")
     with progress_bar(quiet=quiet) as bar:
         result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
@@ -207,6 +211,7 @@ COMMAND = command(
             required=False,
         ),
         *request_options(),
+        defaults_option(),
         text_option("--out", "PATH", "The figure: .png, .svg or .pdf.", "Output"),
         text_option("--x", "COLUMN", "Sweep: along the figure.  [samples]", "Sweep"),
         text_option("--y", "COLUMN", "Sweep: up the figure.  [flight_time_s]", "Sweep"),

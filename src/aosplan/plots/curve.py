@@ -23,13 +23,15 @@ SHARES = (0.5, 0.9)
 class BaselineCurve(NamedTuple):
     """Knots of the curve: b/h, and the share of occluders with d̂ >= 1 there.
 
-    `ratio` is the b/h of the wanted share, None where no baseline has it.
+    Where it is `stepped`, the share stays from each knot to the next, as of layers at one height
+    each; else it rises evenly.  `ratio` is the b/h of the wanted share, None where no baseline has it.
     """
 
     scene: str
     coverage: float
     ratio: float | None
     knots: tuple[tuple[float, float], ...]
+    stepped: bool
     altitude_m: float | None = None
 
     @property
@@ -85,6 +87,7 @@ def curve_of(
         coverage,
         ratio,
         tuple((k, share) for k, share in knots),
+        all(slab.bottom_m == slab.top_m for slab in scene.slabs()),
         altitude_m,
     )
 
@@ -92,8 +95,12 @@ def curve_of(
 def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
     """The share against b/h, on a logarithmic axis; with an altitude, against b as well."""
     panel = figure.subplots()
+    first = [(shown.knots[0][0], 0.0)] if shown.stepped else []
     panel.plot(
-        *zip(*shown.knots, strict=True), color=theme.data[0], label="occluders with $\\hat{d}$ ≥ 1"
+        *zip(*first, *shown.knots, strict=True),
+        color=theme.data[0],
+        drawstyle="steps-post" if shown.stepped else "default",
+        label="occluders with $\\hat{d}$ ≥ 1",
     )
     panel.axhline(
         shown.coverage,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.plots.style import LINES, entitle, legend_below, plain
@@ -124,13 +125,17 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
     for panel, (x, y, label) in zip(axes.flat, (*PANELS, last), strict=True):
         for grid, look in looks.items():
             rows = [p for p in shown.points if p.grid == grid]
+            along = [getattr(p, x) for p in rows]
             for kept, more in (
-                ([p for p in rows if p.meets], look | {"lw": 1.1}),
-                ([p for p in rows if not p.meets], {"color": theme.muted, "ls": (0, (1, 1.5))}),
-                ([p for p in rows if p.front], FRONT | {"mfc": look["color"], "mec": theme.text}),
+                ([p.meets for p in rows], look | {"lw": 1.1}),
+                ([not p.meets for p in rows], {"color": theme.muted, "ls": (0, (1, 1.5))}),
+                ([p.front for p in rows], FRONT | {"mfc": look["color"], "mec": theme.text}),
             ):
-                at = [getattr(p, x) for p in kept], [getattr(p, y) for p in kept]
-                panel.plot(*at, **({"lw": 0.9} | more))
+                # A line has gaps where rows of the other kind lie.
+                up = [
+                    getattr(p, y) if keep else math.nan for p, keep in zip(rows, kept, strict=True)
+                ]
+                panel.plot(along, up, **({"lw": 0.9} | more))
         panel.plot(
             [getattr(own, x)], [getattr(own, y)], **PLAN, mfc=theme.text, mec=theme.background
         )

@@ -239,6 +239,7 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
         panel.set_ylim(-0.03, 1.06)
     heights = [v for curve in (*shown.by_samples, *shown.by_baseline) for v in curve.expected]
     low, high = min(shown.minimum, *heights), max(shown.maximum, *heights)
+    axes[1][0].xaxis.get_major_locator().set_params(integer=True)
     room = 0.12 * (high - low) or 1e-12
     axes[1][0].set_ylim(low - room, high + 1.5 * room)
     symbol = r"$\hat{V}$" if shown.target_quantity == "normalized" else "$V$"
