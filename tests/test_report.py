@@ -12,6 +12,7 @@ from base64 import b64decode, b64encode
 from hashlib import sha256
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from aosplan import PlanRequest, plan
@@ -19,6 +20,7 @@ from aosplan.cli.app import run
 from aosplan.models.equations import visibility
 from aosplan.report import check_extra, report_page
 from aosplan.report.charts import charts_of
+from aosplan.report.heights import profile_of
 from aosplan.report.words import duration, percent, short
 
 VOID = {"meta", "input"}
@@ -285,6 +287,42 @@ def test_a_clear_view_has_no_curves_and_no_picture():
     assert charts_of(clear) == []
     assert text.count("Nothing stands above the focal plane") == 1
     assert "nothing stands above the focal plane" in text
+
+
+# Terrain
+
+
+def test_heights_along_the_way_are_those_of_the_waypoints(folder):
+    rasterio = pytest.importorskip("rasterio")
+    corner = rasterio.transform.from_origin(449_800, 5_354_000, 1.0, 1.0)
+    heights = np.add.outer(np.zeros(400), 300.0 + 0.1 * np.arange(400.0)).astype(np.float32)
+    shape = {"height": 400, "width": 400, "count": 1, "dtype": "float32"}
+    with rasterio.open("dem.tif", "w", crs="EPSG:32633", transform=corner, **shape) as raster:
+        raster.write(heights, 1)
+    request = PlanRequest(altitude=40, origin=(48.3354, 14.32533), heading=90, terrain="dem.tif")
+    flown = plan(request)
+    profile = profile_of(flown)
+    rows = flown.document()["waypoints"]
+    assert max(row["ground_m"] for row in rows) > min(row["ground_m"] for row in rows) + 1.0
+    places = {
+        name: np.array([pair.split(",") for pair in points.split()], dtype=float)
+        for name, points, _ in profile.lines
+    }
+    ground = np.array([row["ground_m"] for row in rows])
+    low, *_, high = profile.y_ticks
+    metres_a_unit = (float(high.text) - float(low.text)) / (low.place - high.place)
+    drawn = float(low.text) + metres_a_unit * (low.place - places["ground"][:, 1])
+    assert drawn == pytest.approx(ground, abs=0.051 * metres_a_unit)
+    # Written to a tenth of a unit.
+    for name, above in (("canopy", flown.scene.canopy_top_m), ("flight", 40.0)):
+        risen = metres_a_unit * (places["ground"][:, 1] - places[name][:, 1])
+        assert risen == pytest.approx(np.full(len(rows), above), abs=0.101 * metres_a_unit)
+    ways = np.hypot(*np.diff([(row["east_m"], row["north_m"]) for row in rows], axis=0).T)
+    share = (places["ground"][:, 0] - 46.0) / 280.0
+    assert share[1:] == pytest.approx(np.cumsum(ways) / ways.sum(), abs=0.001)
+    page = Page(report_page(flown, seed=None))
+    (described,) = page.of("desc", id="profile-desc")
+    assert f"{ground.min():.1f} and {ground.max():.1f} m" in described["text"]
 
 
 # Numbers as text

@@ -68,6 +68,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     import tomli_w
 
     from aosplan.report.charts import charts_of
+    from aosplan.report.heights import profile_of
     from aosplan.report.scenery import columns_of, scenery_of
     from aosplan.report.views import views_of
     from aosplan.report.words import Figures, long, short
@@ -100,6 +101,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         columns=columns_of(plan.waypoints),
         scenery=scenery_of(plan),
         charts=charts_of(plan),
+        profile=profile_of(plan),
         views=views_of(plan, seed),
         camera=plan.camera.title or plan.camera.name,
         place=plan.origin and _place(*plan.origin),

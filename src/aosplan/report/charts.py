@@ -67,8 +67,6 @@ class Chart(NamedTuple):
         Lines up and down with what bounds the plan, and across with target and limits.
     rows
         The numbers of the lines: along the axis, V̂ and V.
-    right
-        Where the frame ends, and the labels of the levels begin.
     """
 
     name: str
@@ -84,7 +82,6 @@ class Chart(NamedTuple):
     bounds: list[Line]
     levels: list[Line]
     rows: list[tuple[float, float, float]]
-    right: float = RIGHT
 
 
 def charts_of(plan: Plan) -> list[Chart]:
@@ -143,7 +140,7 @@ def _chart(
     name, title, column = names
     prediction = plan.solution.prediction
     high = curve.x[-1]
-    x, y = _scale(high, LEFT, RIGHT), _scale(1.0, BOTTOM, TOP)
+    x, y = scale(high, LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
 
     def path(shares: Sequence[float]) -> str:
         return " ".join(
@@ -163,7 +160,7 @@ def _chart(
             f"Along the {axis}, V̂ and V go from {first} to {last}; this plan has {planned:,.4g}, "
             f"V̂ = {prediction.normalized:.2%} and V = {prediction.expected:.2%}."
         ),
-        x_ticks=[Tick(x(value), f"{value:,.4g}") for value in _ticks(high)],
+        x_ticks=[Tick(x(value), f"{value:,.4g}") for value in ticks(0.0, high)],
         y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],
         normalized=path(curve.normalized),
         expected=path(curve.expected),
@@ -205,13 +202,15 @@ def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
     return lines
 
 
-def _scale(high: float, start: float, end: float) -> Callable[[float], float]:
+def scale(high: float, start: float, end: float) -> Callable[[float], float]:
     """A map from values, from zero to the highest, to places."""
     return lambda value: start + value / high * (end - start)
 
 
-def _ticks(high: float) -> list[float]:
-    """Round values from zero to the highest, four to six of them."""
-    unit = 10.0 ** math.floor(math.log10(high / 6.0))
-    step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= high / 6.0)
-    return [step * place for place in range(math.floor(high / step * (1 + 1e-9)) + 1)]
+def ticks(low: float, high: float) -> list[float]:
+    """Round values between two, four to six of them."""
+    rough = (high - low) / 6.0
+    unit = 10.0 ** math.floor(math.log10(rough))
+    step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= rough)
+    first, last = math.ceil(low / step * (1 - 1e-9)), math.floor(high / step * (1 + 1e-9))
+    return [step * place for place in range(first, last + 1)]

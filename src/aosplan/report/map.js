@@ -154,6 +154,18 @@ function shapes(pen, rings, colour, alpha, dash) {
 
 const radius = () => Math.min(Math.max(scenery.spacing_m * view.scale * 0.22, 1), 6);
 
+/** From which share of a line to which it lies within the map; none where the first is the larger. */
+function visible(ax, ay, bx, by) {
+  let [from, to] = [0, 1];
+  for (const [at, step, most] of [[ax, bx - ax, view.width], [ay, by - ay, view.height]]) {
+    if (step === 0) { if (at < 0 || at > most) return [1, 0]; continue; }
+    const [one, other] = [-at / step, (most - at) / step];
+    from = Math.max(from, Math.min(one, other));
+    to = Math.min(to, Math.max(one, other));
+  }
+  return [from, to];
+}
+
 function paintPath(pen, ink) {
   const { places, starts } = path;
   if (places.length > MOST_CORNERS && scenery.spacing_m * view.scale < 3) return;
@@ -167,18 +179,20 @@ function paintPath(pen, ink) {
     const [i, j] = [places[k - 1], places[k]];
     if (starts.has(j)) continue;
     const [ax, ay, bx, by] = [pixelX(east[i]), pixelY(north[i]), pixelX(east[j]), pixelY(north[j])];
-    if (Math.max(ax, bx) < 0 || Math.min(ax, bx) > view.width) continue;
-    if (Math.max(ay, by) < 0 || Math.min(ay, by) > view.height) continue;
+    const [from, to] = visible(ax, ay, bx, by);
+    if (from >= to) continue;
     pen.moveTo(ax, ay);
     pen.lineTo(bx, by);
     const length = Math.hypot(bx - ax, by - ay);
     const legs = Math.max(j - i, 1);
-    since += length;
-    if (since < 80 || length / legs < 14 || arrows.length >= 400) continue;
-    since = 0;
-    // Between two sites, where no dot hides it.
-    const share = (Math.floor(legs / 2) + 0.5) / legs;
-    arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax)]);
+    since += (to - from) * length;
+    const most = length / legs < 14 ? 0 : Math.min(Math.floor(since / 90), 400 - arrows.length);
+    if (most > 0) since = 0;
+    for (let n = 1; n <= most; n += 1) {
+      // Between two sites, where no dot hides it.
+      const share = (Math.floor((from + ((to - from) * n) / (most + 1)) * legs) + 0.5) / legs;
+      arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax)]);
+    }
   }
   pen.stroke();
   pen.globalAlpha = 1;
@@ -207,7 +221,8 @@ function paintSites(pen, ink) {
     if (dot < 1.5) { pen.fillRect(x - dot, y - dot, 2 * dot, 2 * dot); continue; }
     pen.beginPath(); pen.arc(x, y, dot, 0, 7); pen.fill();
   }
-  if (scenery.spacing_m * view.scale < 30 || inside.length > 2000) return undefined;
+  const digits = String(inside.at(-1)).length;
+  if (scenery.spacing_m * view.scale < 18 + 7 * digits) return undefined;
   pen.font = "11px system-ui, sans-serif";
   pen.textAlign = "left"; pen.textBaseline = "bottom"; pen.fillStyle = ink.faint;
   for (const i of inside) pen.fillText(String(i), pixelX(east[i]) + dot + 1, pixelY(north[i]) - dot);
@@ -250,11 +265,19 @@ function triangle(pen, x, y, size, angle, colour) {
   pen.closePath(); pen.fillStyle = colour; pen.fill();
 }
 
+/** A ground on which what lies over the map can be read. */
+function ground(pen, ink, x, y, width, height) {
+  pen.fillStyle = ink.panel; pen.globalAlpha = 0.85;
+  pen.fillRect(x, y, width, height);
+  pen.globalAlpha = 1;
+}
+
 function paintScale(pen, ink) {
   const rough = 130 / view.scale;
   const unit = 10 ** Math.floor(Math.log10(rough));
   const length = [5, 2, 1].map((factor) => factor * unit).find((one) => one <= rough);
   const [x, y, width] = [16, view.height - 16, length * view.scale];
+  ground(pen, ink, x - 8, y - 24, width + 16, 32);
   pen.strokeStyle = ink.ink; pen.lineWidth = 1.5; pen.setLineDash([]);
   pen.beginPath();
   pen.moveTo(x, y - 5); pen.lineTo(x, y); pen.lineTo(x + width, y); pen.lineTo(x + width, y - 5);
@@ -266,6 +289,7 @@ function paintScale(pen, ink) {
 
 function paintNorth(pen, ink) {
   const [x, y] = [view.width - 26, 40];
+  ground(pen, ink, x - 14, y - 34, 28, 56);
   pen.strokeStyle = ink.ink; pen.fillStyle = ink.ink; pen.lineWidth = 1.5;
   pen.beginPath(); pen.moveTo(x, y + 16); pen.lineTo(x, y - 4); pen.stroke();
   triangle(pen, x, y - 8, 7, -Math.PI / 2, ink.ink);
