@@ -20,6 +20,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "extensions.accessible",
     "extensions.mathml",
     "extensions.drawn",
     "extensions.generated",

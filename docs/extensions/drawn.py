@@ -32,6 +32,7 @@ class Drawn(SphinxDirective):
     option_spec = {  # noqa: RUF012 (as docutils has it)
         "alt": directives.unchanged_required,
         "caption": directives.unchanged_required,
+        "width": directives.length_or_percentage_or_unitless,
     }
 
     def run(self):
@@ -83,7 +84,9 @@ class Drawn(SphinxDirective):
         yield self._image(folder / f"dark-{name}", words, "only-dark")
 
     def _image(self, picture, words, *classes):
-        return nodes.image(uri=self._from_here(picture), alt=words, classes=[*classes])
+        uri, width = self._from_here(picture), self.options.get("width")
+        wide = {} if width is None else {"width": width}
+        return nodes.image(uri=uri, alt=words, classes=[*classes], **wide)
 
     def _link(self, page):
         """A link to a page that was written."""

@@ -10,7 +10,7 @@ def _inline(translator, node):
 
 
 def _displayed(translator, node):
-    translator.body.append(translator.starttag(node, "div", CLASS="math"))
+    translator.body.append(translator.starttag(node, "div", CLASS="math", tabindex="0"))
     translator.body.append(convert(node.astext(), display="block") + "</div>\n")
     raise SkipNode
 
