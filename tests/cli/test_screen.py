@@ -82,7 +82,7 @@ def test_a_terminal_shows_headlines_bounds_and_words_of_warning_in_colour():
     assert ESCAPE.sub("", plain) == ESCAPE.sub("", shown)
 
 
-@pytest.mark.parametrize("arguments", TABLES, ids=" ".join)
+@pytest.mark.parametrize("arguments", TABLES[:5], ids=" ".join)
 def test_a_dumb_terminal_gets_ascii_without_escapes(arguments):
     shown = on_a_terminal(*arguments, TERM="dumb")
     assert "\x1b" not in shown
@@ -114,8 +114,10 @@ def test_every_character_of_the_project_has_one_in_ascii():
     assert all(text.isascii() for text in screen.PLAIN.values())
 
 
-@pytest.mark.parametrize("columns", [40, 200])
-@pytest.mark.parametrize("arguments", TABLES[:1] + TABLES[2:], ids=" ".join)
+@pytest.mark.parametrize(
+    ("arguments", "columns"),
+    [*((arguments, 40) for arguments in TABLES), (TABLES[0], 60), (TABLES[0], 200)],
+)
 def test_tables_fit_the_terminal(arguments, columns):
     shown = ESCAPE.sub("", on_a_terminal(*arguments, COLUMNS=str(columns)))
     lines = [line.replace("\u0302", "") for line in shown.splitlines()]
