@@ -311,7 +311,7 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
             text = Text(f"{row[0] or first}: {', '.join(filter(None, pairs))}")
             show(text)
         return
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="bold")
     for name, whole in zip(names, short, strict=True):
         table.add_column(Text(name), overflow="fold", no_wrap=whole)
     for row in shown:
