@@ -1,7 +1,9 @@
 """Sweeps: thousands to billions of scenarios, each a row of the result.
 
 - `aosplan.sweep.scenarios`: what is swept, a crossing of lists and ranges or a table of rows.
-- `aosplan.sweep.columns`: uniform scenarios solved as whole columns.
-- `aosplan.sweep.rows`: the rest, one plan a row, with what rows have in common kept.
+- `aosplan.sweep.columns`: uniform scenarios solved as whole columns: `aosplan.sweep.inputs` reads
+  options, `aosplan.sweep.bounds` finds samples and baselines over `aosplan.sweep.lattices`,
+  `aosplan.sweep.layouts` flies them, and `aosplan.sweep.verdicts` keeps what was refused and why.
+- `aosplan.sweep.rows`: the rest, one draft of a plan a row, with what rows have in common kept.
 - `aosplan.sweep.run`: block by block to a file, resumable.
 """
