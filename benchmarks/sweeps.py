@@ -1,14 +1,16 @@
-"""Rate of sweeps:  python benchmarks/sweeps.py [--most 7]
+"""Rate of sweeps:  python benchmarks/sweeps.py [--most 8] [--part growth|kinds|workers]
 
-Uniform scenarios from a TOML crossing, 10³ to 10^most of them:
+Scenarios a second of one core's time, the best of three, by
 
-- in memory: b, N, V and V̂ of each as whole columns;
-- to Parquet, as `aosplan sweep` writes it, in a process of one thread;
-- the paper's Eq. 2 as a double sum, vectorised with NumPy over scenarios;
-- `aosplan.plan` once a scenario.
+- **growth**: 10³ to 10^most uniform scenarios of a TOML crossing, in memory (b, N, V and V̂ of each as
+  whole columns), to Parquet as `aosplan sweep` writes it, and with a `--where` that keeps none of
+  them, each in a process of one thread, with its peak of memory; against the paper's Eq. 2 as a double sum,
+  vectorised with NumPy over scenarios, and `aosplan.plan` once a scenario;
+- **kinds**: scenarios that bounds bind, that cannot be met, of layers and of voxels, as frames,
+  against `aosplan.plan` once a scenario;
+- **workers**: the same sweep with one worker and with two, by the clock: for a machine at rest.
 
-Scenarios a second by one core, the best of three; memory of the process that writes.  Prints a table and
-writes it to benchmarks/results/sweeps.csv.
+Prints tables, and writes them to benchmarks/results/sweeps*.csv with a figure of the growth.
 """
 
 from __future__ import annotations
@@ -22,41 +24,50 @@ import tempfile
 import time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
 
+from aosplan.errors import AosplanError
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
 from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.scenarios import read_crossing
+from aosplan.sweep.frame import USUAL, solve_block
+from aosplan.sweep.scenarios import Crossing, column_of, read_crossing
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from aosplan.sweep.scenarios import Crossing
+mpl.use("Agg")
+import matplotlib.pyplot as plt
 
 HERE = Path(__file__).parent
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
 KEPT = ("baseline_m", "samples", "visibility_expected", "visibility_normalized")
+
+MOST_STORED = 10**8
+"""Scenarios that are written whole: more would fill a disk."""
 
 WRITE = """
 import resource, sys, time
 from aosplan.cli.app import run
-start = time.process_time()
-assert run(["sweep", sys.argv[1], "--out", sys.argv[2], "--quiet", "--force"]) == 0
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(time.process_time() - start, peak)
+start, clock = time.process_time(), time.perf_counter()
+assert run(["sweep", *sys.argv[1:], "--quiet", "--force"]) == 0
+own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+print(time.process_time() - start, time.perf_counter() - clock, own.ru_maxrss / 1024, others.ru_maxrss / 1024)
 """
 
+DENSE = "density = { start = 0.001, stop = 0.02, count = 5, spacing = 'log' }\n"
 
-def campaign(folder: Path, power: int) -> Path:
+
+def campaign(folder: Path, power: int, more: str = DENSE) -> Path:
     """A crossing of 10^power scenarios, altitude the slowest."""
     path = folder / f"campaign_{power}.toml"
     path.write_text(
         "[sweep]\n"
         f"altitude = {{ start = 45, stop = 120, count = {10 ** (power - 2)} }}\n"
         "vhat = [0.9, '95%', 0.97, 0.98, 0.99]\n"
-        "density = { start = 0.001, stop = 0.02, count = 5, spacing = 'log' }\n"
+        f"{more}"
         "occluder_size = [0.1, 0.2, 0.4, 0.5]\n"
         "volume_height = 20\n",
         encoding="utf-8",
@@ -67,8 +78,9 @@ def campaign(folder: Path, power: int) -> Path:
 def in_memory(crossing: Crossing) -> None:
     for index in range(crossing.blocks):
         block = crossing.block(index)
-        solved = solve_columns(block)
+        solved = solve_columns(block, results=KEPT)
         assert solved is not None
+        assert solved.holds.all()
         for name in KEPT:
             np.broadcast_to(solved.columns[name], block.shape).reshape(-1)
 
@@ -91,55 +103,209 @@ def double_sum(crossing: Crossing) -> None:
             _ = 1.0 - density * (density + (1.0 - density) * shortfall)
 
 
-def row_by_row(crossing: Crossing) -> None:
+def row_by_row(crossing: Crossing, most: int = 2000) -> int:
+    """Plan scenarios of a crossing, evenly chosen; how many."""
     block = crossing.block(0)
-    for row in range(min(block.rows, 2000)):
-        plan(PlanRequest(**block.request_values(row)))
+    chosen = np.unique(np.linspace(0, block.rows - 1, min(block.rows, most)).astype(int))
+    for row in chosen.tolist():
+        try:
+            plan(PlanRequest(**block.request_values(row)))
+        except AosplanError:  # told, too
+            continue
+    return len(chosen)
 
 
-def seconds(work: Callable[[], None]) -> float:
+def seconds(work: Callable[[], object], times: int = 3) -> float:
     found = []
-    for _ in range(3):
+    for _ in range(times):
         start = time.process_time()
         work()
         found.append(time.process_time() - start)
     return min(found)
 
 
+def swept(*arguments: str, times: int = 1) -> tuple[float, float, float]:
+    """Processor time, time by the clock and peak of memory [MB] of a sweep in a process."""
+    environment = os.environ | {"POLARS_MAX_THREADS": "1"}
+    command = [sys.executable, "-c", WRITE, *arguments]
+    found = [
+        tuple(map(float, subprocess.check_output(command, env=environment).split()))
+        for _ in range(times)
+    ]
+    return (
+        min(each[0] for each in found),
+        min(each[1] for each in found),
+        max(max(each[2:]) for each in found),
+    )
+
+
+def growth(folder: Path, most: int) -> None:
+    """Rates against the number of scenarios."""
+    rows = []
+    for power in range(3, most + 1):
+        path = campaign(folder, power)
+        crossing = read_crossing(str(path))
+        count = crossing.rows
+        assert count == 10**power
+        times = 3 if count <= 10**7 else 1
+        memory = count / seconds(partial(in_memory, crossing), times)
+        out = folder / "r.parquet"
+        stored, peak, size = np.nan, np.nan, np.nan
+        if count <= MOST_STORED:
+            taken, _, peak = swept(str(path), "--out", str(out), times=times)
+            stored, size = count / taken, out.stat().st_size / 1e6
+            out.unlink()
+        where = ("--where", "samples < 1")
+        taken, _, lean = swept(str(path), "--out", str(out), *where, times=times)
+        out.unlink()
+        few = read_crossing(str(campaign(folder, min(power, 6))))
+        summed = few.rows / seconds(partial(double_sum, few))
+        start = time.process_time()
+        planned = row_by_row(crossing) / (time.process_time() - start)
+        rows.append((count, memory, stored, count / taken, summed, planned, peak, lean, size))
+        print(
+            f"10^{power}: in memory {memory:.3g} a second, to Parquet {stored:.3g}, none kept "
+            f"{count / taken:.3g}, the double sum {summed:.3g}, plan {planned:.3g}; "
+            f"{peak:.0f} and {lean:.0f} MB, a file of {size:.0f} MB",
+            flush=True,
+        )
+    rates = ("in_memory", "to_parquet", "none_kept", "double_sum", "plan_a_row")
+    names = ("scenarios", *(f"{name}_per_s" for name in rates))
+    write("sweeps.csv", (*names, "peak_mb", "peak_none_kept_mb", "file_mb"), rows)
+    draw(rates, rows)
+
+
+def draw(rates: Sequence[str], rows: Sequence[tuple[float, ...]]) -> None:
+    figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
+    for place, name in enumerate(rates, 1):
+        axes.loglog(
+            [row[0] for row in rows],
+            [row[place] for row in rows],
+            "o-",
+            label=name.replace("_", " "),
+        )
+    axes.set(xlabel="scenarios", ylabel="scenarios a second of one core")
+    axes.legend(loc="upper left")
+    axes.grid(alpha=0.3)
+    figure.savefig(HERE / "results" / "sweeps.png", dpi=110, metadata={"Software": None})
+
+
+def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
+    """Crossings by what makes them unlike the plain one."""
+    sys.path.insert(0, str(HERE.parent / "tests"))
+    from forests import STANDS, clumped_forest
+
+    from aosplan.voxel_file import Stand, stand_npz
+
+    stand = folder / "stand.npz"
+    forest = clumped_forest(STANDS["beech"], side_m=30.0, voxel_m=0.25)
+    stand.write_bytes(stand_npz(Stand.of(forest)))
+    uniform: dict[str, Iterable[Any]] = {
+        "altitude": np.linspace(45.0, 120.0, 500),
+        "vhat": [0.9, 0.95, 0.97, 0.98, 0.99],
+        "density": np.geomspace(0.001, 0.02, 5),
+        "occluder_size": [0.1, 0.2, 0.4, 0.5],
+        "volume_height": [20.0],
+    }
+    absolute = {name: values for name, values in uniform.items() if name != "vhat"}
+    targets = np.linspace(0.5, 0.9, 40)
+    layered = {"altitude": [40.0, 60.0], "model": ["layered"]}
+    measured = {"altitude": [40.0, 60.0], "scene": [str(stand)]}
+    return {
+        "plain": uniform,
+        "an aperture that binds somewhere": uniform | {"max_aperture": [40.0]},
+        "an aperture that few targets bear": uniform | {"max_aperture": [10.0]},
+        "too few samples": uniform | {"max_samples": [9]},
+        "absolute visibility": absolute | {"visibility": [0.3, 0.5, 0.7, 0.9]},
+        "a fixed baseline": uniform | {"baseline": [2.5]},
+        "both fixed": uniform | {"baseline": [2.5], "samples": [49]},
+        "within the canopy": uniform | {"altitude": np.linspace(1.0, 20.0, 500)},
+        "nothing hidden": uniform | {"density": [0.0] * 5},
+        "lanes": {"altitude": np.linspace(40.0, 120.0, 500), "grid": ["lanes"]},
+        "least time": {"altitude": np.linspace(40.0, 120.0, 50), "optimize": ["time"]},
+        "layers, targets": layered | {"vhat": targets},
+        "layers, samples": layered | {"baseline": [2.0], "samples": range(1, 101)},
+        "layers, targets at a baseline": layered | {"baseline": [2.0], "vhat": targets},
+        "voxels, targets": measured | {"vhat": np.linspace(0.5, 0.7, 10)},
+        "voxels, samples": measured | {"baseline": [1.0], "samples": range(1, 41)},
+        "voxels, objectives": measured
+        | {"vhat": [0.6], "optimize": ["samples", "aperture", "time"]},
+    }
+
+
+def kinds(folder: Path) -> None:
+    """Rates of frames, as columns or in rows that share their geometry, against `plan`."""
+    rows = []
+    for name, axes in kinds_of(folder).items():
+        values = {
+            option: column_of(
+                [each.item() if isinstance(each, np.generic) else each for each in axis]
+            )
+            for option, axis in axes.items()
+        }
+        crossing = Crossing(values)
+        block = crossing.block(0)
+        solved = solve_columns(block)
+        alone = 1.0 if solved is None else float(solved.left.mean())
+        slow = alone > 0.0
+
+        def frames(block: Any = block, crossing: Crossing = crossing) -> None:
+            solve_block(block, crossing.names, USUAL)
+
+        rate = block.rows / seconds(frames, 1 if slow else 3)
+        most = 8 if "voxels" in name else 200
+        start = time.process_time()
+        planned = row_by_row(crossing, most) / (time.process_time() - start)
+        rows.append((name, block.rows, alone, rate, planned, rate / planned))
+        print(
+            f"{name}: {rate:.3g} a second, plan {planned:.3g}, {rate / planned:.3g} times; "
+            f"{alone:.0%} of {block.rows} by rows",
+            flush=True,
+        )
+    names = ("kind", "scenarios", "share_by_rows", "per_s", "plan_a_row_per_s", "ratio")
+    write("sweeps_kinds.csv", names, rows)
+
+
+def workers(folder: Path) -> None:
+    """Time by the clock with one worker and two."""
+    rows = []
+    sweeps = {
+        "10^7 uniform scenarios": campaign(folder, 7),
+        "10^4 scenarios of layers": campaign(
+            folder, 4, "density = { start = 0.001, stop = 0.02, count = 5 }\nmodel = 'layered'\n"
+        ),
+    }
+    for name, path in sweeps.items():
+        for count in (1, 2):
+            out = folder / "r.parquet"
+            _, taken, peak = swept(str(path), "--out", str(out), "--workers", str(count), times=2)
+            out.unlink()
+            rows.append((name, count, taken, peak, os.getloadavg()[0]))
+            print(f"{name}, {count} workers: {taken:.1f} s, {peak:.0f} MB", flush=True)
+    write("sweeps_workers.csv", ("sweep", "workers", "seconds", "peak_mb", "load"), rows)
+
+
+def write(name: str, names: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> None:
+    with open(HERE / "results" / name, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for row in rows:
+            writer.writerow([each if isinstance(each, str) else f"{each:.4g}" for each in row])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--most", type=int, default=7, help="power of ten")
+    parser.add_argument("--most", type=int, default=8, help="power of ten")
+    parser.add_argument("--part", choices=("growth", "kinds", "workers"))
     options = parser.parse_args()
-    rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        for power in range(3, options.most + 1):
-            path = campaign(Path(folder), power)
-            crossing = read_crossing(str(path))
-            assert crossing.rows == 10**power
-            memory = crossing.rows / seconds(partial(in_memory, crossing))
-            command = [sys.executable, "-c", WRITE, str(path), str(Path(folder) / "r.parquet")]
-            environment = os.environ | {"POLARS_MAX_THREADS": "1"}
-            written = [
-                tuple(map(float, subprocess.check_output(command, env=environment).split()))
-                for _ in range(3)
-            ]
-            paper = min(crossing.rows, 10**6)
-            few = read_crossing(str(campaign(Path(folder), round(np.log10(paper)))))
-            summed = few.rows / seconds(partial(double_sum, few))
-            planned = min(crossing.rows, 2000) / seconds(partial(row_by_row, crossing))
-            rate = crossing.rows / min(taken for taken, _ in written)
-            peak = max(peak for _, peak in written)
-            rows.append((10**power, memory, rate, summed, planned, peak))
-            print(
-                f"10^{power}: in memory {memory:.3g} a second, to Parquet {rate:.3g}, the double "
-                f"sum {summed:.3g}, plan {planned:.3g}; {peak:.0f} MB",
-                flush=True,
-            )
-    with open(HERE / "results" / "sweeps.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        names = ("in_memory", "to_parquet", "double_sum", "plan_a_row")
-        writer.writerow(("scenarios", *(f"{name}_per_s" for name in names), "peak_mb"))
-        writer.writerows(tuple(f"{value:.4g}" for value in row) for row in rows)
+    with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as name:
+        folder = Path(name)
+        if options.part in (None, "growth"):
+            growth(folder, options.most)
+        if options.part in (None, "kinds"):
+            kinds(folder)
+        if options.part in (None, "workers"):
+            workers(folder)
 
 
 if __name__ == "__main__":

@@ -304,6 +304,7 @@ def test_fixed_baselines_are_columns_too():
         {"baseline": [1.0, 4.0], "max_samples": [60], "max_aperture": [20.0]},
         {"scene": ["paper-forest", "conifer-forest"], "focal_height": [0.0, 30.0]},
         {"vhat": [0.9, 0.99999999]},
+        {"max_aperture": [5.0], "max_samples": [9_000_000_000_000_000]},
     ],
 )
 def test_nothing_of_these_is_left_to_rows(axes):

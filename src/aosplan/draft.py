@@ -10,7 +10,7 @@ from aosplan.errors import RequestError
 from aosplan.layout import Layout, over_area
 from aosplan.models import Prediction
 from aosplan.problem import GridKind, Problem, Solution
-from aosplan.resolve import altitude_of, camera_of, scene_of
+from aosplan.resolve import altitude_of, camera_of
 from aosplan.route import Route, lay
 from aosplan.task import Task, kinds_of
 
@@ -61,10 +61,9 @@ class Draft(NamedTuple):
 def draft_of(
     request: PlanRequest,
     *,
+    scene: Callable[[PlanRequest], ResolvedScene],
     folder: str = "",
-    progress: Callable[[int, int], None] | None = None,
     trying: Trying | None = None,
-    found: ResolvedScene | None = None,
     kept: dict[tuple[Any, ...], Any] | None = None,
     count_required: bool = True,
 ) -> Draft:
@@ -72,8 +71,10 @@ def draft_of(
 
     Parameters
     ----------
-    request, folder, progress, trying, found
+    request, folder, trying
         As of `aosplan.planning.plan`.
+    scene
+        Finds the scene of a request.
     kept
         What other requests have made of the same scene, and where this one adds to it.
     count_required
@@ -89,8 +90,7 @@ def draft_of(
     camera = camera_of(request, folder=folder)
     altitude = altitude_of(request, camera)
     request, area = over_area(request, folder)
-    if found is None:
-        found = scene_of(request, folder=folder, progress=progress)
+    found = scene(request)
     model = request.model or MODEL_OF[found.kind]
     _check_model(model, found.kind, request)
     if found.scene.integrated_density > 0.0:

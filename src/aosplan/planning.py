@@ -13,7 +13,7 @@ from aosplan.layout import Layout, layout_of, ways_in_zones
 from aosplan.mission import Conduct, Mission, Waypoints, split
 from aosplan.models.equations import aperture
 from aosplan.request import find_drone
-from aosplan.resolve import Message
+from aosplan.resolve import Message, scene_of
 from aosplan.task import kinds_of
 
 if TYPE_CHECKING:
@@ -267,9 +267,14 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
-    draft = draft_of(request, folder=folder, progress=progress, trying=trying, found=found)
-    task, found, solution, problem = draft.task, draft.found, draft.solution, draft.problem
-    headed, altitude, notices = task.request, task.altitude_m, found.warnings
+
+    def scene(request: PlanRequest) -> ResolvedScene:
+        return found or scene_of(request, folder=folder, progress=progress)
+
+    draft = draft_of(request, scene=scene, folder=folder, trying=trying)
+    task, solution, problem = draft.task, draft.solution, draft.problem
+    headed, altitude, found = task.request, task.altitude_m, draft.found
+    notices = found.warnings
     doubts = Doubts(uncertainty_reason="nothing is hidden")
     if problem is not None:
         doubts = doubts_of(task, found, problem, solution)

@@ -9,7 +9,7 @@ evaluates no pattern that cannot be the answer.
 from __future__ import annotations
 
 import math
-from itertools import count, takewhile
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from aosplan.answer import rounded_up, solution_of, value_text
@@ -335,7 +335,8 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
 def _best_within(problem: Problem) -> str:
     """The best that the bounds allow, as text."""
     limit = problem.bounds.max_samples or SEARCHED_SAMPLES
-    frames = takewhile(lambda frame: frame.fewest <= limit, map(problem.grid.frame, count(1)))
+    searched = map(problem.grid.frame, range(1, SEARCHED_FRAMES + 1))
+    frames = takewhile(lambda frame: frame.fewest <= limit, searched)
     reachable = (
         (problem.model.predict(pattern, widest), pattern, widest)
         for pattern in (frame.pattern(min(frame.most, limit)) for frame in frames)

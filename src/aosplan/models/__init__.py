@@ -12,6 +12,7 @@ Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the 
 `aosplan.models.sites`, the shortfall of any set of positions, on a lattice or scattered;
 `aosplan.models.noise`, the same where the drone does not hold its place, with
 `aosplan.models.blur` for whole stacks of slices; and `aosplan.models.rays`, rays off nadir.
+`aosplan.models.memory` keeps predictions that are asked for again.
 """
 
 from __future__ import annotations

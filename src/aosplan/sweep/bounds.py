@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     Counts = NDArray[np.int64]
     Floats = NDArray[np.float64]
 
-MOST_FRAMES = 4096
-"""Frames up to which the best that bounds allow is sought here."""
-
 
 class Asked(NamedTuple):
     """What is asked of scenarios, columns that broadcast to a block's shape; None: not bounded.
@@ -379,14 +376,13 @@ def _best_within(kind: str, part: _Rows, lost: NDArray[np.intp]) -> tuple[Counts
         np.full(len(lost), SEARCHED_SAMPLES) if part.max_samples is None else part.max_samples[lost]
     )
     samples = np.full(len(lost), lattices.UNKNOWN)
-    baseline, shortfall = np.full((2, len(lost)), np.nan)
-    last = lattices.index_of(kind, limit)
-    shortfall[last <= MOST_FRAMES] = np.inf
-    for index in range(1, int(min(last.max(), MOST_FRAMES)) + 1):
+    baseline, shortfall = np.full(len(lost), np.nan), np.full(len(lost), np.inf)
+    last = lattices.index_of(kind, limit).max()
+    for index in range(1, int(min(last, SEARCHED_FRAMES)) + 1):
         place = np.array([index])
         ((rows,), (columns,)) = lattices.frame(kind, place)
         least = lattices.least_of(place)[0] if kind == "trimmed" else rows * columns
-        open_ = np.flatnonzero((least <= limit) & (last <= MOST_FRAMES))
+        open_ = np.flatnonzero(least <= limit)
         widest = _widest_m(part, np.array(max(rows, columns) - 1), lost[open_])
         most = np.minimum(rows * columns, limit[open_])
         reached = lattices.shortfalls(kind, most, widest / part.unit_m[lost[open_]])

@@ -94,6 +94,8 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     given = block.columns
     if not set(given) <= UNDERSTOOD:
         return None
+    if "occluder_size" in given and given.keys().isdisjoint(("density", "integrated_density")):
+        return None  # scenes by name have their own
     checked = {
         name: value
         for name, value in block.request_values(0).items()

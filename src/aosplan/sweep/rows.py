@@ -8,7 +8,7 @@ only the draft is made (`aosplan.draft`), and of the flight only what it takes.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.draft import draft_of, route_of
@@ -136,7 +136,7 @@ def solve_row(
         draft = draft_of(
             request,
             folder=folder,
-            found=scene_for(request, folder),
+            scene=partial(scene_for, folder=folder),
             kept=kept,
             count_required="samples_required" in results,
         )
