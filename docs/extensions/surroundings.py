@@ -53,7 +53,7 @@ def _warnings_in(tree):
         text = _text(said)
         if (
             isinstance(code.value, str)
-            and fullmatch("[a-z]+(_[a-z]+)*", code.value)
+            and fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", code.value)
             and " " in text
         ):
             yield code.value, text
