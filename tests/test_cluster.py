@@ -226,6 +226,20 @@ def test_a_file_has_the_bytes_of_a_local_run(cluster, tmp_path, name, conditions
     assert sorted(os.listdir(tmp_path)) == sorted(["here", name, "rows.csv"])
 
 
+def test_what_is_gathered_on_the_way_is_that_of_a_local_run(cluster, tmp_path, capsys):
+    cluster.crew(2)
+    campaign, told = tmp_path / "s.toml", []
+    campaign.write_text("[sweep]\naltitude = { start = 10, stop = 120, count = 200 }\n")
+    for place, line in (("here", []), ("there", ["--scheduler", cluster.address])):
+        out = tmp_path / place / "r"
+        out.parent.mkdir()
+        assert sweep(campaign, "--out", f"{out}/", "--summary", "--json", *line) == 0
+        told.append(capsys.readouterr().out)
+        assert sorted(os.listdir(out.parent)) == ["r", "r.journal.jsonl"]
+    assert told[0] == told[1]
+    assert json.loads(told[0])["rows"] == 200
+
+
 # What dies, is cut, or fills
 
 
@@ -440,6 +454,21 @@ def test_a_worker_of_another_version_is_an_error(cluster, campaign, tmp_path, ca
     assert os.listdir(tmp_path) == ["packages"]
 
 
+def test_a_cluster_without_the_program_is_an_error():
+    class Bare:
+        """Answers as a cluster's client does."""
+
+        def get_versions(self, packages):
+            here = cluster_module.own_versions()
+            assert {"python", *packages} == set(here)
+            answer = {"host": {"python": f"{here['python']}.final.0"}, "packages": here}
+            bare = answer | {"packages": here | {"aosplan": None}}
+            return {"scheduler": answer, "workers": {"tcp://a:1": answer, "tcp://b:1": bare}}
+
+    with pytest.raises(SurroundingsError, match=r"worker tcp://b:1 has no aosplan, this machine"):
+        cluster_module._check_versions(Bare())
+
+
 def test_a_worker_that_does_not_see_the_folder_is_an_error(cluster, campaign, tmp_path, capsys):
     (tmp_path / "shared").mkdir()
     cluster.crew(0)
@@ -536,9 +565,18 @@ def test_files_of_scenarios_are_named_in_full(tmp_path, monkeypatch, capsys):
     for place in (tmp_path / "here.toml", beside / "there.toml"):
         place.write_text("x")
     path = beside / "s.toml"
-    path.write_text("[sweep]\naltitude = 40\nscene = ['there.toml', 'paper-forest', 'no.toml']\n")
+    for name in ("paper-forest", "bare", "tiles", "trimmed"):
+        (beside / name).mkdir()
+    (beside / "tiles" / "1.laz").write_text("xy")
+    path.write_text(
+        "[sweep]\naltitude = 40\ngrid = 'trimmed'\nterrain = 'there.toml'\n"
+        "scene = ['tiles', 'no.laz', 'paper-forest', 'no.toml', 'bare', '*.las']\n"
+    )
     found = Sweep(read_scenarios(str(path)), (), str(beside))
-    assert cluster_module.files_of(found) == ((str(beside / "there.toml"), 1),)
+    assert cluster_module.files_of(found) == (
+        (str(beside / "there.toml"), 1),
+        (str(beside / "tiles" / "1.laz"), 2),
+    )
     monkeypatch.chdir(tmp_path)
     path.write_text("[sweep]\naltitude = 40\nscene = ['here.toml']\n")
     assert sweep(path, "--out", tmp_path / "r.csv", "--scheduler", "head:8786") == 2

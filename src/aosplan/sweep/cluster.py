@@ -144,18 +144,21 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
     """
     files: set[str] = set()
     for name, values in sweep.scenarios.values.items():
-        if "FILE" not in BY_NAME[name].metavar:
+        if not any(mark in BY_NAME[name].metavar for mark in ("FILE", ".")):
             continue
         for value in {value for value in values.flat if isinstance(value, str)}:
             found = located(value, sweep.folder)
-            if not (clouds := cloud_files(found)) and not os.path.exists(found):
-                continue  # a preset, or a row that will say that there is no such file
-            if not os.path.isabs(found):
+            try:
+                named = cloud_files(found) or (found,)
+            except RequestError:  # a folder or pattern without any, as its rows will say
+                continue
+            there = [file for file in named if os.path.isfile(file)]
+            files.update(there)
+            if there and not os.path.isabs(found):
                 raise RequestError(
                     f"{name} '{value}' is a file of the current folder, which workers do not share",
                     "put it beside the sweep's file, or give its full name",
                 )
-            files.update(clouds or [found])
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
 
