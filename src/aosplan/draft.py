@@ -66,6 +66,7 @@ def draft_of(
     trying: Trying | None = None,
     kept: dict[tuple[Any, ...], Any] | None = None,
     count_required: bool = True,
+    seek_remedy: bool = True,
 ) -> Draft:
     """Solve a request.
 
@@ -77,8 +78,9 @@ def draft_of(
         Finds the scene of a request.
     kept
         What other requests have made of the same scene, and where this one adds to it.
-    count_required
-        Whether the fewest samples at the answer's baseline are wanted; they take a search.
+    count_required, seek_remedy
+        Whether the fewest samples at the answer's baseline are wanted, and the hints of targets out
+        of reach; each takes a search.
 
     Raises
     ------
@@ -104,6 +106,7 @@ def draft_of(
         camera.footprint_m(altitude),
         kept,
         count_required,
+        seek_remedy,
     )
     posed = task.problem_of(found)
     if posed is None:

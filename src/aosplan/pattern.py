@@ -12,6 +12,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections import Counter
+from functools import lru_cache
 from itertools import count, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -242,6 +243,7 @@ def check_size(samples: int, wanted: str = "the grid has") -> None:
         )
 
 
+@lru_cache(maxsize=512)
 def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
     """Sites to leave out: farthest from the centre first, as point-mirrored pairs.
 

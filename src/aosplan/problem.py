@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight import Timing
@@ -54,7 +55,7 @@ class Requirement(NamedTuple):
         """What a prediction lacks to the target; at most 0 where it is met."""
         normalized = self.quantity == "normalized"
         error = prediction.shortfall if normalized else prediction.mean_squared_error
-        return error - float(1 - self.target) * (1.0 + tolerance)
+        return error - _left_by(self.target) * (1.0 + tolerance)
 
     def fewest_independent(self, model: VisibilityModel) -> int | None:
         """Samples that would do if all were independent: a lower bound where K >= 1/N.
@@ -72,6 +73,12 @@ class Requirement(NamedTuple):
         p, t = Fraction(model.density), Fraction(model.transparency)
         left = allowed - p * p
         return max(math.ceil(p * t / left), 1) if left > 0 else None
+
+
+@lru_cache(maxsize=256)
+def _left_by(target: Fraction) -> float:
+    """What a target leaves to 1."""
+    return float(1 - target)
 
 
 class Bounds(NamedTuple):
@@ -134,7 +141,8 @@ class Problem(NamedTuple):
     """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
 
     `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.  Where
-    nobody asks for the fewest samples at the answer's baseline, they need not be counted.
+    nobody asks for the fewest samples at the answer's baseline, they need not be counted, nor a
+    remedy be sought where nobody reads it.
     `trying` is told of the problem, a pattern and a baseline [m] before a search looks at them.
     """
 
@@ -146,6 +154,7 @@ class Problem(NamedTuple):
     timing: Timing = Timing()
     sketch: VisibilityModel | None = None
     count_required: bool = True
+    seek_remedy: bool = True
     trying: Trying | None = None
 
     @property

@@ -328,7 +328,7 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
     return InfeasibleError(
         f"{requirement} is out of reach within {' and '.join(within) or 'any baseline'}: "
         f"at most {_best_within(problem)}",
-        _remedy(problem),
+        _remedy(problem) if problem.seek_remedy else "",
     )
 
 

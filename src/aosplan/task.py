@@ -26,6 +26,7 @@ class Task(NamedTuple):
     """What of a plan stays as it is whatever the scene: the request, and what it stands for.
 
     `kept` has what earlier tasks over the very same scene have made of it, to be used again.
+    `count_required` and `seek_remedy` are those of `aosplan.problem.Problem`.
     """
 
     request: PlanRequest
@@ -36,6 +37,7 @@ class Task(NamedTuple):
     footprint_m: tuple[float, float]
     kept: dict[tuple[Any, ...], Any] | None = None
     count_required: bool = True
+    seek_remedy: bool = True
 
     def choice(self, problem: Problem) -> Choice:
         """The best of the grids and headings that the request leaves open."""
@@ -71,6 +73,7 @@ class Task(NamedTuple):
             timing=timing_of(request, self.gsd_m)[0],
             sketch=sketch,
             count_required=self.count_required,
+            seek_remedy=self.seek_remedy,
         )
         return problem, coverage
 

@@ -139,6 +139,7 @@ def solve_row(
             scene=partial(scene_for, folder=folder),
             kept=kept,
             count_required="samples_required" in results,
+            seek_remedy=False,  # a row has no hint
         )
         return Outcome("ok", "", _results(draft, *_flight(draft, folder)))
     except InfeasibleError as error:
