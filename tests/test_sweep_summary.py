@@ -424,6 +424,16 @@ def test_nothing_met_is_a_summary_too(tmp_path, capsys):
     assert sweep(path, "--summary") == 0
 
 
+def test_rows_that_are_only_evaluated_are_said_to_be(tmp_path, capsys):
+    path = tmp_path / "s.toml"
+    path.write_text("[sweep]\naltitude = 40\nsamples = [2, 3]\nbaseline = 1\n")
+    assert sweep(path, "--summary") == 0
+    assert "rows are met whatever they show" in capsys.readouterr().out
+    path.write_text("[sweep]\naltitude = 40\nsamples = [60, 70]\n")
+    assert sweep(path, "--summary") == 0
+    assert "whatever" not in capsys.readouterr().out
+
+
 def test_no_row_kept_is_a_summary_too(campaign, capsys):
     found = summary(capsys, campaign, "--where", "samples < 0")
     assert found["rows"] == 0

@@ -291,7 +291,7 @@ MEANINGS = {
     "GroupDocument.last": "The last value of a range.",
     "others": "All other values.",
     "GroupDocument.rows": "How many are kept.",
-    "met": "How many of those have a plan.",
+    "met": "How many of those have a plan; with samples and baseline given, whatever it shows.",
     "met_share": "Their share of those that are kept.",
     "GroupDocument.best": "The best value of the objective.",
     "approximate_median": "The middle value of the objective, within median_error.",

@@ -42,6 +42,8 @@ def print_summary(document: dict[str, Any]) -> None:
         show(one_line(f"row {row}: {_named(request, varying)}"))
     if document["fixed"]:
         show(one_line(f"every row: {_named(document['fixed'], document['fixed'])}"))
+    if {"samples", "baseline"} <= {*varying, *document["fixed"]}:
+        show(one_line("With samples and baseline both given, rows are met whatever they show."))
 
 
 def _print_reasons(document: dict[str, Any]) -> None:
