@@ -21,7 +21,7 @@ from aosplan.models.equations import visibility
 from aosplan.report import check_extra, report_page
 from aosplan.report.charts import charts_of
 from aosplan.report.heights import profile_of
-from aosplan.report.words import duration, percent, short
+from aosplan.report.words import duration, percent, short, spacing
 
 VOID = {"meta", "input"}
 
@@ -333,6 +333,14 @@ def test_heights_along_the_way_are_those_of_the_waypoints(folder):
 )
 def test_shares_near_one_keep_the_digits_that_matter(value, text):
     assert percent(value) == text
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [(2.8, "2.80 m"), (0.0, "0.00 m"), (1e-6, "1e-06 m"), (0.05, "0.05 m"), (1e6, "1,000,000 m")],
+)
+def test_baselines_are_to_a_centimetre_where_that_says_something(metres, text):
+    assert spacing(metres) == text
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     from aosplan.report.heights import profile_of
     from aosplan.report.scenery import columns_of, scenery_of
     from aosplan.report.views import views_of
-    from aosplan.report.words import Figures, long, short
+    from aosplan.report.words import Figures, long, short, spacing
 
     document = plan.document()
     rows = len(document.pop("waypoints"))
@@ -90,7 +90,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         "allow_nan": False,
         "separators": (",", ":"),
     }
-    environment.filters |= {"short": short, "long": long}
+    environment.filters |= {"short": short, "long": long, "spacing": spacing}
     text = environment.get_template("page.html").render(
         plan=document,
         number=Figures(document),

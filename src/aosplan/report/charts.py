@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.plots.visibility import POINTS, Curve, by_baseline, by_samples
 from aosplan.report.bounds import Bound, baseline_bounds, sample_bounds
+from aosplan.report.words import spacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -103,7 +104,7 @@ def charts_of(plan: Plan) -> list[Chart]:
         found.append(
             _chart(
                 plan,
-                ("samples", f"Visibility by number of photos, {baseline:.2f} m apart", "N"),
+                ("samples", f"Visibility by number of photos, {spacing(baseline)} apart", "N"),
                 "number of photos N",
                 many,
                 samples,

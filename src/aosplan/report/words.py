@@ -37,9 +37,14 @@ def duration(seconds: float) -> str:
     return " ".join(f"{value} {unit}" for value, unit in parts[first:])
 
 
+def spacing(value: float) -> str:
+    """A length to a centimetre, as far as that says something."""
+    return f"{value:.2f} m" if value == 0.0 or 0.1 <= value < 1000.0 else f"{_length(value)} m"
+
+
 KINDS: dict[str, Callable[[Any], str]] = {
     "m": lambda value: f"{_length(value)} m",
-    "b": lambda value: f"{value:.2f} m",
+    "b": spacing,
     "cm": lambda value: f"{100.0 * value:.3g} cm",
     "ha": lambda value: f"{value / 1e4:,.4g} ha",
     "m/s": lambda value: f"{value:.3g} m/s",
