@@ -67,7 +67,15 @@ STYLES = {"error": "1;31", "warning": "1;33", "hint": "36", "note": "36"}
 def _plain(error: UnicodeError) -> tuple[str, int]:
     assert isinstance(error, UnicodeEncodeError)
     failed = error.object[error.start : error.end]
-    return "".join(PLAIN.get(character, "?") for character in failed), error.end
+    return "".join(PLAIN.get(character, letter_of(character)) for character in failed), error.end
+
+
+def letter_of(character: str) -> str:
+    """A letter without its accents, which names of people have; else a question mark."""
+    from unicodedata import normalize
+
+    first = normalize("NFD", character)[0]
+    return first if first.isascii() else "?"
 
 
 codecs.register_error(HANDLER, _plain)
