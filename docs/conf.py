@@ -35,7 +35,7 @@ nitpick_ignore_regex = [
         "py:class",
         "Any|ArrayLike|Decimal|Floats|Fraction|NDArray"
         "|Change|CoverageBaseline|Flown|GridKind|Layout|Problem|ResolvedScene|Route|Scene|Sites"
-        "|Uncertainty|VoxelVolume|aosplan.scene.Slab",
+        "|Trying|Uncertainty|VoxelVolume|aosplan.scene.Slab",
     ),
 ]
 

@@ -516,6 +516,14 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
     assert done.returncode == 7
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_termination_leaves_whole_parts_alone(tmp_path):
+    assert ended(tmp_path, lambda pid: os.kill(pid, signal.SIGTERM)) == (143, "")
+    names = os.listdir(tmp_path / "r.csv.parts")
+    assert "journal.jsonl" in names
+    assert not [name for name in names if name.endswith(".tmp")]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_a_worker_that_dies_is_an_error(tmp_path):
     def kill_workers(pid):

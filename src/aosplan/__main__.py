@@ -17,6 +17,8 @@ def main() -> None:
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
         signal.signal(signal.SIGINT, _leave)
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _end)
     if sys.argv[1:2] != ["thin"]:
         # The BLAS below numpy starts a thread for each processor, which takes longer than all that
         # the other commands multiply.
@@ -38,6 +40,11 @@ def main() -> None:
 def _leave(_number: int, _frame: object) -> None:
     """End at once: nothing has been begun that could be left half done, or all is done."""
     os._exit(130)
+
+
+def _end(_number: int, _frame: object) -> None:
+    """End as after an error, so that no temporary file is left."""
+    sys.exit(143)
 
 
 if __name__ == "__main__":

@@ -284,11 +284,11 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
     """Why no single prediction says what so many sites and photos show; None where one does."""
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
-        text = "the sites are no single aperture: what is missing is told, and no visibility"
-        return Message("no_single_aperture", text)
+        message = "the sites are no single aperture: what is missing is told, and no visibility"
+        return Message("no_single_aperture", message)
     if photos > MOST_VIEWS:
-        text = f"{photos} photos are more than the {MOST_VIEWS} whose visibility is predicted"
-        return Message("too_many_views", text)
+        message = f"{photos} photos are more than the {MOST_VIEWS} whose visibility is predicted"
+        return Message("too_many_views", message)
     return None
 
 
