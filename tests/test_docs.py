@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from aosplan.cli.app import COMMANDS
+from aosplan.cli.app import COMMANDS, GROUP
 from aosplan.documents import DOCUMENTS, json_schema
 from aosplan.export import formats
 from aosplan.meanings import MEANINGS
@@ -38,6 +38,13 @@ def test_the_examples_of_a_page_print_what_it_shows(page, tmp_path):
 def test_every_command_is_in_the_reference():
     told = re.findall(r"\{generated\} command (\w+)", text_of("reference/commands.md"))
     assert sorted(told) == sorted(COMMANDS)
+
+
+def test_the_program_s_own_options_are_in_the_reference():
+    assert "{generated} program" in text_of("reference/commands.md")
+    assert {flag for each in GROUP.params for flag in each.opts} == set(
+        re.findall(r"^````\{option\} (--[\w-]+)", commands.program(), re.MULTILINE)
+    )
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -7,7 +7,7 @@ from re import fullmatch
 
 from aosplan import options as table
 from aosplan import quantities as q
-from aosplan.cli.app import COMMANDS
+from aosplan.cli.app import COMMANDS, GROUP
 from aosplan.options import BY_NAME
 
 UNITS = {
@@ -61,6 +61,12 @@ def overview():
     """The commands, a line each."""
     rows = [f"- [`aosplan {name}`](#aosplan-{name}): {text}" for name, text in COMMANDS.items()]
     return "\n".join(rows)
+
+
+def program():
+    """The options of the program itself."""
+    options = "\n".join(_option(each) for each in GROUP.params)
+    return f"```{{program}} aosplan\n```\n\n{options}"
 
 
 def command(name):

@@ -183,7 +183,10 @@ def follow(text, folder):
 def inside(folder):
     """The surroundings that pages are read in: a folder, a terminal's width, no one's settings."""
     before, known = Path.cwd(), dict(os.environ)
-    os.environ |= {"COLUMNS": "80", "AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none"}
+    for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
+        os.environ.pop(name, None)
+    os.environ |= {"COLUMNS": "80", "TERM": "xterm", "NO_COLOR": "1"}
+    os.environ |= {"AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none"}
     os.chdir(folder)
     try:
         yield

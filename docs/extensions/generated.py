@@ -13,6 +13,7 @@ from . import commands, documents, presets, results, surroundings
 TEXTS = {
     "command": commands.command,
     "commands": commands.overview,
+    "program": commands.program,
     "document": documents.document,
     "parts": documents.parts,
     "cameras": presets.cameras,

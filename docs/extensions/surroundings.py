@@ -29,8 +29,7 @@ def warnings():
     said = dict(ELSEWHERE)
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
-            if text:
-                said.setdefault(code, text)
+            said.setdefault(code, text)
     rows = ["| code | says |", "|---|---|"]
     rows += [f"| `{code}` | {said[code]} |" for code in sorted(said)]
     return "\n".join(rows)
@@ -40,22 +39,24 @@ def _warnings_in(tree):
     """Pairs of a code and a sentence in a source file, wherever they stand."""
     sentences = {}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "message":
-            sentences[node.lineno] = node.value
+        if isinstance(node, ast.Assign):
+            sentences.setdefault(getattr(node.targets[0], "id", ""), {})[node.lineno] = node.value
     for node in ast.walk(tree):
         is_message = isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Message"
         pair = node.args if is_message else getattr(node, "elts", ())
         if len(pair) != 2 or not isinstance(pair[0], ast.Constant):
             continue
         code, said = pair
-        if getattr(said, "id", "") == "message":
-            said = sentences[max(line for line in sentences if line < node.lineno)]
+        if isinstance(said, ast.Name):
+            before = {
+                line: each
+                for line, each in sentences.get(said.id, {}).items()
+                if line < node.lineno
+            }
+            said = before[max(before)] if before else said
         text = _text(said)
-        if (
-            isinstance(code.value, str)
-            and fullmatch("[a-z][a-z0-9]*(_[a-z0-9]+)*", code.value)
-            and " " in text
-        ):
+        is_code = isinstance(code.value, str) and fullmatch(r"[a-z]+(_\w+)*", code.value)
+        if is_code and text and (is_message or text.count(" ") > 3):
             yield code.value, text
 
 
