@@ -1,4 +1,4 @@
-"""Rate of sweeps:  python benchmarks/sweeps.py [--most 8] [--part growth|kinds|workers]
+"""Rate of sweeps:  python benchmarks/sweeps.py [--most 8] [--part growth|kinds|summary|workers]
 
 Scenarios a second of one core's time, the best of three, by
 
@@ -8,6 +8,7 @@ Scenarios a second of one core's time, the best of three, by
   vectorised with NumPy over scenarios, and `aosplan.plan` once a scenario;
 - **kinds**: scenarios that bounds bind, that cannot be met, of layers and of voxels, as frames,
   against `aosplan.plan` once a scenario;
+- **summary**: what `--summary` costs beside a file, and alone, from 10⁶ scenarios on;
 - **workers**: the same sweep with one worker and with two, by the clock: for a machine at rest.
 
 Prints tables, and writes them to benchmarks/results/sweeps*.csv with a figure of the growth.
@@ -266,6 +267,30 @@ def kinds(folder: Path) -> None:
     write("sweeps_kinds.csv", names, rows)
 
 
+def summaries(folder: Path, most: int) -> None:
+    """Rates and memory of sweeps that are summarised, beside those that are stored."""
+    rows = []
+    out = folder / "r.parquet"
+    stored = ("--out", str(out))
+    for power in range(6, most + 1):
+        path, count = str(campaign(folder, power)), 10**power
+        found = [
+            swept(path, *line, times=3 if power < 8 else 1)
+            for line in (stored, (*stored, "--summary"), ("--summary",))
+        ]
+        out.unlink()
+        rates = [count / taken for taken, _, _ in found]
+        rows.append((count, *rates, *(peak for _, _, peak in found)))
+        print(
+            f"10^{power}: stored {rates[0]:.3g} a second, and summarised {rates[1]:.3g}, summarised "
+            f"alone {rates[2]:.3g}; {', '.join(f'{peak:.0f}' for _, _, peak in found)} MB",
+            flush=True,
+        )
+    kinds = ("stored", "stored_and_summarised", "summarised")
+    names = (*(f"{kind}_per_s" for kind in kinds), *(f"{kind}_peak_mb" for kind in kinds))
+    write("sweeps_summary.csv", ("scenarios", *names), rows)
+
+
 def workers(folder: Path) -> None:
     """Time by the clock with one worker and two."""
     rows = []
@@ -296,7 +321,7 @@ def write(name: str, names: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> N
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--most", type=int, default=8, help="power of ten")
-    parser.add_argument("--part", choices=("growth", "kinds", "workers"))
+    parser.add_argument("--part", choices=("growth", "kinds", "summary", "workers"))
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=os.environ.get("TMPDIR")) as name:
         folder = Path(name)
@@ -304,6 +329,8 @@ def main() -> None:
             growth(folder, options.most)
         if options.part in (None, "kinds"):
             kinds(folder)
+        if options.part in (None, "summary"):
+            summaries(folder, options.most)
         if options.part in (None, "workers"):
             workers(folder)
 
