@@ -9,7 +9,8 @@ Scenarios a second of one core's time, the best of three, by
 - **kinds**: scenarios that bounds bind, that cannot be met, of layers and of voxels, as frames,
   against `aosplan.plan` once a scenario;
 - **summary**: what `--summary` costs beside a file, and alone, from 10⁶ scenarios on;
-- **workers**: the same sweep with one worker and with two, by the clock: for a machine at rest.
+- **workers**: the same sweep with one worker and with two: by the clock, which tells something on a
+  machine at rest, and of all processors together, with the load at the end.
 
 Prints tables, and writes them to benchmarks/results/sweeps*.csv with a figure of the growth.
 """
@@ -50,12 +51,15 @@ MOST_STORED = 10**8
 """Scenarios that are written whole: more would fill a disk."""
 
 WRITE = """
-import resource, sys, time
+import os, resource, sys, time
 from aosplan.cli.app import run
-start, clock = time.process_time(), time.perf_counter()
+def taken():
+    own, others = os.times()[:2], os.times()[2:4]
+    return sum(own) + sum(others)
+start, clock = taken(), time.perf_counter()
 assert run(["sweep", *sys.argv[1:], "--quiet", "--force"]) == 0
 own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-print(time.process_time() - start, time.perf_counter() - clock, own.ru_maxrss / 1024, others.ru_maxrss / 1024)
+print(taken() - start, time.perf_counter() - clock, own.ru_maxrss / 1024, others.ru_maxrss / 1024)
 """
 
 DENSE = "density = { start = 0.001, stop = 0.02, count = 5, spacing = 'log' }\n"
@@ -303,11 +307,16 @@ def workers(folder: Path) -> None:
     for name, path in sweeps.items():
         for count in (1, 2):
             out = folder / "r.parquet"
-            _, taken, peak = swept(str(path), "--out", str(out), "--workers", str(count), times=2)
+            spent, clock, peak = swept(str(path), "--out", str(out), "--workers", str(count))
             out.unlink()
-            rows.append((name, count, taken, peak, os.getloadavg()[0]))
-            print(f"{name}, {count} workers: {taken:.1f} s, {peak:.0f} MB", flush=True)
-    write("sweeps_workers.csv", ("sweep", "workers", "seconds", "peak_mb", "load"), rows)
+            rows.append((name, count, clock, spent, peak, os.getloadavg()[0]))
+            print(
+                f"{name}, {count} workers: {clock:.1f} s by the clock, {spent:.1f} s of processors, "
+                f"{peak:.0f} MB",
+                flush=True,
+            )
+    names = ("sweep", "workers", "clock_s", "processors_s", "peak_mb", "load")
+    write("sweeps_workers.csv", names, rows)
 
 
 def write(name: str, names: Sequence[str], rows: Sequence[tuple[Any, ...]]) -> None:

@@ -69,8 +69,9 @@ class Sweep(NamedTuple):
         versions = __version__, np.__version__, polars().__version__
         digest = hashlib.sha256(repr((versions, self[1:])).encode())
         for name, values in self.scenarios.values.items():
-            digest.update(name.encode())
-            digest.update(repr(values.tolist()).encode())
+            digest.update(f"{name} {values.dtype}".encode())
+            told = values.dtype == object
+            digest.update(repr(values.tolist()).encode() if told else values.tobytes())
         return digest.hexdigest()
 
     def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
