@@ -190,7 +190,7 @@ def draw(rates: Sequence[str], rows: Sequence[tuple[float, ...]]) -> None:
             label=name.replace("_", " "),
         )
     axes.set(xlabel="scenarios", ylabel="scenarios a second of one core")
-    axes.legend(loc="center right")
+    figure.legend(loc="outside right upper")
     axes.grid(alpha=0.3)
     figure.savefig(HERE / "results" / "sweeps.png", dpi=110, metadata={"Software": None})
 

@@ -1,0 +1,31 @@
+"""What plan says of a scenario, in the columns of sweeps."""
+
+import math
+
+from aosplan.errors import AosplanError, InfeasibleError
+from aosplan.planning import plan
+from aosplan.request import PlanRequest
+from aosplan.sweep.rows import RESULTS
+
+
+def results_of(result):
+    """The numbers of a plan's JSON document by the names of `RESULTS`; nan where it has none."""
+    document = result.document()
+    named = {name: document.get(name) for name in RESULTS}
+    for part in ("visibility", "disparity", "camera", "flight"):
+        named |= {f"{part}_{name}": value for name, value in document[part].items()}
+    grid = document["grid"]
+    named |= {f"grid_{name}": grid[name] for name in ("rows", "columns")}
+    named["grid_extent_x_m"], named["grid_extent_y_m"] = grid["extent_m"]
+    named["camera_footprint_x_m"], named["camera_footprint_y_m"] = document["camera"]["footprint_m"]
+    return {name: math.nan if named[name] is None else named[name] for name in RESULTS}
+
+
+def by_plan(values):
+    """Status, reason and results of a scenario, from what plan says of it."""
+    try:
+        return "ok", "", results_of(plan(PlanRequest(**values)))
+    except InfeasibleError as error:
+        return "infeasible", error.message, {}
+    except AosplanError as error:
+        return "invalid", error.message, {}
