@@ -73,9 +73,10 @@ class Judge:
     def shape(self, path):
         with open(path, encoding="utf-8") as text:
             shape = shapely.from_geojson(text.read())
-        return shapely.transform(
+        shape = shapely.transform(
             shape, lambda points: self.turned(*self.project.transform(points[:, 1], points[:, 0]))
         )
+        return shapely.make_valid(shape)  # rounded, a spike may cross itself
 
     def seen(self, points, size):
         """Sites in a rectangle around each point, to a tenth of a millimetre."""
