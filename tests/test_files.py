@@ -341,6 +341,11 @@ def test_stdin_is_read_for_a_dash(monkeypatch):
     assert read_table("-") == {"altitude": 40}
 
 
+def test_toml_on_stdin_may_begin_with_the_name_of_a_table(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"[sweep]\naltitude = 40\n")))
+    assert read_table("-") == {"sweep": {"altitude": 40}}
+
+
 def test_json_on_stdin_is_known_by_its_first_character(monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b' {"altitude": 40}')))
     assert read_table("-") == {"altitude": 40}

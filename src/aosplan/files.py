@@ -81,7 +81,7 @@ def parse_table(content: bytes, path: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
     suffix = os.path.splitext(path)[1].lower()
-    as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip()[:1] in ("{", "["))
+    as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip().startswith("{"))
     try:
         table = _from_json(text) if as_json else _from_toml(text)
     except ValueError as error:
