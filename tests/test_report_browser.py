@@ -8,10 +8,13 @@ import json
 import re
 import shutil
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomli_w
+from PIL import Image
 
 from aosplan import PlanRequest, plan
 from aosplan.report import report_page
@@ -429,6 +432,36 @@ def test_paper_gets_the_whole_map_in_light_colours_and_the_screen_its_own_back(p
         settled(page)
         assert scale(page) == pytest.approx(zoomed)
         assert colour(page, 12) == dark
+
+
+def test_paper_of_another_shape_leaves_the_map_to_scale(pages, opened):
+    planned, path = pages("default")
+    sites = planned.waypoints
+    with opened(path) as page:
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        # A copy of it: on paper no script sees the sheet, and draws for it anew.
+        page.evaluate(
+            """() => { const map = document.getElementById("map"), copy = map.cloneNode();
+                       copy.getContext("2d").drawImage(map, 0, 0); map.before(copy);
+                       map.style = "position: absolute; visibility: hidden; width: 500px"; }"""
+        )
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": 600, "height": 900})
+        picture = np.asarray(
+            Image.open(BytesIO(page.locator("#map").first.screenshot())).convert("RGB"), dtype=int
+        )
+    # The middle of the mark of the first site, green, and of that of the last, red.
+    red, green, blue = np.moveaxis(picture, 2, 0)
+    first, last = (
+        np.mean(np.nonzero(marked), axis=1)
+        for marked in (
+            (green > red + 50) & (green > blue + 20),
+            red > np.maximum(green, blue) + 125,
+        )
+    )
+    drawn = (last[1] - first[1]) / (first[0] - last[0])
+    flown = (sites[-1].east_m - sites[0].east_m) / (sites[-1].north_m - sites[0].north_m)
+    assert drawn == pytest.approx(flown, rel=0.03)
 
 
 @pytest.mark.parametrize("settings", [DESK, PHONE], ids=["desk", "phone"])
