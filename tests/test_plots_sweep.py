@@ -9,7 +9,7 @@ from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.plots import KINDS
 from aosplan.plots.canvas import Look, drawn, rendered
-from aosplan.plots.sweep import BINS, MOST_VALUES, Map, Scatter, results_of
+from aosplan.plots.sweep import BINS, MOST_VALUES, Cell, Map, Scatter, results_of
 
 pl = pytest.importorskip("polars")
 
@@ -69,6 +69,17 @@ def test_a_map_has_the_means_of_the_rows(campaign):
             met = [r["flight_time_s"] for r in here if r["status"] == "ok"]
             assert (cell.rows, cell.met) == (len(here), len(met))
             assert cell.value == (pytest.approx(math.fsum(met) / len(met)) if met else None)
+
+
+@pytest.mark.parametrize(("most", "scale"), [(39.0, "linear"), (41.0, "log")])
+def test_a_map_that_spans_much_has_logarithmic_colours(most, scale):
+    cells = tuple(tuple(Cell(1, 1, value) for value in row) for row in ((2.0, 3.0), (5.0, most)))
+    shown = Map("altitude", "vhat", "samples", 4, 4, (30.0, 50.0), (0.8, 0.9), cells)
+    figure = drawn(KINDS["sweep"], shown, Look())
+    assert figure.axes[-1].get_yscale() == scale
+    (mesh,) = figure.axes[0].collections
+    low, place, high = ((math.log if scale == "log" else float)(end) for end in (2.0, 5.0, most))
+    assert float(mesh.norm(5.0)) == pytest.approx((place - low) / (high - low))
 
 
 def test_a_map_says_what_cannot_be_met_and_what_is_missing(tmp_path):

@@ -7,6 +7,7 @@ rows there are.
 from __future__ import annotations
 
 import os
+from math import isnan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
@@ -47,6 +48,10 @@ MOST_VALUES = 400
 """Different values along a side of a map."""
 
 MOST_TICKS = 12
+
+WIDE, WIDE_MAP = 30.0, 20.0
+"""The most over the least from which an axis, and the colours of a map, are logarithmic."""
+
 UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
 
 
@@ -338,6 +343,11 @@ def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
     entitle(figure, shown.title[0].upper() + shown.title[1:])
 
 
+def _spans(values: Sequence[float], factor: float) -> bool:
+    """Whether positive values differ by more than a factor."""
+    return min(values) > 0.0 and max(values) > factor * min(values)
+
+
 def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
     panel = figure.subplots()
     panel.plot(
@@ -362,7 +372,7 @@ def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
         panel.plot([], [], " ", label=f"{shown.rows - shown.met} cannot be met")
     for axis, name, column in ((panel.xaxis, "x", 0), (panel.yaxis, "y", 1)):
         values = [point[column] for point in shown.points]
-        if min(values) > 0.0 and max(values) > 30.0 * min(values):
+        if _spans(values, WIDE):
             getattr(panel, f"set_{name}scale")("log")
             logarithmic(axis)
     panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
@@ -380,7 +390,10 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
         [float("nan") if cell is None or cell.value is None else cell.value for cell in row]
         for row in shown.cells
     ]
-    image = panel.pcolormesh(values, cmap=theme.map, rasterized=len(values) > 60)
+    wide = _spans([value for row in values for value in row if not isnan(value)], WIDE_MAP)
+    image = panel.pcolormesh(
+        values, cmap=theme.map, norm="log" if wide else None, rasterized=len(values) > 60
+    )
     hatched: dict[str, Any] = {"ec": theme.muted, "hatch": "////", "lw": 0.0}
     dotted: dict[str, Any] = {"mfc": "white", "mec": "black", "ms": 4.0, "mew": 0.9}
     missing = [[cell is not None and cell.met == 0 for cell in row] for row in shown.cells]
@@ -410,6 +423,8 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
         panel.tick_params(axis="x", rotation=30)
     panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
     panel.grid(visible=False)
-    figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
+    scale = figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
+    if wide:
+        logarithmic(scale.ax.yaxis)
     if handles:
         legend_below(figure, handles)
