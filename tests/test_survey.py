@@ -6,6 +6,7 @@ The counter here knows nothing of lattices: it projects waypoints and area with 
 import contextlib
 import json
 import math
+import re
 from collections import Counter
 
 import numpy as np
@@ -280,6 +281,13 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
     assert abs(share - told) < 5 * error + 1e-3
     codes = [warning.code for warning in plan.warnings]
     assert ("coverage_lost" in codes) == (told < 1.0)
+    for warning in plan.warnings:
+        if warning.code == "coverage_lost":
+            whole = re.search(r" of ([\d,.]+) m² ", warning.message)
+            assert whole is not None  # no exponent
+            assert float(whole[1].replace(",", "")) == pytest.approx(
+                plan.layout.survey.area_m2, abs=0.5
+            )
 
 
 def test_sites_shut_in_by_a_zone_are_dropped(file):

@@ -345,8 +345,13 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
     return [
         Message(
             "coverage_lost",
-            f"{lost:.4g} of {survey.area_m2:.4g} m² ({100 * lost / survey.area_m2:.3g} %) are seen "
-            f"from fewer than {samples} sites{fewest}: no-fly zones take away "
+            f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
+            f"seen from fewer than {samples} sites{fewest}: no-fly zones take away "
             f"{survey.sites_in_no_fly} sites and shut in {survey.sites_enclosed}",
         )
     ]
+
+
+def _area(area_m2: float) -> str:
+    """Square metres without an exponent."""
+    return f"{area_m2:,.0f}" if area_m2 >= 10.0 else f"{area_m2:.2g}"
