@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 
 import numpy as np
 import pytest
@@ -271,11 +272,25 @@ def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
 
 
 def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
-    assert sweep(campaign, "--simulate", 2, "--precision", 0.05) == 0
+    with campaign.open("a") as file:
+        file.write('scene = "open-woodland"\ncamera = "dji-h20t-thermal"\n')
+    line = [campaign, "--simulate", 2, "--precision", 0.05]
+    assert sweep(*line) == 0
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
-    for words in ("2 rows simulated, seed 1", "They agree.", "Šidák", "Again: aosplan simulate"):
+    for words in ("2 rows simulated, seed 1", "They agree.", "Šidák"):
         assert words in out
+    # What follows is one command to a shell, over lines.
+    command = out.partition("Again:\n")[2].rstrip("\n")
+    assert "\\\n" in command
+    program, *again = shlex.split(command.replace("\\\n", ""))
+    assert (program, again[0]) == ("aosplan", "simulate")
+    assert run_command([*again, "--precision", "0.05", "--json"]) == 0
+    simulated = json.loads(capsys.readouterr().out)["simulated"]
+    assert sweep(*line, "--json") == 0
+    found = json.loads(capsys.readouterr().out)["verification"]
+    (worst,) = (row for row in found["rows"] if row["row"] == found["worst"]["row"])
+    assert simulated == worst["simulated"]
 
 
 def test_a_row_that_cannot_be_simulated_says_why(tmp_path, capsys):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from aosplan.cli.tables import one_line, show
+from aosplan.cli.tables import one_line, screen_width, show
 from aosplan.options import BY_NAME
 
 if TYPE_CHECKING:
@@ -146,10 +146,9 @@ def print_verification(document: Mapping[str, Any]) -> None:
         return
     show("", *map(one_line, _verdict(document, worst, comparisons)))
     request = next(row for row in document["rows"] if row["row"] == worst["row"])
-    show(
-        one_line(f"Again: aosplan simulate {command_line(request['request'])}"),
-        one_line(f"  --view {request['view']} --seed {request['seed']}"),
-    )
+    again = [*options(request["request"]), f"--view {request['view']}", f"--seed {request['seed']}"]
+    # As it can be copied: lines that a screen breaks would be commands of their own.
+    show("Again:", *map(one_line, _folded(["aosplan simulate", *again])))
 
 
 def _verdict(
@@ -194,16 +193,29 @@ def _compared(row: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[s
     ]
 
 
-def command_line(request: Mapping[str, Any]) -> str:
-    """The options of a request as one would type them."""
+def options(request: Mapping[str, Any]) -> list[str]:
+    """The options of a request as one would type them, each with its value."""
     words = []
     for name, value in request.items():
         option = BY_NAME[name]
         if option.kind == "flag":
             words += [option.flag] if value else []
         else:
-            words += [option.flag, shlex.quote(_text(value))]
-    return " ".join(words)
+            words.append(f"{option.flag} {shlex.quote(_text(value))}")
+    return words
+
+
+def _folded(words: Iterable[str]) -> list[str]:
+    """A command in lines that fit the screen, each but the last ending in a backslash."""
+    lines = [""]
+    for word in words:
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and len(longer) > screen_width() - 6:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    indented = [f"{'    ' if place else '  '}{line}" for place, line in enumerate(lines)]
+    return [f"{line} \\" for line in indented[:-1]] + indented[-1:]
 
 
 def _named(request: Mapping[str, Any], names: Iterable[str]) -> str:
