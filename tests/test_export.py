@@ -321,6 +321,7 @@ def test_an_unknown_ending_lists_the_known_ones():
         choose("plan.txt")
     assert "csv (.csv)" in caught.value.hint
     assert "geojson (.geojson)" in caught.value.hint
+    assert "litchi (litchi:FILE)" in caught.value.hint  # has no ending of its own
 
 
 def test_a_misspelt_format_gets_the_nearest():

@@ -138,7 +138,7 @@ def frames():
     return [
         ({"height": [40.0]}, ["column 'height' is no option"]),
         ({"altitude": pl.Series([], dtype=pl.Float64)}, ["no rows"]),
-        ({"altitude": [40.0, float("nan")]}, ["column 'altitude' 'nan'", "(row 2)"]),
+        ({"altitude": [40.0, float("nan")]}, ["column 'altitude': 'nan'", "(row 2)"]),
         ({"altitude": [True]}, ["'True'", "(row 1)"]),
         ({"altitude": [dt.date(2020, 1, 1)]}, ["2020", "(row 1)"]),
         ({"altitude": [dt.timedelta(1)]}, ["timedelta", "(row 1)"]),

@@ -123,5 +123,7 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
 
 
 def _listing(known: dict[str, Format]) -> str:
-    endings = ", ".join(f"{f.name} ({' '.join(f.suffixes)})" for f in known.values())
+    endings = ", ".join(
+        f"{f.name} ({' '.join(f.suffixes) or f'{f.name}:FILE'})" for f in known.values()
+    )
     return f"known formats: {endings}"

@@ -315,7 +315,7 @@ def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
             parsed.append(None)
             continue
         try:
-            parsed.append(BY_NAME[name].parse(value, f"'{path}', column '{name}'"))
+            parsed.append(BY_NAME[name].parse(value, f"'{path}', column '{name}':"))
         except RequestError as error:
             row = series.eq_missing(value).arg_max() + 1
             raise RequestError(f"{error.message} (row {row})", error.hint) from None
