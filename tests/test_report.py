@@ -267,6 +267,22 @@ def test_curves_pass_through_the_plan(options):
         assert values == sorted(values)
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, ["target V̂"]),
+        ({"visibility": 0.6}, ["target V"]),
+        ({"optimize": "contrast", "max_aperture": 15.0}, []),
+        ({"optimize": "visibility", "max_samples": 9}, []),
+    ],
+)
+def test_a_target_is_drawn_where_the_plan_was_made_for_one(options, words):
+    for chart in charts_of(plan(PlanRequest(altitude=40, **options))):
+        texts = [line.text for line in chart.levels]
+        assert [text for text in texts if text.startswith("target")] == words
+        assert {"endless V", "one photo"} <= set(texts)
+
+
 def test_bounds_are_drawn_where_they_lie():
     bounded = plan(PlanRequest(altitude=40, vhat=0.9, max_aperture=8.0, max_samples=20))
     by_samples, by_baseline = charts_of(bounded)

@@ -187,15 +187,14 @@ def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: flo
 
 
 def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
-    """The target, and what one photo and endless ones see."""
+    """What one photo and endless ones see, and the target if the plan was made for one."""
+    from aosplan.answer import BEST
     from aosplan.task import requirement_of
 
     requirement, prediction = requirement_of(plan.request), plan.solution.prediction
-    shares = (
-        (float(requirement.target), f"target {requirement.symbol}"),
-        (prediction.maximum, "endless V"),
-        (prediction.minimum, "one photo"),
-    )
+    shares = [(prediction.maximum, "endless V"), (prediction.minimum, "one photo")]
+    if plan.request.optimize not in BEST:
+        shares.append((float(requirement.target), f"target {requirement.symbol}"))
     lines: list[Line] = []
     for share, text in sorted(shares, reverse=True):
         label = max(y(share), lines[-1].label + APART if lines else TOP)
