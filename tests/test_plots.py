@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 from approved.make import paper_forest, planned, shown, stand
 
+from aosplan import PlanRequest, plan
 from aosplan.geometry import coverage_share
 from aosplan.plots import KINDS
+from aosplan.plots.canvas import Look, drawn
 from aosplan.plots.correlogram import correlations_of
 from aosplan.plots.curve import curve_of
 from aosplan.plots.density import density_of
 from aosplan.plots.grid import grid_of, nice_length_m, numbered
+from aosplan.plots.visibility import visibility_of
 from aosplan.resolve import ResolvedScene
 from aosplan.scene import Layer, LayeredScene
 from aosplan.voxels import VoxelVolume
@@ -171,3 +174,13 @@ def test_the_description_of_a_plan_says_what_bound_it():
 def test_the_document_is_plain_json(kind):
     told = json.loads(json.dumps(shown(kind).document(), allow_nan=False))
     assert told
+
+
+def test_a_plan_for_the_best_has_no_target_to_draw():
+    kind = KINDS["visibility"]
+    for optimize, aimed in (("samples", True), ("visibility", False)):
+        best = plan(PlanRequest(altitude=40, optimize=optimize, max_samples=60))
+        found = visibility_of(best)
+        assert ("target" in found.description()) == aimed
+        words = [text.get_text() for text in drawn(kind, found, Look()).axes[0].texts]
+        assert any(text.startswith("target") for text in words) == aimed

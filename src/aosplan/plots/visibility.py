@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.answer import BEST
 from aosplan.errors import RequestError
 from aosplan.plots.style import LINES, entitle, plain
 
@@ -38,7 +39,7 @@ class Curve(NamedTuple):
 
 
 class Visibility(NamedTuple):
-    """Curves around a plan.
+    """Curves around a plan; its target is None where it is the best there is.
 
     `by_samples` are curves at one baseline each, `by_baseline` at one number of samples each; the
     plan's own come first.  `independent_m` is the baseline from which neighbours share no occluder,
@@ -54,7 +55,7 @@ class Visibility(NamedTuple):
     expected: float
     minimum: float
     maximum: float
-    target: float
+    target: float | None
     target_quantity: str
     independent_m: float | None
     by_samples: tuple[Curve, ...]
@@ -70,11 +71,12 @@ class Visibility(NamedTuple):
         """The plan's point and its curves, in words."""
         first, second = self.by_samples[0], self.by_baseline[0]
         symbol = "V̂" if self.target_quantity == "normalized" else "V"
+        target = "" if self.target is None else f"; the target is {symbol} = {self.target:.6g}"
         return (
             f"{self.title}. The plan: {self.samples} samples {self.baseline_m:.3g} m apart reach "
             f"V̂ = {self.normalized:.4g} and V = {self.expected:.4g}, between {self.minimum:.4g} of "
-            f"one photo and {self.maximum:.4g} of endless ones; the target is {symbol} = "
-            f"{self.target:.6g}. Against the number of samples, at {first.fixed:.3g} m: "
+            f"one photo and {self.maximum:.4g} of endless ones{target}. "
+            f"Against the number of samples, at {first.fixed:.3g} m: "
             f"{_stations(first, 'V̂ = {1:.3g} with {0:.0f}')}. Against the baseline, with "
             f"{second.fixed:.0f} samples: {_stations(second, 'V̂ = {1:.3g} at {0:.3g} m')}. "
             f"Bound by: {'; '.join(self.bounds)}."
@@ -122,7 +124,7 @@ def visibility_of(plan: Plan) -> Visibility:
         expected=prediction.expected,
         minimum=prediction.minimum,
         maximum=prediction.maximum,
-        target=float(requirement.target),
+        target=None if problem.objective in BEST else float(requirement.target),
         target_quantity=requirement.quantity,
         independent_m=independent if math.isfinite(independent) else None,
         by_samples=tuple(by_samples(problem, max(2 * samples, 8), base, samples)),
@@ -202,7 +204,7 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
         row[0].set_ylabel(label)
         for panel, (curves, at, _, form) in zip(row, columns, strict=True):
             _lines(panel, curves, name, form, theme)
-            if name == shown.target_quantity:
+            if shown.target is not None and name == shown.target_quantity:
                 panel.axhline(shown.target, color=theme.muted, ls=(0, (1, 1)), lw=1.2)
             panel.plot(
                 [at],
@@ -242,17 +244,18 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
     axes[1][0].xaxis.get_major_locator().set_params(integer=True)
     room = 0.12 * (high - low) or 1e-12
     axes[1][0].set_ylim(low - room, high + 1.5 * room)
-    symbol = r"$\hat{V}$" if shown.target_quantity == "normalized" else "$V$"
-    axes[0][0].annotate(
-        f"target {symbol} = {shown.target:.6g}",
-        (0.0, 1.0),
-        xycoords="axes fraction",
-        size=7.5,
-        xytext=(2, 2),
-        textcoords="offset points",
-        color=theme.muted,
-        va="bottom",
-    )
+    if shown.target is not None:
+        symbol = r"$\hat{V}$" if shown.target_quantity == "normalized" else "$V$"
+        axes[0][0].annotate(
+            f"target {symbol} = {shown.target:.6g}",
+            (0.0, 1.0),
+            xycoords="axes fraction",
+            size=7.5,
+            xytext=(2, 2),
+            textcoords="offset points",
+            color=theme.muted,
+            va="bottom",
+        )
     entitle(figure, shown.title)
     figure.supxlabel(
         "Bound by: " + "; ".join(plain(words, 200) for words in shown.bounds),
