@@ -170,6 +170,29 @@ def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
     assert sweep(campaign, "--out", out, "--force") == 0
 
 
+def test_a_sweep_of_files_that_have_changed_is_not_resumed(
+    tmp_path, small_blocks, monkeypatch, capsys
+):
+    from aosplan.sweep import run as run_module
+
+    scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.csv"
+    text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\n'
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    path.write_text('[sweep]\naltitude = [40, 50]\nscene = "stand.toml"\n', encoding="utf-8")
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(out))
+
+    monkeypatch.setattr(run_module.Parts, "join", full)
+    assert sweep(path, "--out", out) == 1
+    monkeypatch.undo()
+    scene.write_text(f"{text}volume_height_m = 12.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 2
+    assert "parts of another sweep" in capsys.readouterr().err
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 0
+
+
 @pytest.mark.slow
 def test_workers_change_no_byte(tmp_path):
     # In a process of its own: workers are started anew and import the main module.

@@ -30,8 +30,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
-from aosplan.options import BY_NAME
-from aosplan.resolve import cloud_files, located
+from aosplan.sweep.named import named_files
 from aosplan.sweep.run import Sweep, solve_part
 from aosplan.sweep.scenarios import Single
 
@@ -143,22 +142,14 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
         Where a file is found in the current folder alone, which workers do not share.
     """
     files: set[str] = set()
-    for name, values in sweep.scenarios.values.items():
-        if not any(mark in BY_NAME[name].metavar for mark in ("FILE", ".")):
-            continue
-        for value in {value for value in values.flat if isinstance(value, str)}:
-            found = located(value, sweep.folder)
-            try:
-                named = cloud_files(found) or (found,)
-            except RequestError:  # a folder or pattern without any, as its rows will say
-                continue
-            there = [file for file in named if os.path.isfile(file)]
-            files.update(there)
-            if there and not os.path.isabs(found):
-                raise RequestError(
-                    f"{name} '{value}' is a file of the current folder, which workers do not share",
-                    "put it beside the sweep's file, or give its full name",
-                )
+    for named in named_files(sweep.scenarios.values, sweep.folder):
+        files.update(named.files)
+        if not os.path.isabs(named.found):
+            raise RequestError(
+                f"{named.option} '{named.value}' is a file of the current folder, which workers do "
+                "not share",
+                "put it beside the sweep's file, or give its full name",
+            )
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
 

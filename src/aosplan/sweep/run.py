@@ -27,6 +27,7 @@ from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.frame import input_column, solve_block
 from aosplan.sweep.gather import kept, start_gathering
+from aosplan.sweep.named import checksums
 from aosplan.sweep.partitions import Partitions, is_folder
 from aosplan.sweep.parts import Part, Parts, write_frame
 from aosplan.sweep.scenarios import polars
@@ -72,6 +73,7 @@ class Sweep(NamedTuple):
             digest.update(f"{name} {values.dtype}".encode())
             told = values.dtype == object
             digest.update(repr(values.tolist()).encode() if told else values.tobytes())
+        digest.update(repr(checksums(self.scenarios.values, self.folder)).encode())
         return digest.hexdigest()
 
     def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
