@@ -155,6 +155,47 @@ def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkey
     assert broken.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.parametrize("line", ['{"part": 7}', "5", '{"part": "a"}', "[]", '{"x": 1}', "\x00"])
+def test_a_damaged_journal_is_passed_over_or_refused(
+    campaign, tmp_path, small_blocks, monkeypatch, capsys, line
+):
+    from aosplan.sweep import run as run_module
+
+    out = tmp_path / "r.csv"
+    monkeypatch.setattr(
+        run_module.Parts, "join", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    assert sweep(campaign, "--out", out) == 130
+    journal = tmp_path / "r.csv.parts" / "journal.jsonl"
+    whole = journal.read_text()
+    journal.write_text(f"{line}\n{whole}")
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    if line != "\x00":
+        assert sweep(campaign, "--out", out, "--resume") == 2
+        assert "parts of another sweep" in capsys.readouterr().err
+    journal.write_text(f"{whole}{line}\n")
+    assert sweep(campaign, "--out", out, "--resume") == 0
+
+
+def test_a_file_that_came_while_a_sweep_ran_stays(campaign, tmp_path, monkeypatch, capsys):
+    from aosplan.sweep import run as run_module
+
+    solve, out = run_module.solve_part, tmp_path / "r.csv"
+
+    def other(*arguments):
+        out.write_text("another's")
+        return solve(*arguments)
+
+    monkeypatch.setattr(run_module, "solve_part", other)
+    assert sweep(campaign, "--out", out) == 2
+    assert "exists" in capsys.readouterr().err
+    assert out.read_text() == "another's"
+    monkeypatch.undo()
+    assert sweep(campaign, "--out", out, "--resume", "--force") == 0
+    assert sorted(os.listdir(tmp_path)) == [campaign.name, "r.csv"]
+
+
 def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
     from aosplan.sweep import run as run_module
 

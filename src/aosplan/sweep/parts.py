@@ -16,6 +16,7 @@ import uuid
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.files import check_output
 from aosplan.sweep.scenarios import polars
 
 if TYPE_CHECKING:
@@ -81,14 +82,18 @@ class Parts:
             raise RequestError(
                 f"'{self.folder}' has no journal '{self.journal}'", "--force begins again"
             )
-        if notes[0].get("fingerprint") != self.fingerprint:
+        if notes[0] != {"fingerprint": self.fingerprint}:
             raise RequestError(
                 f"'{self.folder}' holds parts of another sweep",
                 "give the same file, options and version, or --force to begin again",
             )
         for note in notes[1:]:
-            part = Part(**note)
-            if _is_whole(self.path(part.part), part):
+            try:
+                part = Part(**note)
+                whole = _is_whole(self.path(part.part), part)
+            except (TypeError, ValueError):  # no line of a journal
+                continue
+            if whole:
                 self.done[part.part] = part
         self.note_all()
 
@@ -122,7 +127,21 @@ class Parts:
             _join_parquet(paths, whole)
         else:
             _join_text(paths, whole, header=self.suffix == ".csv")
+        # The parts go when the result has its name, so it has to be on the disk.
+        with open(whole, "r+b") as file:
+            os.fsync(file.fileno())
         return whole
+
+    def put(self, whole: str, *, resume: bool, force: bool) -> None:  # noqa: ARG002
+        """Give the result its name.
+
+        Raises
+        ------
+        RequestError
+            Where something has taken it meanwhile that may not be replaced.
+        """
+        check_output(self.out, force=force)
+        os.replace(whole, self.out)
 
     def remove(self) -> None:
         """Remove what only the run needs: here the folder."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
 import signal
 import sys
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -219,8 +218,7 @@ def run(
                     gathering.add(part)
                 parts.add(part)
                 advance(sweep.scenarios.block(part.part).rows)
-        whole = parts.join(sweep, count)
-        os.replace(whole, parts.out)
+        parts.put(parts.join(sweep, count), resume=resume, force=force)
     except AosplanError:
         if not parts.done:
             parts.discard()
