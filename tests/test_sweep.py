@@ -424,10 +424,28 @@ def test_a_parquet_from_elsewhere_is_an_error(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("where", "met"),
+    [
+        ("reason LIKE '%max(%' OR samples > 10", True),
+        ('"samples" > 10 AND ABS(samples) > 1', True),
+        ("reason = 'it''s over'", False),
+    ],
+)
+def test_conditions_of_single_rows_are_taken(campaign, tmp_path, where, met):
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out, "--where", where) == 0
+    assert (len(out.read_text().splitlines()) > 1) == met
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["--where", "sampels < 3"], ["sampels", "columns: "]),
         (["--where", "samples"], ["--where samples"]),
+        (["--where", "GREATEST() > 1"], ["--where GREATEST() > 1"]),
+        (["--where", "samples = MAX(samples)"], ["MAX looks at several rows", "--best"]),
+        (["--where", "samples > avg (samples)"], ["AVG looks at several rows"]),
+        (["--where", "RANK() OVER (ORDER BY samples) < 3"], ["RANK looks at"]),
         (["--best", "samplse"], ["samplse", "samples"]),
         (["--per", "altitude"], ["--per without --best"]),
         (["--columns", "samples,foo"], ["'foo'"]),

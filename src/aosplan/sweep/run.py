@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import re
 import signal
 import sys
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -42,6 +43,14 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
 """Endings of a result."""
+
+OF_SEVERAL_ROWS = re.compile(
+    r"\b(?:over\b|(?:array_agg|avg|corr|count|covar\w*|dense_rank|first|first_value|group_concat|"
+    r"lag|last|last_value|lead|listagg|max|median|min|quantile_\w+|rank|row_number|std\w*|string_agg|"
+    r"sum|total|var\w*)\s*\()",
+    re.IGNORECASE,
+)
+"""Words of the columnar library's SQL that look at other rows too."""
 
 
 class Sweep(NamedTuple):
@@ -105,8 +114,15 @@ class Sweep(NamedTuple):
             return frame
         pl = polars()
         try:
-            return frame.filter(pl.sql_expr(self.where))
-        except pl.exceptions.PolarsError as error:
+            condition = pl.sql_expr(self.where)
+            if several := _of_several_rows(self.where):
+                raise RequestError(
+                    f"--where {self.where}: {several} looks at several rows, and the condition is "
+                    "asked of each alone",
+                    "--best keeps the row with the most of a column; filter the result for the rest",
+                )
+            return frame.filter(condition)
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise RequestError(
                 f"--where {self.where}: {str(error).splitlines()[0]}",
                 f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
@@ -127,6 +143,13 @@ class Sweep(NamedTuple):
             else ranked.head(1)
         )
         return first.sort("_row").drop("_row")
+
+
+def _of_several_rows(where: str) -> str:
+    """The first word of a condition whose answer would change with the rows of a part, or nothing."""
+    code = re.sub(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"", "''", where)
+    found = OF_SEVERAL_ROWS.search(code)
+    return "" if found is None else found[0].rstrip("( \t\n").upper()
 
 
 def check(sweep: Sweep) -> None:
