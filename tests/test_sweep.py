@@ -461,6 +461,42 @@ def test_wrong_conditions_are_errors_before_anything_is_solved(
     assert os.listdir(tmp_path) == [campaign.name]
 
 
+@pytest.mark.parametrize(
+    ("ending", "best"),
+    [
+        ("csv", []),
+        ("csv", ["--best", "samples", "--per", "vhat"]),
+        ("parquet", []),
+        ("jsonl", []),
+        ("parquet/", []),
+    ],
+)
+def test_names_with_brackets_are_no_patterns(tmp_path, small_blocks, ending, best):
+    for folder, altitude in (("g[1]", 40), ("g1", 99)):
+        (tmp_path / folder).mkdir()
+        rows = "".join(f"{altitude},{0.5 + 0.01 * row}\n" for row in range(40))
+        (tmp_path / folder / "t[2].csv").write_text(f"altitude,vhat\n{rows}")
+        (tmp_path / folder / "t2.csv").write_text(f"altitude,vhat\n{rows.replace('40', '99')}")
+    folder = tmp_path / "g[1]"
+    line = [folder / "t[2].csv", "--columns", "altitude_m,flight_time_s,samples", *best]
+    for name in (f"r[3].{ending}", f"r3.{ending}"):
+        figure = ["--plot", folder / f"{name.rstrip('/')}.svg"]
+        assert sweep(*line, "--out", f"{folder}/{name}", *figure) == 0
+    drawn = [(folder / f"{name}.{ending.rstrip('/')}.svg").read_bytes() for name in ("r[3]", "r3")]
+    assert drawn[0] == drawn[1]
+    frame = pl.read_csv(folder / f"r3.{ending}", glob=False) if ending == "csv" else None
+    assert frame is None or set(frame["altitude_m"]) == {40.0}
+
+
+def test_names_of_files_write_no_escape_sequences(campaign, tmp_path, capsys):
+    out, figure = tmp_path / "r\x1b[31m.csv", tmp_path / "f\x1b[31m.svg"
+    assert sweep(campaign, "--out", out, "--plot", figure) == 0
+    told = capsys.readouterr().out
+    assert "\x1b" not in told
+    assert "r?[31m.csv: " in told
+    assert "f?[31m.svg" in told
+
+
 def test_values_of_a_file_are_read_beside_it(tmp_path):
     (tmp_path / "altitudes.txt").write_text("40\n\n50 m\n")
     path = tmp_path / "s.toml"

@@ -122,7 +122,8 @@ class Parts:
         paths = [self.path(index) for index in range(count)]
         if sweep.best is not None:
             pl = polars()
-            write_frame(sweep.best_of(pl.concat([pl.read_parquet(path) for path in paths])), whole)
+            frames = [pl.read_parquet(path, glob=False) for path in paths]
+            write_frame(sweep.best_of(pl.concat(frames)), whole)
         elif self.suffix == ".parquet":
             _join_parquet(paths, whole)
         else:
@@ -224,7 +225,7 @@ def _join_parquet(paths: list[str], whole: str) -> None:
         return
     pl = polars()
     # The row groups of the result are the parts.
-    pl.scan_parquet(paths).sink_parquet(whole, compression="lz4", maintain_order=True)
+    pl.scan_parquet(paths, glob=False).sink_parquet(whole, compression="lz4", maintain_order=True)
 
 
 def _join_text(paths: list[str], whole: str, *, header: bool) -> None:
