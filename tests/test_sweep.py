@@ -217,7 +217,7 @@ def test_a_sweep_of_files_that_have_changed_is_not_resumed(
     from aosplan.sweep import run as run_module
 
     scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.csv"
-    text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\n'
+    text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\nvolume_base_m = 2.0\n'
     scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
     path.write_text('[sweep]\naltitude = [40, 50]\nscene = "stand.toml"\n', encoding="utf-8")
 
@@ -232,6 +232,7 @@ def test_a_sweep_of_files_that_have_changed_is_not_resumed(
     assert "parts of another sweep" in capsys.readouterr().err
     scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
     assert sweep(path, "--out", out, "--resume") == 0
+    assert set(pl.read_csv(out)["status"]) == {"ok"}
 
 
 @pytest.mark.slow

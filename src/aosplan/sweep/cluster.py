@@ -30,6 +30,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
+from aosplan.sweep.frame import forget_files
 from aosplan.sweep.named import named_files
 from aosplan.sweep.run import Sweep, solve_part
 from aosplan.sweep.scenarios import Single
@@ -172,7 +173,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
             f"{_place()} does not see the folder '{os.path.dirname(task.folder)}'",
             "--out has to lie where this machine and all workers see it, under the same name",
         )
-    _check_files(task.files)
+    _begin(task.folder, task.files)
     try:
         return solve_part(task.sweep, task.part, task.path, task.folder)
     except AosplanError as error:
@@ -186,7 +187,9 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
 
 
 @lru_cache(maxsize=16)
-def _check_files(files: tuple[tuple[str, int], ...]) -> None:
+def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
+    """Look at files anew, once for each run: a worker may know them as they were for another."""
+    forget_files()
     for file, size in files:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
             raise SurroundingsError(

@@ -25,7 +25,7 @@ import numpy as np
 from aosplan import __version__
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.quantities import nearest_hint
-from aosplan.sweep.frame import input_column, solve_block
+from aosplan.sweep.frame import forget_files, input_column, solve_block
 from aosplan.sweep.gather import kept, start_gathering
 from aosplan.sweep.named import checksums
 from aosplan.sweep.partitions import Partitions, is_folder
@@ -295,6 +295,7 @@ def gather(
 def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int) -> Iterator[Part]:
     """Solve parts on this machine, write them unless None, and hand them out as they come."""
     _end_waits()
+    forget_files()
 
     def path(index: int) -> str | None:
         return None if parts is None else parts.path(index)
