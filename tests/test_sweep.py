@@ -448,6 +448,8 @@ def test_conditions_of_single_rows_are_taken(campaign, tmp_path, where, met):
         (["--where", "samples > avg (samples)"], ["AVG looks at several rows"]),
         (["--where", "RANK() OVER (ORDER BY samples) < 3"], ["RANK looks at"]),
         (["--best", "samplse"], ["samplse", "samples"]),
+        (["--best", "status"], ["--best status", "words"]),
+        (["--best", "-reason"], ["--best -reason", "words"]),
         (["--per", "altitude"], ["--per without --best"]),
         (["--columns", "samples,foo"], ["'foo'"]),
         (["--workers", "0"], ["--workers '0'"]),
@@ -496,6 +498,12 @@ def test_names_of_files_write_no_escape_sequences(campaign, tmp_path, capsys):
     assert "\x1b" not in told
     assert "r?[31m.csv: " in told
     assert "f?[31m.svg" in told
+
+
+def test_a_result_that_is_named_twice_is_one_column(campaign, tmp_path):
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out, "--columns", "samples,baseline_m,samples") == 0
+    assert pl.read_csv(out).columns[-4:] == ["samples", "baseline_m", "status", "reason"]
 
 
 def test_values_of_a_file_are_read_beside_it(tmp_path):

@@ -52,7 +52,7 @@ def chosen_results(text: str | None) -> tuple[str, ...]:
         return USUAL
     if text == "all":
         return RESULTS
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names:
         if name not in RESULTS:
             raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, RESULTS))

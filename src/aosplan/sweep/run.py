@@ -158,7 +158,8 @@ def check(sweep: Sweep) -> None:
     Raises
     ------
     RequestError
-        Where `best` or `per` names an unknown column, or `where` is no condition.
+        Where `best` or `per` names an unknown column, `best` one of words, or `where` is no
+        condition.
     """
     named = [("--best", sweep.best.lstrip("-"))] if sweep.best else []
     for option, name in named + [("--per", name) for name in sweep.per]:
@@ -167,7 +168,13 @@ def check(sweep: Sweep) -> None:
                 f"{option} names '{name}', which is no column of the result",
                 nearest_hint(name, sweep.names) or f"columns: {', '.join(sweep.names)}",
             )
-    sweep.kept(polars().DataFrame(schema=dict(solve_first(sweep).schema)))
+    schema = dict(solve_first(sweep).schema)
+    if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
+        raise RequestError(
+            f"--best {sweep.best}: '{sweep.best.lstrip('-')}' holds words, of which none is the most",
+            f"--best with a column of numbers, such as {sweep.results[0]}" if sweep.results else "",
+        )
+    sweep.kept(polars().DataFrame(schema=schema))
 
 
 def solve_first(sweep: Sweep) -> pl.DataFrame:
