@@ -202,6 +202,20 @@ def test_an_earlier_folder_is_whole_until_another_takes_its_place(campaign, tmp_
     assert replaced == [(before, NAMES)]
 
 
+@pytest.mark.parametrize("ending", ["", ".csv"])
+def test_a_link_stays_and_what_it_points_to_is_replaced(campaign, tmp_path, ending):
+    there, link = tmp_path / "there" / f"r{ending}", tmp_path / f"link{ending}"
+    there.parent.mkdir()
+    assert sweep(campaign, "--out", there if ending else f"{there}/") == 0
+    before = there.read_bytes() if ending else contents(there)
+    link.symlink_to(there)
+    campaign.write_text(CAMPAIGN.replace("120", "130"), encoding="utf-8")
+    assert sweep(campaign, "--out", link, "--force") == 0
+    assert link.is_symlink()
+    assert (there.read_bytes() if ending else contents(there)) != before
+    assert sorted(os.listdir(tmp_path)) == ["campaign.toml", link.name, "there"]
+
+
 @pytest.mark.parametrize("force", [[], ["--force"], ["--resume"]])
 def test_what_no_sweep_wrote_is_left_alone(campaign, tmp_path, capsys, force):
     (tmp_path / "data").mkdir()

@@ -63,7 +63,7 @@ class Partitions(Parts):
     """The parts of a sweep whose result they are."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
-        super().__init__(os.path.abspath(out), sweep)
+        super().__init__(os.path.realpath(out), sweep)
         self.part_suffix = ".parquet"
         self.journal = f"{self.out}.journal.jsonl"
         self.count = sweep.scenarios.blocks

@@ -46,8 +46,9 @@ class Parts:
     """The folder of a sweep's parts, and its journal of those that are whole."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
-        self.out = out
-        self.folder = f"{out}.parts"
+        # A link stays, and what it points to is replaced.
+        self.out = os.path.realpath(out) if os.path.islink(out) else out
+        self.folder = f"{self.out}.parts"
         self.journal = os.path.join(self.folder, JOURNAL)
         self.suffix = os.path.splitext(out)[1].lower()
         # The best rows of the parts are compared once more, so they keep their types.
@@ -73,7 +74,7 @@ class Parts:
                     "--resume goes on with it, --force begins again",
                 )
             shutil.rmtree(self.folder)
-        os.makedirs(self.folder)
+        os.mkdir(self.folder)
         self.note_all()
 
     def _take_up(self) -> None:

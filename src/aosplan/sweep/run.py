@@ -153,7 +153,7 @@ def _of_several_rows(where: str) -> str:
 
 
 def check(sweep: Sweep) -> None:
-    """Refuse conditions on columns that the result does not have.
+    """Refuse conditions on columns that the result does not have, and look at files anew.
 
     Raises
     ------
@@ -168,6 +168,7 @@ def check(sweep: Sweep) -> None:
                 f"{option} names '{name}', which is no column of the result",
                 nearest_hint(name, sweep.names) or f"columns: {', '.join(sweep.names)}",
             )
+    forget_files()
     schema = dict(solve_first(sweep).schema)
     if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
         raise RequestError(
@@ -302,7 +303,6 @@ def gather(
 def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int) -> Iterator[Part]:
     """Solve parts on this machine, write them unless None, and hand them out as they come."""
     _end_waits()
-    forget_files()
 
     def path(index: int) -> str | None:
         return None if parts is None else parts.path(index)
