@@ -559,6 +559,28 @@ def test_a_task_of_files_that_differ_writes_nothing(task, tmp_path):
     assert not os.path.exists(path)
 
 
+def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
+    scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.parquet"
+    path.write_text(
+        '[sweep]\naltitude = 40\nmodel = ["uniform", "layered"]\nscene = "stand.toml"\n'
+    )
+    found = []
+    for run, density in enumerate((0.4, 0.6)):
+        scene.write_text(
+            f'name = "stand"\nintegrated_density = {density}\noccluder_size_m = 1.0\n'
+            "volume_base_m = 2.0\nvolume_height_m = 10.0\n"
+        )
+        scenarios = read_scenarios(str(path))
+        (tmp_path / str(run)).mkdir()
+        told = cluster_module.Task(
+            Sweep(cluster_module.alone(scenarios, 0), ("visibility_density",), str(tmp_path)),
+            *(0, str(out), str(tmp_path / str(run)), ((str(scene), scene.stat().st_size),)),
+        )
+        done(told)
+        found.append(pl.read_parquet(out)["visibility_density"].to_list())
+    assert found == [pytest.approx([0.4] * 2), pytest.approx([0.6] * 2)]
+
+
 def test_files_of_scenarios_are_named_in_full(tmp_path, monkeypatch, capsys):
     beside = tmp_path / "beside"
     beside.mkdir()

@@ -2,6 +2,8 @@
 
 import json
 import os
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -162,6 +164,56 @@ def test_an_earlier_folder_stays_unless_forced(campaign, tmp_path, capsys):
     (tmp_path / "r.journal.jsonl").unlink()
     assert sweep(campaign, "--out", folder, "--resume") == 2
     assert "has no journal" in capsys.readouterr().err
+
+
+def test_what_came_while_a_sweep_ran_is_left_alone(campaign, tmp_path, monkeypatch, capsys):
+    solve, folder = run_module.solve_part, tmp_path / "r"
+
+    def other(sweep, index, *rest):
+        if index == 3:
+            folder.mkdir()
+            (folder / NAMES[0]).write_text("another's")
+        return solve(sweep, index, *rest)
+
+    monkeypatch.setattr(run_module, "solve_part", other)
+    assert sweep(campaign, "--out", f"{folder}/") == 2
+    assert "exists" in capsys.readouterr().err
+    assert contents(folder) == {NAMES[0]: b"another's"}
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 25)
+    assert sweep(campaign, "--out", folder, "--resume", "--force") == 0
+    assert sorted(contents(folder)) == NAMES
+    assert sorted(os.listdir(tmp_path)) == ["campaign.toml", "r", "r.journal.jsonl"]
+
+
+def test_an_earlier_folder_is_whole_until_another_takes_its_place(campaign, tmp_path, monkeypatch):
+    folder = tmp_path / "r"
+    assert sweep(campaign, "--out", f"{folder}/") == 0
+    before = contents(folder)
+    replaced, remove = [], shutil.rmtree
+
+    def watched(path, *arguments, **named):
+        if str(path).endswith(".earlier"):
+            replaced.append((contents(Path(path)), sorted(contents(folder))))
+        remove(path, *arguments, **named)
+
+    monkeypatch.setattr(shutil, "rmtree", watched)
+    assert sweep(campaign, "--out", folder, "--force") == 0
+    assert replaced == [(before, NAMES)]
+
+
+@pytest.mark.parametrize("ending", ["", ".csv"])
+def test_a_link_stays_and_what_it_points_to_is_replaced(campaign, tmp_path, ending):
+    there, link = tmp_path / "there" / f"r{ending}", tmp_path / f"link{ending}"
+    there.parent.mkdir()
+    assert sweep(campaign, "--out", there if ending else f"{there}/") == 0
+    before = there.read_bytes() if ending else contents(there)
+    link.symlink_to(there)
+    campaign.write_text(CAMPAIGN.replace("120", "130"), encoding="utf-8")
+    assert sweep(campaign, "--out", link, "--force") == 0
+    assert link.is_symlink()
+    assert (there.read_bytes() if ending else contents(there)) != before
+    assert sorted(os.listdir(tmp_path)) == ["campaign.toml", link.name, "there"]
 
 
 @pytest.mark.parametrize("force", [[], ["--force"], ["--resume"]])

@@ -155,6 +155,47 @@ def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkey
     assert broken.read_bytes() == whole.read_bytes()
 
 
+@pytest.mark.parametrize("line", ['{"part": 7}', "5", '{"part": "a"}', "[]", '{"x": 1}', "\x00"])
+def test_a_damaged_journal_is_passed_over_or_refused(
+    campaign, tmp_path, small_blocks, monkeypatch, capsys, line
+):
+    from aosplan.sweep import run as run_module
+
+    out = tmp_path / "r.csv"
+    monkeypatch.setattr(
+        run_module.Parts, "join", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    assert sweep(campaign, "--out", out) == 130
+    journal = tmp_path / "r.csv.parts" / "journal.jsonl"
+    whole = journal.read_text()
+    journal.write_text(f"{line}\n{whole}")
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    if line != "\x00":
+        assert sweep(campaign, "--out", out, "--resume") == 2
+        assert "parts of another sweep" in capsys.readouterr().err
+    journal.write_text(f"{whole}{line}\n")
+    assert sweep(campaign, "--out", out, "--resume") == 0
+
+
+def test_a_file_that_came_while_a_sweep_ran_stays(campaign, tmp_path, monkeypatch, capsys):
+    from aosplan.sweep import run as run_module
+
+    solve, out = run_module.solve_part, tmp_path / "r.csv"
+
+    def other(*arguments):
+        out.write_text("another's")
+        return solve(*arguments)
+
+    monkeypatch.setattr(run_module, "solve_part", other)
+    assert sweep(campaign, "--out", out) == 2
+    assert "exists" in capsys.readouterr().err
+    assert out.read_text() == "another's"
+    monkeypatch.undo()
+    assert sweep(campaign, "--out", out, "--resume", "--force") == 0
+    assert sorted(os.listdir(tmp_path)) == [campaign.name, "r.csv"]
+
+
 def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
     from aosplan.sweep import run as run_module
 
@@ -168,6 +209,30 @@ def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
     assert sweep(campaign, "--out", out, "--resume") == 2
     assert "parts of another sweep" in capsys.readouterr().err
     assert sweep(campaign, "--out", out, "--force") == 0
+
+
+def test_a_sweep_of_files_that_have_changed_is_not_resumed(
+    tmp_path, small_blocks, monkeypatch, capsys
+):
+    from aosplan.sweep import run as run_module
+
+    scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.csv"
+    text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\nvolume_base_m = 2.0\n'
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    path.write_text('[sweep]\naltitude = [40, 50]\nscene = "stand.toml"\n', encoding="utf-8")
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(out))
+
+    monkeypatch.setattr(run_module.Parts, "join", full)
+    assert sweep(path, "--out", out) == 1
+    monkeypatch.undo()
+    scene.write_text(f"{text}volume_height_m = 12.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 2
+    assert "parts of another sweep" in capsys.readouterr().err
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 0
+    assert set(pl.read_csv(out)["status"]) == {"ok"}
 
 
 @pytest.mark.slow
@@ -360,11 +425,31 @@ def test_a_parquet_from_elsewhere_is_an_error(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("where", "met"),
+    [
+        ("reason LIKE '%max(%' OR samples > 10", True),
+        ('"samples" > 10 AND ABS(samples) > 1', True),
+        ("reason = 'it''s over'", False),
+    ],
+)
+def test_conditions_of_single_rows_are_taken(campaign, tmp_path, where, met):
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out, "--where", where) == 0
+    assert (len(out.read_text().splitlines()) > 1) == met
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["--where", "sampels < 3"], ["sampels", "columns: "]),
         (["--where", "samples"], ["--where samples"]),
+        (["--where", "GREATEST() > 1"], ["--where GREATEST() > 1"]),
+        (["--where", "samples = MAX(samples)"], ["MAX looks at several rows", "--best"]),
+        (["--where", "samples > avg (samples)"], ["AVG looks at several rows"]),
+        (["--where", "RANK() OVER (ORDER BY samples) < 3"], ["RANK looks at"]),
         (["--best", "samplse"], ["samplse", "samples"]),
+        (["--best", "status"], ["--best status", "words"]),
+        (["--best", "-reason"], ["--best -reason", "words"]),
         (["--per", "altitude"], ["--per without --best"]),
         (["--columns", "samples,foo"], ["'foo'"]),
         (["--workers", "0"], ["--workers '0'"]),
@@ -377,6 +462,48 @@ def test_wrong_conditions_are_errors_before_anything_is_solved(
     error = capsys.readouterr().err
     assert all(word in error for word in words), error
     assert os.listdir(tmp_path) == [campaign.name]
+
+
+@pytest.mark.parametrize(
+    ("ending", "best"),
+    [
+        ("csv", []),
+        ("csv", ["--best", "samples", "--per", "vhat"]),
+        ("parquet", []),
+        ("jsonl", []),
+        ("parquet/", []),
+    ],
+)
+def test_names_with_brackets_are_no_patterns(tmp_path, small_blocks, ending, best):
+    for folder, altitude in (("g[1]", 40), ("g1", 99)):
+        (tmp_path / folder).mkdir()
+        rows = "".join(f"{altitude},{0.5 + 0.01 * row}\n" for row in range(40))
+        (tmp_path / folder / "t[2].csv").write_text(f"altitude,vhat\n{rows}")
+        (tmp_path / folder / "t2.csv").write_text(f"altitude,vhat\n{rows.replace('40', '99')}")
+    folder = tmp_path / "g[1]"
+    line = [folder / "t[2].csv", "--columns", "altitude_m,flight_time_s,samples", *best]
+    for name in (f"r[3].{ending}", f"r3.{ending}"):
+        figure = ["--plot", folder / f"{name.rstrip('/')}.svg"]
+        assert sweep(*line, "--out", f"{folder}/{name}", *figure) == 0
+    drawn = [(folder / f"{name}.{ending.rstrip('/')}.svg").read_bytes() for name in ("r[3]", "r3")]
+    assert drawn[0] == drawn[1]
+    frame = pl.read_csv(folder / f"r3.{ending}", glob=False) if ending == "csv" else None
+    assert frame is None or set(frame["altitude_m"]) == {40.0}
+
+
+def test_names_of_files_write_no_escape_sequences(campaign, tmp_path, capsys):
+    out, figure = tmp_path / "r\x1b[31m.csv", tmp_path / "f\x1b[31m.svg"
+    assert sweep(campaign, "--out", out, "--plot", figure) == 0
+    told = capsys.readouterr().out
+    assert "\x1b" not in told
+    assert "r?[31m.csv: " in told
+    assert "f?[31m.svg" in told
+
+
+def test_a_result_that_is_named_twice_is_one_column(campaign, tmp_path):
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out, "--columns", "samples,baseline_m,samples") == 0
+    assert pl.read_csv(out).columns[-4:] == ["samples", "baseline_m", "status", "reason"]
 
 
 def test_values_of_a_file_are_read_beside_it(tmp_path):

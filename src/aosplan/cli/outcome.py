@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan import __version__
 from aosplan.cli.output import print_json, waiting_bar
+from aosplan.cli.screen import say
 from aosplan.cli.simulate import read_settings
 from aosplan.errors import RequestError
 from aosplan.quantities import whole
@@ -93,7 +93,7 @@ def tell(
             verification = _verified(sweep, gathering.gathered, drawn, quiet=quiet)
         except KeyboardInterrupt:
             if gathering.write():
-                print("hint: --resume goes on with the simulation", file=sys.stderr)
+                say("hint", "--resume goes on with the simulation")
             raise
     gathering.remove()
     document = {

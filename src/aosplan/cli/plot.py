@@ -17,6 +17,7 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
+from aosplan.cli.screen import readable, wrote
 from aosplan.defaults import request_of
 from aosplan.errors import RequestError
 from aosplan.plots import KINDS, Kind, Shown
@@ -71,7 +72,7 @@ def run(
         print_json(document(chosen, shown))
     elif not quiet:
         print(printable(shown.description()))
-        print(f"Wrote {out}" if out else "Next: --out figure.png")
+        print(readable(wrote([out])) if out else "Next: --out figure.png")
 
 
 def document(kind: Kind, shown: Shown) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.outcome import drawn_of, gather_of, tell
 from aosplan.cli.output import drawn
+from aosplan.cli.screen import readable, say, wrote
 from aosplan.defaults import find_defaults, read_defaults
 from aosplan.errors import RequestError
 from aosplan.files import check_output
@@ -121,7 +122,7 @@ def run(
     if out is not None:
         quiet = quiet or as_json
         if not quiet:
-            print(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios")
+            print(readable(f"Wrote {out}: {rows} rows of {scenarios.rows} scenarios"))
         if plot is not None:
             _draw(plot, out, plot_x, plot_y, plot_value, force=force, quiet=quiet)
 
@@ -153,7 +154,7 @@ def _kept() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print("hint: what is done is kept; --resume goes on with it", file=sys.stderr)
+        say("hint", "what is done is kept; --resume goes on with it")
         raise
 
 
@@ -196,7 +197,7 @@ def _draw(
     write_all({plot: rendered(KINDS["sweep"], shown, form_of(plot))}, force=force)
     if not quiet:
         print(printable(shown.description()))
-        print(f"Wrote {plot}")
+        print(readable(wrote([plot])))
 
 
 @contextlib.contextmanager

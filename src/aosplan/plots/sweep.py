@@ -7,6 +7,7 @@ rows there are.
 from __future__ import annotations
 
 import os
+from glob import escape
 from math import isnan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -203,7 +204,7 @@ def results_of(
 def _scan(path: str) -> pl.LazyFrame:
     pl = polars()
     if os.path.isdir(path):
-        return pl.scan_parquet(path)  # type: ignore[no-any-return]
+        return pl.scan_parquet(path, glob=False)  # type: ignore[no-any-return]
     ending = os.path.splitext(path)[1].lower()
     scans = dict(zip(SUFFIXES, (pl.scan_csv, pl.scan_parquet, pl.scan_ndjson), strict=True))
     if ending not in scans:
@@ -211,7 +212,8 @@ def _scan(path: str) -> pl.LazyFrame:
             f"'{path}' ends in none of {', '.join(SUFFIXES)}", "results of a sweep do"
         )
     check_input(path)
-    return scans[ending](path)  # type: ignore[no-any-return]
+    # A name with brackets is no pattern of other names.
+    return scans[ending](escape(path))  # type: ignore[no-any-return]
 
 
 def _collected(lazy: Any) -> Any:

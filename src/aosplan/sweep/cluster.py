@@ -30,8 +30,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
-from aosplan.options import BY_NAME
-from aosplan.resolve import cloud_files, located
+from aosplan.sweep.frame import forget_files
+from aosplan.sweep.named import named_files
 from aosplan.sweep.run import Sweep, solve_part
 from aosplan.sweep.scenarios import Single
 
@@ -143,22 +143,14 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
         Where a file is found in the current folder alone, which workers do not share.
     """
     files: set[str] = set()
-    for name, values in sweep.scenarios.values.items():
-        if not any(mark in BY_NAME[name].metavar for mark in ("FILE", ".")):
-            continue
-        for value in {value for value in values.flat if isinstance(value, str)}:
-            found = located(value, sweep.folder)
-            try:
-                named = cloud_files(found) or (found,)
-            except RequestError:  # a folder or pattern without any, as its rows will say
-                continue
-            there = [file for file in named if os.path.isfile(file)]
-            files.update(there)
-            if there and not os.path.isabs(found):
-                raise RequestError(
-                    f"{name} '{value}' is a file of the current folder, which workers do not share",
-                    "put it beside the sweep's file, or give its full name",
-                )
+    for named in named_files(sweep.scenarios.values, sweep.folder):
+        files.update(named.files)
+        if not os.path.isabs(named.found):
+            raise RequestError(
+                f"{named.option} '{named.value}' is a file of the current folder, which workers do "
+                "not share",
+                "put it beside the sweep's file, or give its full name",
+            )
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
 
@@ -181,7 +173,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
             f"{_place()} does not see the folder '{os.path.dirname(task.folder)}'",
             "--out has to lie where this machine and all workers see it, under the same name",
         )
-    _check_files(task.files)
+    _begin(task.folder, task.files)
     try:
         return solve_part(task.sweep, task.part, task.path, task.folder)
     except AosplanError as error:
@@ -195,7 +187,9 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
 
 
 @lru_cache(maxsize=16)
-def _check_files(files: tuple[tuple[str, int], ...]) -> None:
+def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
+    """Look at files anew, once for each run: a worker may know them as they were for another."""
+    forget_files()
     for file, size in files:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
             raise SurroundingsError(

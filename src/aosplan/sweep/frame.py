@@ -9,7 +9,8 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.quantities import nearest_hint
 from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.rows import RESULTS, WHOLE, solve_rows
+from aosplan.sweep.inputs import uniform_scene
+from aosplan.sweep.rows import RESULTS, WHOLE, forget_scenes, solve_rows
 from aosplan.sweep.scenarios import Block, column_of, polars
 from aosplan.sweep.verdicts import STATUSES
 
@@ -51,7 +52,7 @@ def chosen_results(text: str | None) -> tuple[str, ...]:
         return USUAL
     if text == "all":
         return RESULTS
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names:
         if name not in RESULTS:
             raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, RESULTS))
@@ -116,6 +117,12 @@ def solve_block(
     columns.append(_status(pl, status))
     columns.append(_reason(pl, reason, texts))
     return pl.DataFrame(columns)  # type: ignore[no-any-return]
+
+
+def forget_files() -> None:
+    """Forget what was read of files: they may change while this process lives."""
+    forget_scenes()
+    uniform_scene.cache_clear()
 
 
 def _moved(reason: NDArray[np.int32], by: int) -> NDArray[np.int32]:

@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.sweep.parts import write_durably
 from aosplan.sweep.summary import Summary, empty, summarised
 from aosplan.sweep.verify import Draw, Drawing, drawn
 
@@ -135,21 +136,14 @@ class Gathering:
     def write(self) -> bool:
         """Write the file; whether that was possible."""
         self._written_s = time.monotonic()
-        temporary = f"{self.path}.{os.getpid()}.tmp"
         state = {
             "fingerprint": self.fingerprint,
             "done": sorted(self.done),
             "gathered": self.gathered.state(),
         }
         try:
-            with open(temporary, "w", encoding="utf-8") as file:
-                json.dump(state, file)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, self.path)
+            write_durably(json.dumps(state).encode(), self.path)
         except OSError:
-            if os.path.exists(temporary):
-                os.unlink(temporary)
             return False
         return True
 

@@ -124,7 +124,7 @@ def known_share(name: str, column: NDArray[Any], folder: str) -> float:
     if name not in UNDERSTOOD:
         return 0.0
     if name == "scene":
-        known = [value is None or _scene(value, folder)[-1] > 0.0 for value in column.flat]
+        known = [value is None or uniform_scene(value, folder)[-1] > 0.0 for value in column.flat]
     elif name == "heading" and column.dtype == object:
         known = [not isinstance(value, str) for value in column.flat]
     elif name in VALUES:
@@ -243,7 +243,7 @@ def scene_columns(given: Columns, folder: str) -> SceneColumns:
         slices, whole = (share, None) if by_slice else (None, share)
     else:
         name = given.get("scene", np.array("paper-forest", dtype=object))
-        found = by_value(lambda scene: _scene(scene, folder), np.float64, name)
+        found = by_value(lambda scene: uniform_scene(scene, folder), np.float64, name)
         slices, whole, size, bottom, thickness, known = (found[..., place] for place in range(6))
         known = known > 0.0
     top = bottom + thickness
@@ -292,7 +292,7 @@ def _shares(
 
 
 @lru_cache(maxsize=1000)
-def _scene(name: str, folder: str) -> tuple[float, ...]:
+def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
     """Numbers of a uniform scene, preset or file, and whether the name is one."""
     found: Any = find_preset_scene(name)
     if found is None and os.path.splitext(name)[1].lower() in (".toml", ".json"):

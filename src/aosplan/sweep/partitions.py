@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import uuid
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError, SurroundingsError
@@ -62,7 +63,7 @@ class Partitions(Parts):
     """The parts of a sweep whose result they are."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
-        super().__init__(os.path.abspath(out), sweep)
+        super().__init__(os.path.realpath(out), sweep)
         self.part_suffix = ".parquet"
         self.journal = f"{self.out}.journal.jsonl"
         self.count = sweep.scenarios.blocks
@@ -99,9 +100,25 @@ class Partitions(Parts):
                 raise SurroundingsError(
                     f"'{self.path(index)}' is not as it was written", "--resume writes it anew"
                 )
-        if self.folder != self.out and os.path.isdir(self.out):
-            shutil.rmtree(self.out)
         return self.folder
+
+    def put(self, whole: str, *, resume: bool, force: bool) -> None:
+        """Give the folder its name; what had it goes afterwards, for that takes a while.
+
+        Raises
+        ------
+        RequestError
+            As `check_folder`.
+        """
+        if whole == self.out:
+            return
+        check_folder(self.out, resume=resume, force=force)
+        earlier = f"{self.out}.{uuid.uuid4().hex}.earlier" if os.path.isdir(self.out) else None
+        if earlier is not None:
+            os.replace(self.out, earlier)
+        os.replace(whole, self.out)
+        if earlier is not None:
+            shutil.rmtree(earlier)
 
     def remove(self) -> None:
         """Put the journal in order; nothing is removed."""

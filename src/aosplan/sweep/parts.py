@@ -16,6 +16,7 @@ import uuid
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.files import check_output
 from aosplan.sweep.scenarios import polars
 
 if TYPE_CHECKING:
@@ -45,8 +46,9 @@ class Parts:
     """The folder of a sweep's parts, and its journal of those that are whole."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
-        self.out = out
-        self.folder = f"{out}.parts"
+        # A link stays, and what it points to is replaced.
+        self.out = os.path.realpath(out) if os.path.islink(out) else out
+        self.folder = f"{self.out}.parts"
         self.journal = os.path.join(self.folder, JOURNAL)
         self.suffix = os.path.splitext(out)[1].lower()
         # The best rows of the parts are compared once more, so they keep their types.
@@ -72,7 +74,7 @@ class Parts:
                     "--resume goes on with it, --force begins again",
                 )
             shutil.rmtree(self.folder)
-        os.makedirs(self.folder)
+        os.mkdir(self.folder)
         self.note_all()
 
     def _take_up(self) -> None:
@@ -81,14 +83,18 @@ class Parts:
             raise RequestError(
                 f"'{self.folder}' has no journal '{self.journal}'", "--force begins again"
             )
-        if notes[0].get("fingerprint") != self.fingerprint:
+        if notes[0] != {"fingerprint": self.fingerprint}:
             raise RequestError(
                 f"'{self.folder}' holds parts of another sweep",
                 "give the same file, options and version, or --force to begin again",
             )
         for note in notes[1:]:
-            part = Part(**note)
-            if _is_whole(self.path(part.part), part):
+            try:
+                part = Part(**note)
+                whole = _is_whole(self.path(part.part), part)
+            except (TypeError, ValueError):  # no line of a journal
+                continue
+            if whole:
                 self.done[part.part] = part
         self.note_all()
 
@@ -117,12 +123,27 @@ class Parts:
         paths = [self.path(index) for index in range(count)]
         if sweep.best is not None:
             pl = polars()
-            write_frame(sweep.best_of(pl.concat([pl.read_parquet(path) for path in paths])), whole)
+            frames = [pl.read_parquet(path, glob=False) for path in paths]
+            write_frame(sweep.best_of(pl.concat(frames)), whole)
         elif self.suffix == ".parquet":
             _join_parquet(paths, whole)
         else:
             _join_text(paths, whole, header=self.suffix == ".csv")
+        # The parts go when the result has its name, so it has to be on the disk.
+        with open(whole, "r+b") as file:
+            os.fsync(file.fileno())
         return whole
+
+    def put(self, whole: str, *, resume: bool, force: bool) -> None:  # noqa: ARG002
+        """Give the result its name.
+
+        Raises
+        ------
+        RequestError
+            Where something has taken it meanwhile that may not be replaced.
+        """
+        check_output(self.out, force=force)
+        os.replace(whole, self.out)
 
     def remove(self) -> None:
         """Remove what only the run needs: here the folder."""
@@ -205,7 +226,7 @@ def _join_parquet(paths: list[str], whole: str) -> None:
         return
     pl = polars()
     # The row groups of the result are the parts.
-    pl.scan_parquet(paths).sink_parquet(whole, compression="lz4", maintain_order=True)
+    pl.scan_parquet(paths, glob=False).sink_parquet(whole, compression="lz4", maintain_order=True)
 
 
 def _join_text(paths: list[str], whole: str, *, header: bool) -> None:

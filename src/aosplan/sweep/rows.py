@@ -168,6 +168,11 @@ def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
     return found
 
 
+def forget_scenes() -> None:
+    """Forget the scenes that were read."""
+    _scenes.clear()
+
+
 def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
     """The numbers of a draft by the names of `RESULTS`; nan where it has none."""
     task, solution, rule = draft.task, draft.solution, draft.coverage

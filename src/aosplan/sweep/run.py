@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import os
+import re
 import signal
 import sys
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
@@ -25,8 +25,9 @@ import numpy as np
 from aosplan import __version__
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.quantities import nearest_hint
-from aosplan.sweep.frame import input_column, solve_block
+from aosplan.sweep.frame import forget_files, input_column, solve_block
 from aosplan.sweep.gather import kept, start_gathering
+from aosplan.sweep.named import checksums
 from aosplan.sweep.partitions import Partitions, is_folder
 from aosplan.sweep.parts import Part, Parts, write_frame
 from aosplan.sweep.scenarios import polars
@@ -42,6 +43,14 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
 """Endings of a result."""
+
+OF_SEVERAL_ROWS = re.compile(
+    r"\b(?:over\b|(?:array_agg|avg|corr|count|covar\w*|dense_rank|first|first_value|group_concat|"
+    r"lag|last|last_value|lead|listagg|max|median|min|quantile_\w+|rank|row_number|std\w*|string_agg|"
+    r"sum|total|var\w*)\s*\()",
+    re.IGNORECASE,
+)
+"""Words of the columnar library's SQL that look at other rows too."""
 
 
 class Sweep(NamedTuple):
@@ -72,6 +81,7 @@ class Sweep(NamedTuple):
             digest.update(f"{name} {values.dtype}".encode())
             told = values.dtype == object
             digest.update(repr(values.tolist()).encode() if told else values.tobytes())
+        digest.update(repr(checksums(self.scenarios.values, self.folder)).encode())
         return digest.hexdigest()
 
     def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
@@ -104,8 +114,15 @@ class Sweep(NamedTuple):
             return frame
         pl = polars()
         try:
-            return frame.filter(pl.sql_expr(self.where))
-        except pl.exceptions.PolarsError as error:
+            condition = pl.sql_expr(self.where)
+            if several := _of_several_rows(self.where):
+                raise RequestError(
+                    f"--where {self.where}: {several} looks at several rows, and the condition is "
+                    "asked of each alone",
+                    "--best keeps the row with the most of a column; filter the result for the rest",
+                )
+            return frame.filter(condition)
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
             raise RequestError(
                 f"--where {self.where}: {str(error).splitlines()[0]}",
                 f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
@@ -128,13 +145,21 @@ class Sweep(NamedTuple):
         return first.sort("_row").drop("_row")
 
 
+def _of_several_rows(where: str) -> str:
+    """The first word of a condition whose answer would change with the rows of a part, or nothing."""
+    code = re.sub(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"", "''", where)
+    found = OF_SEVERAL_ROWS.search(code)
+    return "" if found is None else found[0].rstrip("( \t\n").upper()
+
+
 def check(sweep: Sweep) -> None:
-    """Refuse conditions on columns that the result does not have.
+    """Refuse conditions on columns that the result does not have, and look at files anew.
 
     Raises
     ------
     RequestError
-        Where `best` or `per` names an unknown column, or `where` is no condition.
+        Where `best` or `per` names an unknown column, `best` one of words, or `where` is no
+        condition.
     """
     named = [("--best", sweep.best.lstrip("-"))] if sweep.best else []
     for option, name in named + [("--per", name) for name in sweep.per]:
@@ -143,7 +168,14 @@ def check(sweep: Sweep) -> None:
                 f"{option} names '{name}', which is no column of the result",
                 nearest_hint(name, sweep.names) or f"columns: {', '.join(sweep.names)}",
             )
-    sweep.kept(polars().DataFrame(schema=dict(solve_first(sweep).schema)))
+    forget_files()
+    schema = dict(solve_first(sweep).schema)
+    if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
+        raise RequestError(
+            f"--best {sweep.best}: '{sweep.best.lstrip('-')}' holds words, of which none is the most",
+            f"--best with a column of numbers, such as {sweep.results[0]}" if sweep.results else "",
+        )
+    sweep.kept(polars().DataFrame(schema=schema))
 
 
 def solve_first(sweep: Sweep) -> pl.DataFrame:
@@ -217,8 +249,7 @@ def run(
                     gathering.add(part)
                 parts.add(part)
                 advance(sweep.scenarios.block(part.part).rows)
-        whole = parts.join(sweep, count)
-        os.replace(whole, parts.out)
+        parts.put(parts.join(sweep, count), resume=resume, force=force)
     except AosplanError:
         if not parts.done:
             parts.discard()

@@ -248,7 +248,12 @@ def read_rows(path: str) -> Table:
     as_text = path.lower().endswith(".csv")
     _check_start(path, as_text=as_text)
     try:
-        frame = pl.read_csv(path, infer_schema=False) if as_text else pl.read_parquet(path)
+        # A name with brackets is no pattern of other names.
+        frame = (
+            pl.read_csv(path, infer_schema=False, glob=False)
+            if as_text
+            else pl.read_parquet(path, glob=False)
+        )
     except (pl.exceptions.PolarsError, OSError) as error:
         reason = str(error).strip().splitlines()[0]
         raise RequestError(f"'{path}' is no table of scenarios: {reason}") from None
