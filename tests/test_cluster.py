@@ -12,8 +12,8 @@ import threading
 import time
 
 import pytest
+from campaigns import sweep
 
-from aosplan.cli.app import run as run_command
 from aosplan.errors import SurroundingsError
 from aosplan.sweep import scenarios as scenarios_module
 from aosplan.sweep.parts import Parts
@@ -141,10 +141,6 @@ def local(campaign):
     assert len(found) == PARTS
     assert pl.read_parquet(out).height == ROWS
     return found
-
-
-def sweep(*arguments):
-    return run_command(["sweep", *map(str, arguments)])
 
 
 def contents(folder):

@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 import pytest
+from campaigns import sweep
 
-from aosplan.cli.app import run as run_command
 from aosplan.sweep import run as run_module
 from aosplan.sweep import scenarios as scenarios_module
 
@@ -47,10 +47,6 @@ def solved(monkeypatch):
 
     monkeypatch.setattr(run_module, "solve_part", noted)
     return places
-
-
-def sweep(*arguments):
-    return run_command(["sweep", *map(str, arguments)])
 
 
 def contents(folder):

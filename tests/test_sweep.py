@@ -10,11 +10,11 @@ import time
 
 import numpy as np
 import pytest
+from campaigns import CAMPAIGN, sweep
 from hypothesis import given
 from hypothesis import strategies as st
 from sweeps import results_of
 
-from aosplan.cli.app import run as run_command
 from aosplan.errors import AosplanError
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
@@ -50,16 +50,6 @@ def test_blocks_are_all_scenarios_once_and_in_order(sizes, room):
 
 # Files
 
-CAMPAIGN = """
-[sweep]
-altitude = { start = 10, stop = 120, count = 12 }
-vhat = [0.9, "98%"]
-max_aperture = [8, 40]
-density = { start = 0.001, stop = 0.02, count = 4, spacing = "log" }
-occluder_size = 0.2
-volume_height = 15
-"""
-
 
 @pytest.fixture
 def campaign(tmp_path):
@@ -71,10 +61,6 @@ def campaign(tmp_path):
 @pytest.fixture
 def small_blocks(monkeypatch):
     monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
-
-
-def sweep(*arguments):
-    return run_command(["sweep", *map(str, arguments)])
 
 
 def test_rows_are_crossed_in_the_order_written_with_the_last_fastest(campaign, tmp_path):

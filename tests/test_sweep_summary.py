@@ -9,11 +9,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from campaigns import CAMPAIGN, sweep
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from aosplan.cli.app import run as run_command
 from aosplan.documents import json_schema
 from aosplan.planning import plan
 from aosplan.request import PlanRequest
@@ -27,26 +27,12 @@ from aosplan.sweep.summary import MEDIAN_ERROR, bins_of, exact_sum, value_of
 
 pl = pytest.importorskip("polars")
 
-CAMPAIGN = """
-[sweep]
-altitude = { start = 10, stop = 120, count = 12 }
-vhat = [0.9, "98%"]
-max_aperture = [8, 40]
-density = { start = 0.001, stop = 0.02, count = 4, spacing = "log" }
-occluder_size = 0.2
-volume_height = 15
-"""
-
 
 @pytest.fixture
 def campaign(tmp_path):
     path = tmp_path / "campaign.toml"
     path.write_text(CAMPAIGN, encoding="utf-8")
     return path
-
-
-def sweep(*arguments):
-    return run_command(["sweep", *map(str, arguments)])
 
 
 def summary(capsys, *arguments):

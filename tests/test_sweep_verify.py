@@ -6,6 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
+from campaigns import sweep
 from jsonschema import Draft202012Validator
 from scipy import stats
 
@@ -231,10 +232,6 @@ def test_where_nothing_is_hidden_nothing_is_compared():
 
 
 # The command
-
-
-def sweep(*arguments):
-    return run_command(["sweep", *map(str, arguments)])
 
 
 @pytest.fixture

@@ -1,0 +1,18 @@
+"""A sweep that tests run: crossings of a uniform scene, some of which cannot be met."""
+
+from aosplan.cli.app import run
+
+CAMPAIGN = """
+[sweep]
+altitude = { start = 10, stop = 120, count = 12 }
+vhat = [0.9, "98%"]
+max_aperture = [8, 40]
+density = { start = 0.001, stop = 0.02, count = 4, spacing = "log" }
+occluder_size = 0.2
+volume_height = 15
+"""
+
+
+def sweep(*arguments):
+    """Exit status of `aosplan sweep`."""
+    return run(["sweep", *map(str, arguments)])
