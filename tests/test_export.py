@@ -316,6 +316,12 @@ def test_an_unknown_format_is_refused(path, name, words):
     assert words in caught.value.message
 
 
+def test_a_page_is_a_report():
+    with pytest.raises(RequestError) as caught:
+        choose("plan.html")
+    assert caught.value.hint == "a page of the plan: --report plan.html"
+
+
 def test_an_unknown_ending_lists_the_known_ones():
     with pytest.raises(RequestError) as caught:
         choose("plan.txt")

@@ -9,7 +9,7 @@ from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.plots import KINDS
 from aosplan.plots.canvas import Look, drawn, rendered
-from aosplan.plots.sweep import BINS, MOST_VALUES, Cell, Map, Scatter, results_of
+from aosplan.plots.sweep import BINS, MOST_VALUES, Cell, Map, Scatter, results_of, ticked
 
 pl = pytest.importorskip("polars")
 
@@ -193,3 +193,17 @@ def test_columns_may_have_any_name(tmp_path):
     assert isinstance(found, Map)
     assert b"&lt;b&gt;" in rendered(KINDS["sweep"], found, "svg")
     assert isinstance(results_of(str(path), "$a_{x$", "<b>"), Scatter)
+
+
+@pytest.mark.parametrize(
+    ("values", "shown"),
+    [
+        (range(30, 111), ["30", "40", "50", "60", "70", "80", "90", "100", "110"]),
+        (range(3), ["0", "1", "2"]),
+        (range(17, 43), ["20", "25", "30", "35", "40"]),
+        ([7], ["7"]),
+    ],
+)
+def test_ticks_of_a_map_are_few_and_round(values, shown):
+    labels = [str(value) for value in values]
+    assert [labels[place] for place in ticked(labels)] == shown

@@ -342,12 +342,13 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2
     fewest = "" if survey.fewest_looks is None else f", at worst from {survey.fewest_looks}"
+    enclosed = f" and shut in {survey.sites_enclosed}" if survey.sites_enclosed else ""
     return [
         Message(
             "coverage_lost",
             f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
             f"seen from fewer than {samples} sites{fewest}: no-fly zones take away "
-            f"{survey.sites_in_no_fly} sites and shut in {survey.sites_enclosed}",
+            f"{survey.sites_in_no_fly} sites{enclosed}",
         )
     ]
 

@@ -126,7 +126,8 @@ def print_verification(document: Mapping[str, Any]) -> None:
     """The simulated rows, and whether chance explains the worst of them."""
     worst, comparisons = document["worst"], document["comparisons"]
     simulated = document["simulated"]
-    show("", one_line(f"{simulated} rows simulated, seed {document['seed']}"))
+    rows = "row" if simulated == 1 else "rows"
+    show("", one_line(f"{simulated} {rows} simulated, seed {document['seed']}"))
     lines = []
     for row in document["rows"]:
         if row["reason"] is not None:

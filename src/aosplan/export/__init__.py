@@ -73,7 +73,8 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
             return candidate, path
     if path == "-":
         raise RequestError("output '-' (stdout) has no ending", "give its --format, or NAME:-")
-    raise RequestError(f"output '{path}': no format ends in '{suffix}'", _listing(known))
+    hint = f"a page of the plan: --report {path}" if suffix == ".html" else _listing(known)
+    raise RequestError(f"output '{path}': no format ends in '{suffix}'", hint)
 
 
 def render(mission: Mission, chosen: Format) -> bytes:

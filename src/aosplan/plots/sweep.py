@@ -416,8 +416,7 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
     if any(cell is None for row in shown.cells for cell in row):
         handles.append(Patch(label="no scenario", fc=theme.background, ec=theme.muted, lw=0.6))
     for axis, side in ((panel.xaxis, shown.x_values), (panel.yaxis, shown.y_values)):
-        step = -(-len(side) // MOST_TICKS)
-        places = range(0, len(side), step)
+        places = ticked([plain(_shown(value), 18) for value in side])
         axis.set_ticks(
             [place + 0.5 for place in places], [plain(_shown(side[k]), 18) for k in places]
         )
@@ -430,3 +429,16 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
         logarithmic(scale.ax.yaxis)
     if handles:
         legend_below(figure, handles)
+
+
+def ticked(labels: Sequence[str]) -> range:
+    """Places of a side whose labels are shown: evenly spread, the roundest labels."""
+    step = next(
+        digit * 10**power
+        for power in range(len(str(len(labels))) + 1)
+        for digit in (1, 2, 5)
+        if digit * 10**power * MOST_TICKS >= len(labels)
+    )
+    choices = [range(first, len(labels), step) for first in range(min(step, len(labels)))]
+    figures = [len(label.rstrip("0")) for label in labels]
+    return min(choices, key=lambda places: sum(figures[k] for k in places) / len(places))
