@@ -159,7 +159,7 @@ def test_chances_of_sound_predictions_are_spread_evenly(noise_checks):
 
 
 def test_sound_predictions_agree(noise_checks):
-    found = v.Verification(0, noise_checks, ())
+    found = v.Verification(0, 0.005, noise_checks, ())
     assert found.agree
     document = found.document()
     assert document["comparisons"] == 120
@@ -174,7 +174,7 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
     wrong = simulation.predicted._replace(density=simulation.simulated.density + 9.0 * error)
     checks = list(noise_checks)
     checks[17] = checks[17]._replace(simulation=simulation._replace(predicted=wrong))
-    found = v.Verification(0, tuple(checks), ())
+    found = v.Verification(0, 0.005, tuple(checks), ())
     assert not found.agree
     worst = found.document()["worst"]
     assert (worst["row"], worst["quantity"]) == (18, "density")
@@ -207,8 +207,8 @@ def test_what_would_be_doubtful_alone_is_not_among_many(noise_checks):
     )
     chance = next(alone.comparisons()).chance
     assert chance < v.LEVEL
-    assert v.Verification(0, (alone, *others), ()).agree
-    assert v.Verification(0, (alone,), ()).document()["worst"]["chance"] == chance
+    assert v.Verification(0, 0.005, (alone, *others), ()).agree
+    assert v.Verification(0, 0.005, (alone,), ()).document()["worst"]["chance"] == chance
 
 
 def test_the_experiments_own_error_is_taken_off(noise_checks):
@@ -225,7 +225,7 @@ def test_the_experiments_own_error_is_taken_off(noise_checks):
 
 def test_where_nothing_is_hidden_nothing_is_compared():
     request = {"altitude": 40.0, "density": 0.0, "occluder_size": 0.2, "volume_height": 9.0}
-    found = v.Verification(0, (check(1, request),), ())
+    found = v.Verification(0, 0.005, (check(1, request),), ())
     document = found.document()
     assert (document["agree"], document["worst"], document["comparisons"]) == (None, None, 0)
     assert document["simulated"] == 1
@@ -282,7 +282,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert "\\\n" in command
     program, *again = shlex.split(command.replace("\\\n", ""))
     assert (program, again[0]) == ("aosplan", "simulate")
-    assert run_command([*again, "--precision", "0.05", "--json"]) == 0
+    assert run_command([*again, "--json"]) == 0
     simulated = json.loads(capsys.readouterr().out)["simulated"]
     assert sweep(*line, "--json") == 0
     found = json.loads(capsys.readouterr().out)["verification"]

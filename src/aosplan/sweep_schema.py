@@ -150,6 +150,7 @@ class VerificationDocument(OpenDocument):
     """
 
     seed: int
+    precision: Finite
     level: Share
     agree: bool | None
     simulated: int

@@ -147,7 +147,12 @@ def print_verification(document: Mapping[str, Any]) -> None:
         return
     show("", *map(one_line, _verdict(document, worst, comparisons)))
     request = next(row for row in document["rows"] if row["row"] == worst["row"])
-    again = [*options(request["request"]), f"--view {request['view']}", f"--seed {request['seed']}"]
+    again = [
+        *options(request["request"]),
+        f"--view {request['view']}",
+        f"--seed {request['seed']}",
+        f"--precision {document['precision']:g}",
+    ]
     # As it can be copied: lines that a screen breaks would be commands of their own.
     show("Again:", *map(one_line, _folded(["aosplan simulate", *again])))
 

@@ -260,6 +260,7 @@ class Verification(NamedTuple):
     """A sample of rows, each beside its simulation, and what was drawn in vain."""
 
     seed: int
+    precision: float
     checks: tuple[Check, ...]
     left_out: tuple[str, ...]
 
@@ -287,6 +288,7 @@ class Verification(NamedTuple):
         largest = max(found, key=lambda each: abs(each.difference), default=None)
         return {
             "seed": self.seed,
+            "precision": self.precision,
             "level": LEVEL,
             "agree": self.agree,
             "simulated": sum(check.simulation is not None for check in self.checks),
@@ -362,7 +364,7 @@ def verify(
         checks.append(_checked(scenarios, chosen, settings, folder))
     taken = {name for chosen in rows for name in chosen.strata}
     left_out = tuple(sorted(draw.strata.keys() - taken, key=strata_of(drawing.groups).index))
-    return Verification(drawing.seed, tuple(checks), left_out)
+    return Verification(drawing.seed, settings.precision, tuple(checks), left_out)
 
 
 def _checked(scenarios: Crossing | Table, chosen: Chosen, settings: Settings, folder: str) -> Check:
