@@ -1,7 +1,8 @@
-"""What all tests share: the reference implementation on the path, no deadlines, files of tables."""
+"""What all tests share: helpers on the path, no deadlines, files of tables, a browser."""
 
 import json
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -38,3 +39,18 @@ def written(request, tmp_path):
         return str(path)
 
     return write
+
+
+# For a module: while Playwright runs, its thread has an event loop that others would meet.
+@pytest.fixture(scope="module")
+def chromium():
+    """A headless Chromium that Playwright drives."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    path = next(filter(None, map(shutil.which, names)), None)
+    if path is None:
+        pytest.skip("no Chromium on the path")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield browser
+        browser.close()

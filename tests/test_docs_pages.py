@@ -6,11 +6,9 @@ Built as `.ci/run` does:  sphinx-build -W -n -b html docs docs/_build/html
 from pathlib import Path
 
 import pytest
+from browsers import DESK, PHONE
 
-playwright = pytest.importorskip("playwright.sync_api")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright")
-
-from test_report_browser import DESK, PHONE, chromium  # noqa: E402, F401
 
 BUILT = Path(__file__).parents[1] / "docs" / "_build" / "html"
 PAGES = sorted(path for path in BUILT.rglob("*.html") if "_downloads" not in path.parts)
@@ -25,7 +23,7 @@ LAYOUTS = {
 
 
 @pytest.fixture(params=LAYOUTS)
-def opened(request, chromium):  # noqa: F811
+def opened(request, chromium):
     """A page in one of the layouts, and what it asked for and said."""
     context = chromium.new_context(offline=True, **LAYOUTS[request.param])
     page, faults = context.new_page(), []

@@ -6,7 +6,6 @@ for itself refused and counted, and every word on its console a failure.
 
 import json
 import re
-import shutil
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
+from browsers import DESK, PHONE
 from PIL import Image
 
 from aosplan import PlanRequest, plan
@@ -23,9 +23,6 @@ playwright = pytest.importorskip("playwright.sync_api")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright")
 
 AREAS = Path(__file__).parent / "areas"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-PHONE = {"viewport": {"width": 360, "height": 740}, "has_touch": True}
-DESK = {"viewport": {"width": 1200, "height": 900}}
 
 PLANS = {
     "default": {"altitude": 40},
@@ -63,17 +60,6 @@ HOSTILE = (
     "'\"&amp;&{{ 7 * 7 }}{% raw %}\u2028\u2029\u202eright to left: שלום مرحبا "
 )
 HOSTILE += "<b>" + "W" * (10_000 - len(HOSTILE) - 3)
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    path = next(filter(None, map(shutil.which, NAMES)), None)
-    if path is None:
-        pytest.skip("no Chromium on the path")
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=path, args=["--no-sandbox"])
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="module")
