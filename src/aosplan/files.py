@@ -81,7 +81,10 @@ def parse_table(content: bytes, path: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
     suffix = os.path.splitext(path)[1].lower()
-    as_json = suffix == ".json" or (suffix != ".toml" and text.lstrip().startswith("{"))
+    start = text.lstrip()
+    # ``[name]`` begins a table of TOML; a list of JSON holds other things.
+    listed = start[:1] == "[" and not start.lstrip("[")[:1].isalpha()
+    as_json = suffix == ".json" or (suffix != ".toml" and (listed or start[:1] == "{"))
     try:
         table = _from_json(text) if as_json else _from_toml(text)
     except ValueError as error:
