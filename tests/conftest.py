@@ -1,5 +1,6 @@
 """What all tests share: helpers on the path, no deadlines, files of tables, a browser."""
 
+import gc
 import json
 import os
 import shutil
@@ -26,6 +27,20 @@ settings.register_profile(
     derandomize=bool(os.environ.get("CI")),
 )
 settings.load_profile("aosplan")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport():
+    """Report a failure without collecting garbage meanwhile.
+
+    What is collected may print a traceback of its own (as a forgotten task of asyncio does), which
+    ends CPython 3.11 in a SystemError while it parses the source of the test that failed.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
 
 
 @pytest.fixture(params=["toml", "json"])

@@ -260,6 +260,35 @@ def test_without_workers_for_long_it_is_an_error(
     assert_resumed(campaign, out, local, "--scheduler", cluster.address)
 
 
+@pytest.mark.parametrize("another", [True, False])
+def test_a_result_that_dies_with_its_worker_is_computed_again(
+    cluster, campaign, local, tmp_path, monkeypatch, capsys, another
+):
+    cluster.crew(1)
+    fetched = []
+
+    def fetch(future, index, fetch=cluster_module._result):
+        fetched.append(index)
+        if len(fetched) == 5:  # this task is finished, and its result still with the worker
+            end(cluster.workers.pop())
+            if another:
+                cluster.add_worker()
+        return fetch(future, index)
+
+    monkeypatch.setattr(cluster_module, "_result", fetch)
+    if not another:
+        monkeypatch.setattr(cluster_module, "NO_WORKERS_S", 1.0)
+    out = tmp_path / "r.parquet"
+    status = sweep(campaign, "--out", f"{out}/", "--scheduler", cluster.address)
+    assert len(fetched) > 4
+    if another:
+        assert status == 0
+        assert contents(out) == local
+    else:
+        assert status == 1
+        assert_error(capsys, "no worker for 1 s", "--resume")
+
+
 def test_a_scheduler_that_is_killed_is_an_error(other_cluster, campaign, local, tmp_path, capsys):
     other_cluster.add_worker()
     out = tmp_path / "r.parquet"

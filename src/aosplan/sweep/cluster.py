@@ -23,7 +23,6 @@ import shutil
 import time
 import uuid
 import warnings
-from concurrent.futures import CancelledError
 from functools import lru_cache
 from importlib.metadata import version
 from itertools import islice
@@ -48,6 +47,9 @@ CONNECT_S = 10.0
 
 ANSWER_S = 60.0
 """How long a scheduler may take to answer later, when it is busy."""
+
+FETCH_S = 1.0
+"""How long a finished task is waited for before the cluster is looked at again."""
 
 NO_WORKERS_S = 60.0
 """How long a sweep goes on without a worker."""
@@ -325,7 +327,12 @@ def _written(client: Any, tasks: Iterator[Task], count: int) -> Iterator[Part]:
                 future = finished.get(timeout=1.0)
             except queue.Empty:
                 continue
-            yield _result(future, running.pop(future))
+            part = _result(future, running[future])
+            if part is None:
+                finished.put(future)
+                continue
+            del running[future]
+            yield part
             count -= 1
     finally:
         with contextlib.suppress(Exception):  # the scheduler may have gone
@@ -371,18 +378,17 @@ def _lost() -> SurroundingsError:
     return SurroundingsError("the connection to the scheduler is lost", RESUME)
 
 
-def _result(future: Any, index: int) -> Part:
-    """What became of a task."""
-    error: Any = None
+def _result(future: Any, index: int) -> Part | None:
+    """What became of a task; nothing as yet where its worker died with it, and it is done again."""
     try:
-        if future.status == "finished":
-            part: Part = future.result(timeout=ANSWER_S)
-            return part
-        if future.status == "error":
-            error = future.exception(timeout=ANSWER_S)
-    except (OSError, CancelledError):
-        raise _lost() from None
-    if error is None:  # cancelled
+        part: Part = future.result(timeout=FETCH_S)
+    except Exception as found:  # noqa: BLE001 (whatever a task can raise, told below)
+        error = found
+    else:
+        return part
+    if future.status != "error":  # not the task's own, but of the way to it
+        if isinstance(error, TimeoutError):
+            return None
         raise _lost()
     if isinstance(error, AosplanError):
         raise error
