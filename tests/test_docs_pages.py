@@ -72,9 +72,9 @@ def test_links_lead_somewhere(opened):
 
 def test_axe_finds_nothing_serious(opened):
     page, _ = opened
-    for name in ("index", "model", "reference/commands"):
-        page.goto((BUILT / f"{name}.html").as_uri())
+    for path in PAGES:
+        page.goto(path.as_uri())
         found = axe.Axe().run(page).response["violations"]
         serious = {each["id"]: each["nodes"][0]["html"][:200] for each in found
                    if each["impact"] in ("serious", "critical")}  # fmt: skip
-        assert serious == {}, name
+        assert serious == {}, path

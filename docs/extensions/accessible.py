@@ -1,11 +1,20 @@
-"""What the theme leaves out for keyboards and screen readers."""
+"""What Sphinx and the theme leave out for keyboards and screen readers."""
+
+import re
+
+PARAMETERS = re.compile(r"<dl>\n(?:<dd>.*</dd>\n)+</dl>")
+"""A signature over several lines: a list of definitions without a term, so none."""
 
 
 def _mend(app, pagename, templatename, context, doctree):
-    """Blocks that scroll are reached by keyboard; captions in the sidebar have a level."""
+    """Blocks and tables that scroll are reached by keyboard; captions in the sidebar have a level."""
     body, tree = context.get("body"), context.get("furo_navigation_tree")
     if body:
-        context["body"] = body.replace("<pre>", '<pre tabindex="0">')
+        body = body.replace("<pre>", '<pre tabindex="0">')
+        body = body.replace('<div class="table-wrapper', '<div tabindex="0" class="table-wrapper')
+        context["body"] = PARAMETERS.sub(
+            lambda found: re.sub("<(dl|dd)>", r'<\1 role="none">', found[0]), body
+        )
     if tree:
         context["furo_navigation_tree"] = tree.replace(
             'role="heading"', 'role="heading" aria-level="2"'
