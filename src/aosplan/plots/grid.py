@@ -220,7 +220,7 @@ def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     for polygons, look in shapes.values():
         for polygon in polygons:
             panel.add_patch(_patch(polygon, **look))
-    low, high = _window(shown)
+    low, high = window(shown)
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
@@ -333,7 +333,7 @@ def _spacing_m(shown: Grid) -> float:
     return min((step for step in steps if step > 0.0), default=0.0)
 
 
-def _window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
+def window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
     """Lower and upper corner of all that is drawn, with a margin."""
     rings = [shown.footprint, *(polygon[0] for polygon in (*shown.area, *shown.clear))]
     places = [point for ring in rings for point in ring]

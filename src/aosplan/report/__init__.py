@@ -70,6 +70,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     from aosplan.report.charts import charts_of
     from aosplan.report.heights import profile_of
     from aosplan.report.scenery import columns_of, scenery_of
+    from aosplan.report.still import MOST_SITES, still_of
     from aosplan.report.views import views_of
     from aosplan.report.words import Figures, long, short, spacing
 
@@ -100,6 +101,8 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         script=script,
         columns=columns_of(plan.waypoints),
         scenery=scenery_of(plan),
+        still=still_of(plan),
+        most_sites=MOST_SITES,
         charts=charts_of(plan),
         profile=profile_of(plan),
         views=views_of(plan, seed),

@@ -2,6 +2,8 @@
 // The map, the waypoints' table, the theme and the copies of a plan's page.  All it knows stands in
 // the page: the plan's document, what lies around the waypoints, and their columns as bytes.
 
+for (const part of document.querySelectorAll("[data-script]")) part.hidden = false;
+
 const element = (id) => document.getElementById(id);
 const parsed = (id) => JSON.parse(element(id).textContent);
 const plan = parsed("plan");
