@@ -13,6 +13,12 @@ lines and exits with ``exit_status``.
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 
 class AosplanError(Exception):
     """Base of every error that aosplan raises on purpose.
@@ -48,6 +54,21 @@ class MissingExtraError(AosplanError):
         super().__init__(
             f"{what} needs the optional extra '{extra}'", f'pip install "aosplan[{extra}]"'
         )
+
+
+@contextmanager
+def needs_extra(what: str, extra: str) -> Iterator[None]:
+    """Around the imports of an optional dependency: an error where it is not installed.
+
+    Raises
+    ------
+    MissingExtraError
+        That names `what` needs it, and the extra that it comes with.
+    """
+    try:
+        yield
+    except ImportError:
+        raise MissingExtraError(what, extra) from None
 
 
 class SurroundingsError(AosplanError):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError
+from aosplan.errors import needs_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -144,9 +144,8 @@ def _cloth_filter() -> Any:
     threads = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
-        import CSF
-    except ImportError as error:
-        raise MissingExtraError("finding the ground of an unclassified cloud", "lidar") from error
+        with needs_extra("finding the ground of an unclassified cloud", "lidar"):
+            import CSF
     finally:
         if threads is None:
             del os.environ["OMP_NUM_THREADS"]

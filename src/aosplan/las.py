@@ -13,7 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -128,10 +128,8 @@ def _faults(name: str) -> Iterator[None]:
 
 
 def _reader(stream: IO[bytes]) -> Any:
-    try:
+    with needs_extra("reading point clouds", EXTRA):
         import laspy
-    except ImportError as error:
-        raise MissingExtraError("reading point clouds", EXTRA) from error
     wanted = laspy.DecompressionSelection
     stream.seek(0)
     return laspy.open(
@@ -206,10 +204,8 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
 
 def _check_compression(header: Any, stream: IO[bytes]) -> None:
     """See that the compressed chunks fit into the file, as the decoder allocates by their table."""
-    try:
+    with needs_extra("reading compressed point clouds", EXTRA):
         import lazrs
-    except ImportError as error:
-        raise MissingExtraError("reading compressed point clouds", EXTRA) from error
     layouts = header.vlrs.get("LasZipVlr")
     if not layouts:
         raise ValueError("the record that describes its compression is missing")

@@ -10,7 +10,7 @@ import os
 import re
 from typing import TYPE_CHECKING
 
-from aosplan.errors import MissingExtraError, RequestError
+from aosplan.errors import RequestError, needs_extra
 from aosplan.places import Place
 
 if TYPE_CHECKING:
@@ -79,10 +79,8 @@ def _place(path: str) -> Place | None:
 
 
 def _exif_place(path: str) -> tuple[float, float] | None:
-    try:
+    with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
-    except ImportError:
-        raise MissingExtraError("reading positions from EXIF", "pictures") from None
     try:
         with Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.voxels import FACE, VoxelVolume, fits, too_many_voxels
 
 if TYPE_CHECKING:
@@ -72,11 +72,9 @@ def read_canopy(
         Where the machine does not let it be read.
     """
     _check_file(path)
-    try:
+    with needs_extra("reading canopy height rasters", EXTRA):
         import rasterio
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
-    except ImportError as error:
-        raise MissingExtraError("reading canopy height rasters", EXTRA) from error
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError, RequestError
+from aosplan.errors import RequestError, needs_extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -53,10 +53,8 @@ def similarity(
     MissingExtraError
         Where scikit-image is not installed.
     """
-    try:
+    with needs_extra("comparing images", "pictures"):
         from skimage.metrics import structural_similarity
-    except ImportError:
-        raise MissingExtraError("comparing images", "pictures") from None
     from scipy.ndimage import minimum_filter
 
     sizes = [f"{one.shape[1]} x {one.shape[0]}" for one in (image, reference)]

@@ -11,7 +11,7 @@ import math
 import warnings
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from aosplan.errors import MissingExtraError, RequestError
+from aosplan.errors import RequestError, needs_extra
 from aosplan.geodesy import to_wgs84
 from aosplan.trigger import Ground, Sites
 
@@ -50,10 +50,8 @@ class Terrain:
     """
 
     def __init__(self, path: str) -> None:
-        try:
+        with needs_extra(f"terrain '{path}'", "raster"):
             import rasterio
-        except ImportError:
-            raise MissingExtraError(f"terrain '{path}'", "raster") from None
         from pyproj import Transformer
         from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError, RequestError, SurroundingsError
+from aosplan.errors import RequestError, SurroundingsError, needs_extra
 from aosplan.quantities import nearest_hint
 
 if TYPE_CHECKING:
@@ -168,10 +168,8 @@ def _float_band(values: NDArray[np.generic]) -> Image:
 
 
 def _opened(path: str) -> Image:
-    try:
+    with needs_extra("reading images", EXTRA):
         from PIL import Image, UnidentifiedImageError
-    except ImportError:
-        raise MissingExtraError("reading images", EXTRA) from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)

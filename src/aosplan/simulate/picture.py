@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError
+from aosplan.errors import MissingExtraError, needs_extra
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -159,10 +159,8 @@ def png(image: Image) -> bytes:
     MissingExtraError
         Where Pillow is not installed.
     """
-    try:
+    with needs_extra("writing pictures", EXTRA):
         from PIL import Image as Pillow
-    except ImportError as error:
-        raise MissingExtraError("writing pictures", EXTRA) from error
     levels = np.clip(np.rint(image * 255.0), 0, 255).astype(np.uint8)
     file = io.BytesIO()
     Pillow.fromarray(levels).save(file, format="PNG", optimize=True)

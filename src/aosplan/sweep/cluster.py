@@ -28,7 +28,7 @@ from importlib.metadata import version
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.errors import AosplanError, MissingExtraError, RequestError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.sweep.frame import forget_files
 from aosplan.sweep.named import named_files
 from aosplan.sweep.run import Sweep, solve_part
@@ -234,10 +234,8 @@ def dask() -> Any:
     MissingExtraError
         Where it is not installed.
     """
-    try:
+    with needs_extra("a sweep on a cluster", "cluster"):
         import distributed
-    except ImportError:
-        raise MissingExtraError("a sweep on a cluster", "cluster") from None
     return distributed
 
 

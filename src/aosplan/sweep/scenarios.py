@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.errors import MissingExtraError, RequestError
+from aosplan.errors import RequestError, needs_extra
 from aosplan.files import read_table
 from aosplan.options import BY_NAME
 from aosplan.quantities import nearest_hint, number, shown, whole
@@ -377,10 +377,8 @@ def polars() -> Any:
     MissingExtraError
         Where it is not installed.
     """
-    try:
+    with needs_extra("a sweep", "sweep"):
         import polars as pl
-    except ImportError:
-        raise MissingExtraError("a sweep", "sweep") from None
     return pl
 
 
