@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from aosplan import files
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
-from aosplan.files import check_output, read_bytes, read_table, write_all
+from aosplan.files import check_input, check_output, read_bytes, read_table, write_all
+from aosplan.raster import read_canopy
 
 
 @pytest.fixture
@@ -323,6 +324,29 @@ def test_a_missing_file_is_named(folder):
 def test_a_folder_is_no_file(folder):
     with pytest.raises(RequestError, match="is a folder, not a file"):
         read_bytes(".")
+
+
+READERS = [(read_bytes, "file"), (check_input, "file"), (read_canopy, "raster")]
+
+
+@pytest.mark.parametrize(("read", "what"), READERS)
+@pytest.mark.parametrize(
+    "name", ["no", "it's", 'a "b"', 'it\'s "b"', "a\nb", "a\\b", "a\0b", "\x1b"]
+)
+def test_odd_names_are_quoted_alike_whatever_reads_them(folder, monkeypatch, read, what, name):
+    with pytest.raises(RequestError) as caught:
+        read(name)
+    assert caught.value.message == f"no {what} '{name}'"
+    if "\0" in name:
+        return
+    (folder / name).mkdir()
+    with pytest.raises(RequestError) as caught:
+        read(name)
+    assert caught.value.message == f"'{name}' is a folder, not a {what}"
+    monkeypatch.setattr("builtins.open", failing(errno.EIO, open, on=1))
+    with pytest.raises(SurroundingsError) as caught:
+        read(name)
+    assert caught.value.message == f"cannot read '{name}': {os.strerror(errno.EIO).lower()}"
 
 
 @pytest.mark.parametrize("error", [errno.EACCES, errno.EIO])

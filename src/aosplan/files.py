@@ -6,12 +6,13 @@ import os
 import stat
 import sys
 import tempfile
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from aosplan.errors import RequestError, SurroundingsError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
 MOST_BYTES = 64 * 1024 * 1024
 """Larger documents are refused before they are read."""
@@ -46,17 +47,37 @@ def read_start(path: str, most: int) -> bytes:
     SurroundingsError
         Where it cannot be read.
     """
-    try:
+    with reading(path):
         if path == "-":
             return sys.stdin.buffer.read(most)
         with open(path, "rb") as file:
             return file.read(most)
-    except (FileNotFoundError, NotADirectoryError):
-        raise RequestError(f"no file '{path}'") from None
+
+
+@contextmanager
+def reading(path: str, what: str = "file") -> Iterator[None]:
+    """Around the opening and reading of a file: its faults in the words of every other input.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what
+        What a user takes it for.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such file.
+    SurroundingsError
+        Where it cannot be read.
+    """
+    try:
+        yield
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # of a zero byte in the name
+        raise RequestError(f"no {what} '{path}'") from None
     except IsADirectoryError:
-        raise RequestError(f"'{path}' is a folder, not a file") from None
-    except ValueError:
-        raise RequestError(f"no file {path!r}") from None
+        raise RequestError(f"'{path}' is a folder, not a {what}") from None
     except OSError as error:
         raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
 
@@ -148,15 +169,8 @@ def check_input(path: str) -> None:
     SurroundingsError
         Where it cannot be read.
     """
-    try:
-        with open(path, "rb"):
-            return
-    except (FileNotFoundError, NotADirectoryError, ValueError):
-        raise RequestError(f"no file {path!r}") from None
-    except IsADirectoryError:
-        raise RequestError(f"'{path}' is a folder, not a file") from None
-    except OSError as error:
-        raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
+    with reading(path), open(path, "rb"):
+        pass
 
 
 def check_output(path: str, *, force: bool) -> None:

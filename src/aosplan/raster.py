@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
+from aosplan.files import reading
 from aosplan.voxels import FACE, VoxelVolume, fits, too_many_voxels
 
 if TYPE_CHECKING:
@@ -92,15 +93,8 @@ def read_canopy(
 
 
 def _check_file(path: str) -> None:
-    try:
-        with open(path, "rb") as file:
-            head = file.read(4)
-    except (FileNotFoundError, NotADirectoryError, ValueError):
-        raise RequestError(f"no raster {path!r}") from None
-    except IsADirectoryError:
-        raise RequestError(f"{path} is a folder, not a raster") from None
-    except OSError as error:
-        raise SurroundingsError(f"cannot read raster {path}: {error.strerror or error}") from None
+    with reading(path, "raster"), open(path, "rb") as file:
+        head = file.read(4)
     if head not in MAGIC:
         what = f"it begins with {head!r}" if head else "it is empty"
         raise RequestError(f"{path} is not a GeoTIFF: {what}")

@@ -12,6 +12,7 @@ import warnings
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from aosplan.errors import RequestError, needs_extra
+from aosplan.files import check_input
 from aosplan.geodesy import to_wgs84
 from aosplan.trigger import Ground, Sites
 
@@ -59,8 +60,7 @@ class Terrain:
         # A raster must not send GDAL over the network or into archives.
         if "://" in path or path.startswith("/vsi") or "\0" in path:
             raise RequestError(f"terrain {path!r} is not a file")
-        with open_file(path):
-            pass
+        check_input(path)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -206,21 +206,6 @@ def raise_unplaced(path: str) -> NoReturn:
 
 def _between(start: Any, stop: Any, share: Any) -> Any:
     return start + share * (stop - start)
-
-
-def open_file(path: str) -> Any:
-    """A file that exists and can be read, in the words of every other input."""
-    from aosplan.errors import SurroundingsError
-
-    try:
-        return open(path, "rb")
-    except (FileNotFoundError, NotADirectoryError):
-        raise RequestError(f"no file '{path}'") from None
-    except IsADirectoryError:
-        raise RequestError(f"'{path}' is a folder, not a file") from None
-    except OSError as error:
-        reason = error.strerror or error
-        raise SurroundingsError(f"cannot read '{path}': {str(reason).lower()}") from None
 
 
 def _datum(crs: CRS) -> str:
