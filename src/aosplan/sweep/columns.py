@@ -25,7 +25,7 @@ from aosplan.sweep.inputs import (
     understood,
 )
 from aosplan.sweep.layouts import flights, layouts
-from aosplan.sweep.rows import RESULTS
+from aosplan.sweep.rows import NOT_OF_CLEAR_VIEWS, RESULTS
 from aosplan.sweep.verdicts import INFEASIBLE, INVALID, LEFT, OK, Verdicts
 
 if TYPE_CHECKING:
@@ -137,17 +137,6 @@ def solve_columns(
             for name in NOT_OF_CLEAR_VIEWS:
                 columns[name] = np.where(scene.clear, np.nan, columns[name])
     return Solved(columns, verdicts)
-
-
-NOT_OF_CLEAR_VIEWS = (
-    "visibility_normalized",
-    "visibility_shortfall",
-    "visibility_effective_samples",
-    "visibility_contrast",
-    "disparity_normalized",
-    "disparity_pixels",
-)
-"""Results that a scene in which nothing is hidden does not have."""
 
 
 def _refuse_altitudes(

@@ -36,6 +36,16 @@ if TYPE_CHECKING:
 WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
 """Results that are whole numbers."""
 
+NOT_OF_CLEAR_VIEWS = (
+    "visibility_normalized",
+    "visibility_shortfall",
+    "visibility_effective_samples",
+    "visibility_contrast",
+    "disparity_normalized",
+    "disparity_pixels",
+)
+"""Results that a scene in which nothing is hidden does not have."""
+
 RESULTS = (
     "altitude_m",
     "baseline_m",
@@ -50,12 +60,7 @@ RESULTS = (
     "visibility_minimum",
     "visibility_maximum",
     "visibility_expected",
-    "visibility_normalized",
-    "visibility_shortfall",
-    "visibility_effective_samples",
-    "visibility_contrast",
-    "disparity_normalized",
-    "disparity_pixels",
+    *NOT_OF_CLEAR_VIEWS,
     "camera_gsd_m",
     "camera_footprint_x_m",
     "camera_footprint_y_m",
