@@ -1,4 +1,4 @@
-"""What all tests share: helpers on the path, no deadlines, files of tables, a browser."""
+"""What all tests share: helpers on the path, no deadlines, an empty folder, commands, a browser."""
 
 import gc
 import json
@@ -41,6 +41,36 @@ def pytest_runtest_makereport():
         return (yield)
     finally:
         gc.enable()
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder that is the current one: no test leaves anything elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def command(capsys):
+    """A function that runs a command line: its status, stdout and stderr."""
+    from aosplan.cli.app import run
+
+    def execute(*arguments):
+        status = run([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        return status, out, err
+
+    return execute
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """A file with the sweep that tests run."""
+    from campaigns import CAMPAIGN
+
+    path = tmp_path / "campaign.toml"
+    path.write_text(CAMPAIGN, encoding="utf-8")
+    return path
 
 
 @pytest.fixture(params=["toml", "json"])

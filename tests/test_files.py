@@ -21,13 +21,6 @@ from aosplan.files import check_input, check_output, read_bytes, read_table, wri
 from aosplan.raster import read_canopy
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """An empty folder that is the current one."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def content_of(folder):
     """Every file of a folder, hidden ones too."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 from recorded import FOV_DEG, HEIGHT, WIDTH, nadir_to, photo, sites, write_colmap, write_recording
 
-from aosplan.cli.app import run
 from aosplan.documents import json_schema
 from aosplan.recordings.choice import Choice, chosen, read_choice
+
+pytestmark = pytest.mark.usefixtures("folder")
 
 # Choices
 
@@ -72,20 +74,10 @@ def test_parts_of_a_choice_narrow_it_down():
 # The command
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture
-def command(capsys):
-    def execute(*arguments):
-        status = run(["integrate", *map(str, arguments)])
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return execute
+def command(command):
+    """A function that runs the command: its status, stdout and stderr."""
+    return partial(command, "integrate")
 
 
 @pytest.fixture

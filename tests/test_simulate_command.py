@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,27 +14,17 @@ from PIL import Image
 from aosplan.cli.app import run
 from aosplan.documents import json_schema
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 QUICK = ["--altitude", "60", "--vhat", "0.85", "--density", "0.05"]
 QUICK += ["--occluder-size", "0.5", "--volume-height", "8", "--samples", "9", "--baseline", "16"]
 COARSE = ["--precision", "0.1"]
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """An empty folder that is the current one."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.fixture
-def command(capsys):
+def command(command):
     """A function that runs the command: its status, stdout and stderr."""
-
-    def execute(*arguments):
-        status = run(["simulate", *QUICK, *COARSE, *map(str, arguments)])
-        return status, *capsys.readouterr()
-
-    return execute
+    return partial(command, "simulate", *QUICK, *COARSE)
 
 
 def test_the_document_is_the_plans_with_the_simulation_beside_it(command, capsys):

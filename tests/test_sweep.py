@@ -52,13 +52,6 @@ def test_blocks_are_all_scenarios_once_and_in_order(sizes, room):
 
 
 @pytest.fixture
-def campaign(tmp_path):
-    path = tmp_path / "campaign.toml"
-    path.write_text(CAMPAIGN, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
 def small_blocks(monkeypatch):
     monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
 

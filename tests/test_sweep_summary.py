@@ -28,13 +28,6 @@ from aosplan.sweep.summary import MEDIAN_ERROR, bins_of, exact_sum, value_of
 pl = pytest.importorskip("polars")
 
 
-@pytest.fixture
-def campaign(tmp_path):
-    path = tmp_path / "campaign.toml"
-    path.write_text(CAMPAIGN, encoding="utf-8")
-    return path
-
-
 def summary(capsys, *arguments):
     capsys.readouterr()
     assert sweep(*arguments, "--summary", "--json") == 0

@@ -13,12 +13,7 @@ from aosplan.cli.app import run
 from aosplan.sweep.scenarios import read_scenarios
 
 pl = pytest.importorskip("polars")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 @pytest.fixture

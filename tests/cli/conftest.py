@@ -7,26 +7,11 @@ terminals.  Every output goes to `tmp_path`.
 import pytest
 from command_line import loads
 
-from aosplan.cli.app import run
-
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """An empty folder that is the current one: no test leaves anything elsewhere."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def command(capsys):
-    """A function that runs a command line: its status, stdout and stderr."""
-
-    def execute(*arguments):
-        status = run([str(argument) for argument in arguments])
-        out, err = capsys.readouterr()
-        return status, out, err
-
-    return execute
+def folder(folder):
+    """An empty folder that is the current one, whether or not a test asks for it."""
+    return folder
 
 
 @pytest.fixture
