@@ -16,3 +16,8 @@ volume_height = 15
 def sweep(*arguments):
     """Exit status of `aosplan sweep`."""
     return run(["sweep", *map(str, arguments)])
+
+
+def contents(folder):
+    """The content of every file of a folder, by name."""
+    return {entry.name: entry.read_bytes() for entry in folder.iterdir()}

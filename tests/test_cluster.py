@@ -3,7 +3,6 @@
 import contextlib
 import json
 import os
-import pickle
 import signal
 import socket
 import subprocess
@@ -12,95 +11,16 @@ import threading
 import time
 
 import pytest
-from campaigns import sweep
+from campaigns import contents, sweep
+from clusters import CAMPAIGN, PARTS, ROWS, Cluster, assert_error, end, wait_for
 
 from aosplan.errors import SurroundingsError
 from aosplan.sweep import scenarios as scenarios_module
-from aosplan.sweep.parts import Parts
-from aosplan.sweep.run import Sweep
-from aosplan.sweep.scenarios import read_scenarios
 
 pl = pytest.importorskip("polars")
 pytest.importorskip("distributed")
 
 from aosplan.sweep import cluster as cluster_module  # noqa: E402
-
-CAMPAIGN = """
-[sweep]
-altitude = { start = 10, stop = 120, count = 45 }
-vhat = { start = 0.5, stop = 0.95, count = 20 }
-optimize = "time"
-"""
-PARTS, ROWS = 23, 900
-"""Rows of this campaign take about a millisecond each."""
-
-
-class Cluster:
-    """A scheduler and its workers, each a process."""
-
-    def __init__(self, folder):
-        self.folder = folder
-        self.workers = []
-        file = folder / "scheduler.json"
-        self.scheduler = self._start("scheduler", "--port", "0", "--scheduler-file", file)
-        self.address = wait_for(lambda: read_address(file), 60)
-
-    def _start(self, kind, *arguments, environment=None, before=()):
-        common = ["--host", "127.0.0.1", "--no-dashboard", "--dashboard-address", "127.0.0.1:0"]
-        log = (self.folder / f"{kind}-{time.monotonic_ns()}.log").open("w")
-        with log:
-            return subprocess.Popen(
-                [*before, sys.executable, "-m", "dask", kind, *common, *map(str, arguments)],
-                stdout=log,
-                stderr=log,
-                env=os.environ | (environment or {}),
-            )
-
-    def add_worker(self, *arguments, **settings):
-        options = ["--nthreads", 1, "--no-nanny", "--memory-limit", 0, "--death-timeout", 30]
-        place = ["--local-directory", self.folder / "workers"]
-        worker = self._start("worker", self.address, *options, *place, *arguments, **settings)
-        self.workers.append(worker)
-        return worker
-
-    def crew(self, count):
-        """See to it that so many workers are there."""
-        for worker in self.workers[count:]:
-            end(worker)
-        del self.workers[count:]
-        while len(self.workers) < count:
-            self.add_worker()
-        self.await_threads(count)
-
-    def await_threads(self, count):
-        from distributed import Client
-
-        with Client(self.address, set_as_default=False, timeout=30) as client:
-            wait_for(lambda: len(client.nthreads()) == count, 60)
-
-    def end(self):
-        for process in [*self.workers, self.scheduler]:
-            end(process)
-
-
-def end(process):
-    process.kill()
-    process.wait(timeout=30)
-
-
-def read_address(file):
-    try:
-        return json.loads(file.read_text())["address"]
-    except (OSError, ValueError):
-        return None
-
-
-def wait_for(condition, seconds):
-    until = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < until, "waited for too long"
-        time.sleep(0.02)
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -141,10 +61,6 @@ def local(campaign):
     assert len(found) == PARTS
     assert pl.read_parquet(out).height == ROWS
     return found
-
-
-def contents(folder):
-    return {entry.name: entry.read_bytes() for entry in folder.iterdir()}
 
 
 @contextlib.contextmanager
@@ -406,15 +322,6 @@ def test_ctrl_c_leaves_what_is_done(cluster, campaign, local, tmp_path):
 # Clusters that cannot be used
 
 
-def assert_error(capsys, *words):
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 2, lines
-    assert lines[0].startswith("error: ")
-    assert lines[1].startswith("hint: ")
-    for word in words:
-        assert word in "\n".join(lines)
-
-
 @pytest.fixture
 def silent():
     """The address of something that answers nothing."""
@@ -525,106 +432,3 @@ def test_without_a_scheduler_its_library_is_not_loaded(tmp_path):
         "assert not {'dask', 'distributed', 'tornado'} & set(sys.modules)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-
-
-# Tasks
-
-
-@pytest.fixture
-def task(campaign, tmp_path):
-    """A task's part, and what a worker is told."""
-    scenarios = read_scenarios(str(campaign))
-    sweep = Sweep(scenarios, ("samples",))
-    folder = tmp_path / "writing"
-    folder.mkdir()
-    path = Parts(str(tmp_path / "r.parquet"), sweep).path(3).replace("r.parquet.parts", "")
-    told = cluster_module.Task(
-        sweep._replace(scenarios=cluster_module.alone(scenarios, 3)), 3, path, str(folder), ()
-    )
-    return path, folder, told
-
-
-def done(told):
-    return cluster_module.write_part(cluster_module.own_versions(), pickle.dumps(told))
-
-
-def test_a_task_that_runs_twice_writes_the_same(task):
-    path, folder, told = task
-    first = done(told)
-    with open(path, "rb") as file:
-        content = file.read()
-    assert done(told) == first
-    assert (first.part, first.rows, first.bytes) == (3, 40, len(content))
-    with open(path, "rb") as file:
-        assert file.read() == content
-    assert os.listdir(folder) == []
-
-
-def test_a_task_of_a_run_that_has_ended_writes_nothing(task):
-    path, folder, told = task
-    folder.rmdir()
-    with pytest.raises(SurroundingsError, match="does not see the folder"):
-        done(told)
-    assert not os.path.exists(path)
-
-
-def test_a_task_of_another_version_writes_nothing(task):
-    path, _, told = task
-    versions = cluster_module.own_versions() | {"polars": "0.1"}
-    with pytest.raises(SurroundingsError, match=r"has polars .*, this machine 0\.1"):
-        cluster_module.write_part(versions, pickle.dumps(told))
-    assert not os.path.exists(path)
-
-
-def test_a_task_of_files_that_differ_writes_nothing(task, tmp_path):
-    path, _, told = task
-    (tmp_path / "stand.csv").write_text("x")
-    with pytest.raises(SurroundingsError, match=r"does not see the file '.*stand.csv'"):
-        done(told._replace(files=((str(tmp_path / "stand.csv"), 2),)))
-    assert not os.path.exists(path)
-
-
-def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
-    scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.parquet"
-    path.write_text(
-        '[sweep]\naltitude = 40\nmodel = ["uniform", "layered"]\nscene = "stand.toml"\n'
-    )
-    found = []
-    for run, density in enumerate((0.4, 0.6)):
-        scene.write_text(
-            f'name = "stand"\nintegrated_density = {density}\noccluder_size_m = 1.0\n'
-            "volume_base_m = 2.0\nvolume_height_m = 10.0\n"
-        )
-        scenarios = read_scenarios(str(path))
-        (tmp_path / str(run)).mkdir()
-        told = cluster_module.Task(
-            Sweep(cluster_module.alone(scenarios, 0), ("visibility_density",), str(tmp_path)),
-            *(0, str(out), str(tmp_path / str(run)), ((str(scene), scene.stat().st_size),)),
-        )
-        done(told)
-        found.append(pl.read_parquet(out)["visibility_density"].to_list())
-    assert found == [pytest.approx([0.4] * 2), pytest.approx([0.6] * 2)]
-
-
-def test_files_of_scenarios_are_named_in_full(tmp_path, monkeypatch, capsys):
-    beside = tmp_path / "beside"
-    beside.mkdir()
-    for place in (tmp_path / "here.toml", beside / "there.toml"):
-        place.write_text("x")
-    path = beside / "s.toml"
-    for name in ("paper-forest", "bare", "tiles", "trimmed"):
-        (beside / name).mkdir()
-    (beside / "tiles" / "1.laz").write_text("xy")
-    path.write_text(
-        "[sweep]\naltitude = 40\ngrid = 'trimmed'\nterrain = 'there.toml'\n"
-        "scene = ['tiles', 'no.laz', 'paper-forest', 'no.toml', 'bare', '*.las']\n"
-    )
-    found = Sweep(read_scenarios(str(path)), (), str(beside))
-    assert cluster_module.files_of(found) == (
-        (str(beside / "there.toml"), 1),
-        (str(beside / "tiles" / "1.laz"), 2),
-    )
-    monkeypatch.chdir(tmp_path)
-    path.write_text("[sweep]\naltitude = 40\nscene = ['here.toml']\n")
-    assert sweep(path, "--out", tmp_path / "r.csv", "--scheduler", "head:8786") == 2
-    assert_error(capsys, "here.toml", "current folder", "full name")

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from campaigns import sweep
+from campaigns import contents, sweep
 
 from aosplan.sweep import run as run_module
 from aosplan.sweep import scenarios as scenarios_module
@@ -47,10 +47,6 @@ def solved(monkeypatch):
 
     monkeypatch.setattr(run_module, "solve_part", noted)
     return places
-
-
-def contents(folder):
-    return {entry.name: entry.read_bytes() for entry in folder.iterdir()}
 
 
 def test_a_folder_has_the_rows_of_a_file_and_nothing_else(campaign, tmp_path):
