@@ -73,6 +73,14 @@ def campaign(tmp_path):
     return path
 
 
+@pytest.fixture
+def small_blocks(monkeypatch):
+    """Sweeps in blocks of so few scenarios that there are several."""
+    from aosplan.sweep import scenarios
+
+    monkeypatch.setattr(scenarios, "ROWS_A_BLOCK", 30)
+
+
 @pytest.fixture(params=["toml", "json"])
 def written(request, tmp_path):
     """A function that writes a table as TOML or JSON and gives the path."""
