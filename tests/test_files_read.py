@@ -1,0 +1,249 @@
+"""Files are read within limits, and what is wrong with one is said in one line."""
+
+import errno
+import io
+import os
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from aosplan.errors import AosplanError, RequestError, SurroundingsError
+from aosplan.files import check_input, read_bytes, read_table
+from aosplan.raster import read_canopy
+
+
+def refusing(error):
+    """An `open` that fails with an OSError."""
+
+    def call(*arguments, **words):
+        raise OSError(error, os.strerror(error))
+
+    return call
+
+
+def test_a_file_is_read_as_it_is(folder):
+    (folder / "a").write_bytes(b"\0\xff\r\n")
+    assert read_bytes("a") == b"\0\xff\r\n"
+
+
+@pytest.mark.parametrize("name", ["no.toml", "no/no.toml", "file/x.toml", "\0", "", "n" * 5000])
+def test_a_file_that_is_not_there_is_an_error_of_one_line(folder, name):
+    (folder / "file").write_bytes(b"")
+    with pytest.raises(AosplanError) as caught:
+        read_bytes(name)
+    assert caught.value.message
+
+
+def test_a_missing_file_is_named(folder):
+    with pytest.raises(RequestError) as caught:
+        read_bytes("no.toml")
+    assert caught.value.message == "no file 'no.toml'"
+
+
+def test_a_folder_is_no_file(folder):
+    with pytest.raises(RequestError, match="is a folder, not a file"):
+        read_bytes(".")
+
+
+READERS = [(read_bytes, "file"), (check_input, "file"), (read_canopy, "raster")]
+
+
+@pytest.mark.parametrize(("read", "what"), READERS)
+@pytest.mark.parametrize(
+    "name", ["no", "it's", 'a "b"', 'it\'s "b"', "a\nb", "a\\b", "a\0b", "\x1b"]
+)
+def test_odd_names_are_quoted_alike_whatever_reads_them(folder, monkeypatch, read, what, name):
+    with pytest.raises(RequestError) as caught:
+        read(name)
+    assert caught.value.message == f"no {what} '{name}'"
+    if "\0" in name:
+        return
+    (folder / name).mkdir()
+    with pytest.raises(RequestError) as caught:
+        read(name)
+    assert caught.value.message == f"'{name}' is a folder, not a {what}"
+    monkeypatch.setattr("builtins.open", refusing(errno.EIO))
+    with pytest.raises(SurroundingsError) as caught:
+        read(name)
+    assert caught.value.message == f"cannot read '{name}': {os.strerror(errno.EIO).lower()}"
+
+
+@pytest.mark.parametrize("error", [errno.EACCES, errno.EIO])
+def test_a_file_that_cannot_be_read_is_the_machine_s_fault(folder, monkeypatch, error):
+    monkeypatch.setattr("builtins.open", refusing(error))
+    with pytest.raises(SurroundingsError) as caught:
+        read_bytes("a.toml")
+    assert caught.value.message == f"cannot read 'a.toml': {os.strerror(error).lower()}"
+
+
+def test_stdin_is_read_for_a_dash(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"altitude = 40\n")))
+    assert read_table("-") == {"altitude": 40}
+
+
+def test_toml_on_stdin_may_begin_with_the_name_of_a_table(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"[sweep]\naltitude = 40\n")))
+    assert read_table("-") == {"sweep": {"altitude": 40}}
+
+
+def test_json_on_stdin_is_known_by_its_first_character(monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b' {"altitude": 40}')))
+    assert read_table("-") == {"altitude": 40}
+
+
+def test_a_file_larger_than_the_limit_is_refused(folder):
+    with open("big.toml", "wb") as file:
+        file.truncate(100 * 2**20)  # sparse: no disk is used
+    with pytest.raises(RequestError) as caught:
+        read_table("big.toml")
+    assert caught.value.message == "'big.toml' is larger than 64 MB"
+
+
+@pytest.mark.parametrize(("size", "fits"), [(9, True), (10, True), (11, False)])
+def test_the_limit_is_exact(folder, size, fits):
+    (folder / "a").write_bytes(b"x" * size)
+    if fits:
+        assert len(read_bytes("a", most=10)) == size
+    else:
+        with pytest.raises(RequestError):
+            read_bytes("a", most=10)
+
+
+def test_an_endless_stdin_is_cut_at_the_limit(monkeypatch):
+    class Endless(io.RawIOBase):
+        def readable(self):
+            return True
+
+        def readinto(self, buffer):
+            buffer[:] = b"x" * len(buffer)
+            return len(buffer)
+
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BufferedReader(Endless())))
+    with pytest.raises(RequestError, match="larger than"):
+        read_bytes("-", most=1000)
+
+
+@pytest.mark.parametrize("name", ["a.toml", "a.txt", "a"])
+def test_toml_is_read(folder, name):
+    (folder / name).write_text('vhat = "98%"\n[x]\ny = 1\n')
+    assert read_table(name) == {"vhat": "98%", "x": {"y": 1}}
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.JSON", "a.txt", "a"])
+def test_json_is_read(folder, name):
+    (folder / name).write_text('\n{"vhat": "98%", "x": {"y": 1}}')
+    assert read_table(name) == {"vhat": "98%", "x": {"y": 1}}
+
+
+@pytest.mark.parametrize("name", ["a.toml", "a.json"])
+def test_a_byte_order_mark_is_overlooked(folder, name):
+    text = "altitude = 40" if name == "a.toml" else '{"altitude": 40}'
+    (folder / name).write_bytes(b"\xef\xbb\xbf" + text.encode())
+    assert read_table(name) == {"altitude": 40}
+
+
+@pytest.mark.parametrize("name", ["a.toml", "a.json"])
+@pytest.mark.parametrize(
+    "content", ["altitude = 40 # é".encode("latin-1"), "altitude = 40".encode("utf-16"), b"\x80"]
+)
+def test_what_is_not_utf_8_is_refused_and_the_byte_is_named(folder, name, content):
+    (folder / name).write_bytes(content)
+    with pytest.raises(RequestError, match=r"is not UTF-8 text \(byte \d+\)"):
+        read_table(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "place"),
+    [
+        ("a.toml", "altitude = 40\naltitude = 41\n", "line 2"),
+        ("a.toml", "altitude = \n", "line 1"),
+        ("a.toml", "altitude 40", "line 1"),
+        ("a.json", '{"altitude": 40,\n}', "line 2"),
+        ("a.json", "", "line 1"),
+        ("a.json", "{'altitude': 40}", "line 1"),
+        ("a.json", '{"altitude": 40} x', "line 1"),
+    ],
+)
+def test_what_does_not_parse_is_refused_with_its_line(folder, name, text, place):
+    (folder / name).write_text(text)
+    with pytest.raises(RequestError) as caught:
+        read_table(name)
+    kind = name[2:].upper()
+    assert caught.value.message.startswith(f"'{name}' is not valid {kind}: ")
+    assert place in caught.value.message
+
+
+def test_a_name_given_twice_in_json_is_refused_as_in_toml(folder):
+    (folder / "a.json").write_text('{"altitude": 40, "altitude": 41}')
+    with pytest.raises(RequestError):
+        read_table("a.json")
+
+
+@pytest.mark.parametrize("constant", ["NaN", "Infinity", "-Infinity"])
+def test_json_has_no_nan(folder, constant):
+    (folder / "a.json").write_text(f'{{"altitude": {constant}}}')
+    with pytest.raises(RequestError, match="is not a number"):
+        read_table("a.json")
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "3", '"altitude"', "null", "[]"])
+def test_json_without_names_is_refused(folder, text):
+    (folder / "a.json").write_text(text)
+    with pytest.raises(RequestError, match="holds no table"):
+        read_table("a.json")
+
+
+@pytest.mark.parametrize("digits", ["9" * 5000, "-" + "9" * 5000])
+@pytest.mark.parametrize("name", ["a.json", "a.toml"])
+def test_integers_without_end_are_refused(folder, name, digits):
+    text = f'{{"altitude": {digits}}}' if name == "a.json" else f"altitude = {digits}"
+    (folder / name).write_text(text)
+    with pytest.raises(RequestError):
+        read_table(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.json", "[" * 100_000),
+        ("a.json", '{"a": ' * 100_000),
+        ("a.json", '{"a": ' + "[" * 50_000 + "]" * 50_000 + "}"),
+        ("a.toml", "a = " + "[" * 100_000),
+        ("a.toml", "a = " + "{a = " * 100_000),
+        ("a", "[" * 100_000),
+    ],
+    ids=["json lists", "json tables", "json closed", "toml lists", "toml tables", "no ending"],
+)
+def test_bombs_of_brackets_are_refused(folder, name, text):
+    (folder / name).write_text(text)
+    with pytest.raises(RequestError):
+        read_table(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.json", '{"a": ' * 500 + "1" + "}" * 500),
+        ("a.toml", "a." * 500 + "a = 1"),
+        ("a.toml", "[" + "a." * 500 + "a]\nb = 1"),
+    ],
+    ids=["json", "toml key", "toml header"],
+)
+def test_tables_nested_deeper_than_any_document_are_refused(folder, name, text):
+    # A dotted key of a few ten thousand names takes gigabytes, so depth is bounded early.
+    (folder / name).write_text(text)
+    with pytest.raises(RequestError, match="nested too deeply"):
+        read_table(name)
+
+
+@given(content=st.binary(max_size=200), suffix=st.sampled_from([".toml", ".json", ""]))
+def test_any_bytes_make_a_table_or_an_error(tmp_path_factory, content, suffix):
+    path = tmp_path_factory.mktemp("any") / f"file{suffix}"
+    path.write_bytes(content)
+    try:
+        table = read_table(str(path))
+    except RequestError:
+        return
+    assert isinstance(table, dict)
