@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import sys
+import time
 
 
 def main() -> None:
@@ -17,6 +19,7 @@ def main() -> None:
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
         signal.signal(signal.SIGINT, _leave)
+        sys.unraisablehook = _raise_again
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _end)
     if sys.argv[1:2] != ["thin"]:
@@ -26,20 +29,37 @@ def main() -> None:
     from aosplan.cli.app import leave, run
 
     try:
-        if heeded:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
-        status = run()
-    except KeyboardInterrupt:
+        try:
+            if heeded:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+            status = run()
+        finally:
+            if heeded:
+                signal.signal(signal.SIGINT, _leave)
+    except KeyboardInterrupt:  # before `run` has begun to look out for it, or after it has ended
         status = 130
-    finally:
-        if heeded:
-            signal.signal(signal.SIGINT, _leave)
     leave(status)
 
 
 def _leave(_number: int, _frame: object) -> None:
     """End at once: nothing has been begun that could be left half done, or all is done."""
     os._exit(130)
+
+
+def _raise_again(lost: sys.UnraisableHookArgs) -> None:
+    """Let Ctrl-C come once more where it fell into a callback, which no exception can leave."""
+    if issubclass(lost.exc_type, KeyboardInterrupt):
+        _thread.start_new_thread(_interrupt_soon, (_thread.get_ident(),))
+    else:
+        sys.__unraisablehook__(lost)
+
+
+def _interrupt_soon(thread: int) -> None:
+    time.sleep(0.01)  # by then the callback has ended
+    if sys.platform == "win32":
+        _thread.interrupt_main()
+    else:
+        signal.pthread_kill(thread, signal.SIGINT)  # which ends a wait, too
 
 
 def _end(_number: int, _frame: object) -> None:

@@ -61,6 +61,59 @@ def test_ctrl_c_at_any_moment_is_status_130_and_silent(folder, arguments):
     assert signalled(signal.SIGINT, 0.0, arguments)[0] == 130
 
 
+CALLED_BACK = """
+import signal, sys, weakref
+
+class Leaf: pass
+
+class Interrupting:
+    def find_spec(self, name, path, target=None):
+        if name == "aosplan.planning":
+            leaf = Leaf()
+            weakref.finalize(leaf, signal.raise_signal, signal.SIGINT).atexit = False
+            del leaf
+            {then}
+
+sys.meta_path.insert(0, Interrupting())
+from aosplan.__main__ import main
+main()
+"""
+"""Ctrl-C in the middle of a callback of the garbage's, such as importing has, which cannot fail."""
+
+
+@pytest.mark.parametrize("then", ["import time; time.sleep(60)", "pass"])
+def test_ctrl_c_within_a_callback_is_not_lost(folder, then):
+    code = CALLED_BACK.format(then=then)
+    line = [sys.executable, "-c", code, "plan", "--altitude", "40", "--out", "a.csv"]
+    done = subprocess.run(line, capture_output=True, check=False, text=True, timeout=50)
+    # What takes less than a moment longer may just be done.
+    assert done.returncode in ({130} if "sleep" in then else {0, 130})
+    assert done.stderr == ""
+    assert os.listdir(folder) in ([], ["a.csv"])
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_ctrl_c_just_before_or_after_the_run_is_status_130(late):
+    code = (
+        "import signal, sys\n"
+        "from aosplan import __main__\n"
+        "from aosplan.cli import app\n"
+        "app.run = lambda: 0\n"
+        "given, handlers = signal.signal, []\n"
+        "def set_handler(number, handler):\n"
+        "    handlers.append(handler)\n"
+        f"    if number == signal.SIGINT and len(handlers) == {4 if late else 3}:\n"
+        "        raise KeyboardInterrupt\n"
+        "    return given(number, handler)\n"
+        "signal.signal = set_handler\n"
+        "__main__.main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, check=False, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_what_has_ctrl_c_ignored_keeps_it_ignored():
     status, err = signalled(signal.SIGINT, 0.0, ["plan", "--altitude", "40"], signal.SIG_IGN)
     assert (status, err) == (0, "")
