@@ -163,6 +163,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except Exception as error:  # a fault of the program: said in one line, never a traceback
+        if _interrupted(error):
+            return 130
         if os.environ.get("AOSPLAN_DEBUG"):
             raise
         return _report(
@@ -172,6 +174,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
             1,
         )
     return status if isinstance(status, int) else 0
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C lies below an error: classes that are being made wrap it in one of their own."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def _write_what_can_be_shown() -> None:
