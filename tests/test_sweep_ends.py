@@ -184,7 +184,12 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_termination_leaves_whole_parts_alone(tmp_path):
-    assert ended(tmp_path, lambda pid: os.kill(pid, signal.SIGTERM)) == (143, "")
+    def terminate(pid):
+        # As of a worker that ends in the middle of a part.
+        (tmp_path / "r.csv.parts" / f"00000099.csv.{'0' * 32}.tmp").write_text("altitude")
+        os.kill(pid, signal.SIGTERM)
+
+    assert ended(tmp_path, terminate) == (143, "")
     names = os.listdir(tmp_path / "r.csv.parts")
     assert "journal.jsonl" in names
     assert not [name for name in names if name.endswith(".tmp")]

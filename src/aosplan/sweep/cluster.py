@@ -35,7 +35,7 @@ from aosplan.sweep.run import Sweep, solve_part
 from aosplan.sweep.scenarios import Single
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Generator, Iterable, Iterator
 
     from aosplan.sweep.parts import Part, Parts
     from aosplan.sweep.scenarios import Crossing, Table
@@ -86,7 +86,7 @@ class Task(NamedTuple):
     files: tuple[tuple[str, int], ...]
 
 
-def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> Iterator[Part]:
+def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> Generator[Part]:
     """Have parts written by a cluster, and hand them out as they come.
 
     Parameters

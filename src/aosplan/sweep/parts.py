@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 
 JOURNAL = "journal.jsonl"
 
+BEGUN = ".tmp"
+"""Ending of a file that is not yet whole."""
+
 
 class Part(NamedTuple):
     """A part that is whole: its place, the rows it has, what its file holds, what was gathered."""
@@ -149,6 +152,13 @@ class Parts:
         """Remove what only the run needs: here the folder."""
         shutil.rmtree(self.folder)
 
+    def drop_begun(self) -> None:
+        """Remove what processes that have been ended had begun to write."""
+        for name in os.listdir(self.folder):
+            if name.endswith(BEGUN):
+                with contextlib.suppress(OSError):
+                    os.unlink(os.path.join(self.folder, name))
+
     def discard(self) -> None:
         """Remove the folder of a run that has done nothing."""
         shutil.rmtree(self.folder)
@@ -183,7 +193,7 @@ def write_durably(content: bytes | memoryview, path: str, folder: str | None = N
     OSError
         Where it cannot be written; nothing is left.
     """
-    name = f"{os.path.basename(path)}.{uuid.uuid4().hex}.tmp"
+    name = f"{os.path.basename(path)}.{uuid.uuid4().hex}{BEGUN}"
     temporary = os.path.join(os.path.dirname(path) if folder is None else folder, name)
     try:
         with open(temporary, "wb") as file:

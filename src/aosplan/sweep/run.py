@@ -33,7 +33,7 @@ from aosplan.sweep.parts import Part, Parts, write_frame
 from aosplan.sweep.scenarios import polars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Generator, Iterable, Iterator
 
     import polars as pl
     from numpy.typing import NDArray
@@ -243,7 +243,7 @@ def run(
             from aosplan.sweep.cluster import solved_by
 
             solved = solved_by(scheduler, sweep, parts, left)
-        with kept(gathering):
+        with contextlib.closing(solved), kept(gathering):
             for part in solved:
                 if gathering is not None:
                     gathering.add(part)
@@ -293,14 +293,16 @@ def gather(
     advance = progress or (lambda _: None)
     advance(sum(sweep.scenarios.block(index).rows for index in gathering.done))
     left = (index for index in range(sweep.scenarios.blocks) if index not in gathering.done)
-    with kept(gathering):
-        for part in _solved(sweep, None, left, workers):
+    with kept(gathering), contextlib.closing(_solved(sweep, None, left, workers)) as solved:
+        for part in solved:
             gathering.add(part)
             advance(sweep.scenarios.block(part.part).rows)
     return gathering
 
 
-def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int) -> Iterator[Part]:
+def _solved(
+    sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int
+) -> Generator[Part]:
     """Solve parts on this machine, write them unless None, and hand them out as they come."""
     _end_waits()
 
@@ -315,7 +317,10 @@ def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int
     others = set(active_children())
     # Forked processes would share the locks of the columnar library's threads.
     context = get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _take, (sweep,)) as pool:
+    with (
+        contextlib.ExitStack() as afterwards,
+        ProcessPoolExecutor(workers, context, _take, (sweep,)) as pool,
+    ):
         try:
             with _interrupted_later():  # a half-started process would complain
                 running = {
@@ -330,6 +335,8 @@ def _solved(sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int
                     for index in islice(waiting, len(finished))
                 }
         except BaseException as error:
+            if parts is not None:
+                afterwards.callback(parts.drop_begun)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
                 process.terminate()  # what it is at is not yet a part
