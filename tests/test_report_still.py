@@ -7,6 +7,7 @@ import pytest
 from browsers import DESK, PHONE
 
 from aosplan import PlanRequest, plan
+from aosplan.plots.grid import grid_of
 from aosplan.report import report_page
 from aosplan.report.still import MOST_ROWS, MOST_SITES, WIDTH, still_of
 
@@ -30,6 +31,10 @@ def planned(name):
     return plan(PlanRequest(**PLANS[name]))
 
 
+def still_map(found):
+    return still_of(found, grid_of(found, found.layout.area))
+
+
 def places(path):
     """The places of an outline or of dots."""
     return [tuple(map(float, pair)) for pair in re.findall(r"([-\d.]+) ([-\d.]+)", path)]
@@ -43,7 +48,7 @@ def metres_a_pixel(still):
 @pytest.mark.parametrize("name", PLANS)
 def test_the_map_shows_every_site_to_scale(name):
     found = planned(name)
-    ways, still = found.waypoints, still_of(found)
+    ways, still = found.waypoints, still_map(found)
     taken = [row for row in ways if row.photo]
     turns = [row for row in ways if not row.photo]
     unit = metres_a_pixel(still)
@@ -65,7 +70,7 @@ def test_the_map_shows_every_site_to_scale(name):
 
 def test_the_footprint_has_its_size_and_the_takeoff_its_place():
     found = planned("lanes")
-    still = still_of(found)
+    still = still_map(found)
     unit = metres_a_pixel(still)
     corners = places(dict(still.shapes)["footprint"])
     sides = {round(unit * abs(complex(*a) - complex(*b)), 1) for a, b in pairwise(corners)}
@@ -82,7 +87,7 @@ def test_an_area_has_its_parts(tmp_path):
         " [14.0, 48.0003], [14.0, 48.0]]]}"
     )
     found = plan(PlanRequest(altitude=40, vhat=0.5, area=str(root)))
-    still = still_of(found)
+    still = still_map(found)
     assert [name for name, _ in still.shapes] == ["area", "footprint"]
     outline = places(dict(still.shapes)["area"])
     west, east = min(x for x, _ in outline), max(x for x, _ in outline)
@@ -92,7 +97,7 @@ def test_an_area_has_its_parts(tmp_path):
 
 def test_the_table_has_every_waypoint():
     found = planned("lanes")
-    still = still_of(found)
+    still = still_map(found)
     assert still.columns == list(found.waypoints.columns())
     assert "photo" in still.columns
     for row, cells in zip(found.waypoints, still.rows, strict=True):
@@ -104,10 +109,10 @@ def test_the_table_has_every_waypoint():
 
 def test_large_plans_have_a_map_alone_and_larger_ones_say_so():
     assert len(planned("large").waypoints) > MOST_ROWS
-    assert still_of(planned("large")).rows == []
+    assert still_map(planned("large")).rows == []
     request = PlanRequest(altitude=40, vhat=0.1, samples=MOST_SITES + 1, baseline=2.8)
     found = plan(request)
-    assert still_of(found) is None
+    assert still_map(found) is None
     assert b"no map of more than 5,000 waypoints" in report_page(found, seed=None)
 
 

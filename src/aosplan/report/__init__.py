@@ -67,6 +67,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     import jinja2
     import tomli_w
 
+    from aosplan.plots.grid import grid_of
     from aosplan.report.charts import charts_of
     from aosplan.report.heights import profile_of
     from aosplan.report.scenery import columns_of, scenery_of
@@ -76,6 +77,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
 
     document = plan.document()
     rows = len(document.pop("waypoints"))
+    grid = grid_of(plan, plan.layout.area)
     style, script = _read("page.css"), "\n".join(_read(name) for name in SCRIPTS)
     # The hash of a style or a script is that of the text between its tags, to the letter.
     policy = {"style": _hash(style), "script": _hash(script)}
@@ -100,8 +102,8 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         style=style,
         script=script,
         columns=columns_of(plan.waypoints),
-        scenery=scenery_of(plan),
-        still=still_of(plan),
+        scenery=scenery_of(plan, grid),
+        still=still_of(plan, grid),
         most_sites=MOST_SITES,
         charts=charts_of(plan),
         profile=profile_of(plan),

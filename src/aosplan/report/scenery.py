@@ -7,14 +7,12 @@ from array import array
 from base64 import b64encode
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.plots.grid import grid_of
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aosplan.mission import Waypoints
     from aosplan.planning import Plan
-    from aosplan.plots.grid import Polygon
+    from aosplan.plots.grid import Grid, Polygon
 
 
 class Column(NamedTuple):
@@ -46,13 +44,12 @@ def _column(name: str, values: Sequence[Any]) -> Column:
     return Column(name, "f8", b64encode(packed.tobytes()).decode())
 
 
-def scenery_of(plan: Plan) -> dict[str, Any]:
-    """All that lies around the waypoints, in metres east and north, as plain values.
+def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
+    """All of a plan and its grid that lies around the waypoints, in metres east and north, as plain values.
 
     Size of the grid is given where there is one grid: neither over an area nor along a line that
     is flown on.  Where the take-off is not known, it is below the first waypoint.
     """
-    grid = grid_of(plan, plan.layout.area)
     one_grid = plan.layout.area is None and plan.request.line_length is None
     east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
     return {

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.plots.grid import grid_of, nice_length_m, window
+from aosplan.plots.grid import nice_length_m, window
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from aosplan.planning import Plan
-    from aosplan.plots.grid import Polygon
+    from aosplan.plots.grid import Grid, Polygon
 
 MOST_SITES = 5000
 """More waypoints would weigh more than the page, which says so in place of the map."""
@@ -64,12 +64,11 @@ class Still(NamedTuple):
     rows: list[list[str]]
 
 
-def still_of(plan: Plan) -> Still | None:
-    """What a page shows without a script; None for more than `MOST_SITES` waypoints."""
+def still_of(plan: Plan, grid: Grid) -> Still | None:
+    """What a page shows of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
     ways = plan.waypoints
     if len(ways) > MOST_SITES:
         return None
-    grid = grid_of(plan, plan.layout.area)
     low, high = window(grid)
     wide, tall = high[0] - low[0], high[1] - low[1]
     unit = (WIDTH - 2.0 * MARGIN) / max(wide, tall)
