@@ -23,6 +23,8 @@ from aosplan.report.charts import charts_of
 from aosplan.report.heights import profile_of
 from aosplan.report.words import duration, percent, short, spacing
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 VOID = {"meta", "input"}
 
 
@@ -97,12 +99,6 @@ def content(default):
 @pytest.fixture(scope="module")
 def page(content):
     return Page(content)
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 @pytest.fixture
