@@ -23,11 +23,11 @@ import matplotlib as mpl
 import numpy as np
 import shapely
 
-from aosplan import survey
-from aosplan.area import read_area
-from aosplan.flight import Timing
+from aosplan.areas import survey
+from aosplan.areas.area import read_area
+from aosplan.flight.kinematics import Timing
 from aosplan.geodesy import to_wgs84
-from aosplan.pattern import pattern_for
+from aosplan.grid.patterns import pattern_for
 
 mpl.use("agg")
 import matplotlib.pyplot as plt

@@ -24,20 +24,31 @@ from typing import TYPE_CHECKING, NamedTuple
 import matplotlib as mpl
 import numpy as np
 
-from aosplan.estimate import layered_scene
-from aosplan.flight import path_of
-from aosplan.geometry import coverage_baseline
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.camera.disparity import coverage_baseline
+from aosplan.flight.kinematics import path_of
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.solve import solve
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.occluder_statistics import layered_scene
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_monotone import solve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.models import Prediction
-    from aosplan.voxels import VoxelVolume
+    from aosplan.models.model import Prediction
+    from aosplan.scenes.voxels import VoxelVolume
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -146,7 +157,7 @@ def stands(clouds: list[str], min_height_m: float) -> Iterator[tuple[str, VoxelV
     for name, stand in STANDS.items():
         yield f"generated {name}", clumped_forest(stand, side_m=36.0)
     for cloud in clouds:
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         yield Path(cloud).stem, read_voxels(cloud, min_height_m=min_height_m)
 

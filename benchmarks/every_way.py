@@ -30,19 +30,28 @@ import matplotlib as mpl
 import numpy as np
 
 from aosplan import PlanRequest, plan
-from aosplan.estimate import layered_scene
-from aosplan.geometry import coverage_baseline
-from aosplan.mission import local_sites
+from aosplan.camera.disparity import coverage_baseline
+from aosplan.grid.patterns import Pattern
+from aosplan.mission.mission import local_sites
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import Pattern
-from aosplan.planning import Plan
-from aosplan.simulate.compare import Settings, simulate
-from aosplan.simulate.forests import generator, layered_forest
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import VoxelViews, blocks
-from aosplan.voxels import VoxelVolume
+from aosplan.planning.planner import Plan
+from aosplan.scenes.occluder_statistics import layered_scene
+from aosplan.scenes.voxels import VoxelVolume
+from aosplan.simulation.compare import (
+    Settings,
+    simulate,
+)
+from aosplan.simulation.forests import (
+    generator,
+    layered_forest,
+)
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.voxel_views import (
+    VoxelViews,
+    blocks,
+)
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -208,7 +217,7 @@ def main() -> None:
     parser.add_argument("cloud", nargs="?", help="a .las or .laz file; generated without")
     options = parser.parse_args()
     if options.cloud:
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         volume, name = read_voxels(options.cloud, min_height_m=0.5), Path(options.cloud).stem
     else:

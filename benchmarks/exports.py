@@ -26,8 +26,14 @@ LIMIT = 5.0
 
 
 def mission_of(count: int):
-    from aosplan.mission import Conduct, Mission, Waypoints, local_sites, placed
-    from aosplan.pattern import pattern_for
+    from aosplan.grid.patterns import pattern_for
+    from aosplan.mission.mission import (
+        Conduct,
+        Mission,
+        Waypoints,
+        local_sites,
+        placed,
+    )
 
     east, north = local_sites(pattern_for("rectangle", count), 2.8, 30.0)
     ways = placed(Waypoints(east, north, [40.0] * len(east)), (48.3358, 14.3261))
@@ -38,7 +44,10 @@ def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
     """Seconds, files and bytes of our writing."""
     import numpy  # noqa: F401, ICN001 (loaded before the clock starts, as GDAL is)
 
-    from aosplan.export import files, formats
+    from aosplan.mission.export import (
+        files,
+        formats,
+    )
 
     mission = mission_of(count)
     start = time.process_time()

@@ -21,10 +21,19 @@ from unittest import mock
 import numpy as np
 from PIL import Image
 
-from aosplan.recordings import integral as module
-from aosplan.recordings.integral import Source, integrate
-from aosplan.recordings.plane import Plane, Raster
-from aosplan.recordings.poses import Intrinsics, View
+from aosplan.postflight.integral import integral as module
+from aosplan.postflight.integral.focal_plane import (
+    Plane,
+    Raster,
+)
+from aosplan.postflight.integral.integral import (
+    Source,
+    integrate,
+)
+from aosplan.postflight.integral.poses_file import (
+    Intrinsics,
+    View,
+)
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZES = {"thermal 640 x 512": (640, 512, "L"), "thermal 640 x 512, 16 bits": (640, 512, "I;16"),
@@ -90,8 +99,8 @@ def memory_mb(count):
     """Peak memory of a process that integrates so many images of 1920 x 1080, from the kernel."""
     code = (
         "import sys, tempfile; sys.path.insert(0, sys.argv[1]); import integrate as b\n"
-        "from aosplan.recordings.integral import integrate\n"
-        "from aosplan.recordings.plane import Plane, Raster\n"
+        "from aosplan.postflight.integral.integral import integrate\n"
+        "from aosplan.postflight.integral.focal_plane import Plane, Raster\n"
         "with tempfile.TemporaryDirectory() as f:\n"
         "    s = list(b.recording(f, 1920, 1080, 'RGB'))\n"
         "    many = (s[i % len(s)] for i in range(int(sys.argv[2])))\n"

@@ -26,15 +26,19 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 
-from aosplan.estimate import layered_scene
-from aosplan.mission import local_sites
-from aosplan.models import Prediction
-from aosplan.models.correlogram import Correlogram, CorrelogramModel, correlogram
+from aosplan.grid.patterns import Pattern
+from aosplan.mission.mission import local_sites
 from aosplan.models.equations import visibility_shortfall
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern
-from aosplan.voxels import VoxelVolume
+from aosplan.models.model import Prediction
+from aosplan.scenes.correlogram import (
+    Correlogram,
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.occluder_statistics import layered_scene
+from aosplan.scenes.voxels import VoxelVolume
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -273,7 +277,7 @@ def main() -> None:
     parser.add_argument("--min-height", type=float, default=0.5, help="metres")
     options = parser.parse_args()
     if options.cloud:
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         volume = read_voxels(options.cloud, voxel_m=options.voxel, min_height_m=options.min_height)
         name = Path(options.cloud).stem

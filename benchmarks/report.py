@@ -21,7 +21,7 @@ import time
 from playwright.sync_api import sync_playwright
 
 from aosplan import PlanRequest, plan
-from aosplan.report import report_page
+from aosplan.show.page.page import report_page
 
 RESULTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "results")
 PHOTOS = (50, 5_000, 500_000)

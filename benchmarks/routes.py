@@ -24,11 +24,11 @@ import rasterio
 from pyproj import Transformer
 from rasterio.transform import from_origin
 
-from aosplan.mission import local_sites
-from aosplan.pattern import pattern_for
-from aosplan.request import PlanRequest
-from aosplan.route import lay
-from aosplan.trigger import Sites
+from aosplan.flight.photo_trigger import Sites
+from aosplan.grid.patterns import pattern_for
+from aosplan.mission.mission import local_sites
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.route import lay
 
 RESULTS = Path(__file__).parent / "results" / "routes.csv"
 ORIGIN = (48.3358, 14.3261)

@@ -6,7 +6,7 @@
 Writes clouds of a sloping stand (half ground, half crowns) to a temporary folder, as LAZ and as
 LAS, and prints a row for each: seconds to go through its chunks with laspy (``chunks``), the same
 with x, y and z of every point as arrays of metres (``metres``), seconds of
-`aosplan.lidar.read_voxels`, its ratio to either, and its peak memory.  Every run is a process of
+`aosplan.scenes.files.point_cloud.read_voxels`, its ratio to either, and its peak memory.  Every run is a process of
 its own; times leave out starting Python and importing libraries, and are medians.  Of an
 uncompressed file, ``chunks`` is no more than a copy of its bytes.
 

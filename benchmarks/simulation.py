@@ -29,12 +29,12 @@ sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
 from forests import STANDS, clumped_forest  # noqa: E402 (their folders have to be on the path)
 from measured import ALTITUDE_M, faces_of, open3d  # noqa: E402
 
-from aosplan.mission import local_sites  # noqa: E402
-from aosplan.pattern import Pattern  # noqa: E402
-from aosplan.simulate.forests import generator  # noqa: E402
-from aosplan.simulate.moments import estimate  # noqa: E402
-from aosplan.simulate.voxels import VoxelViews  # noqa: E402
-from aosplan.voxels import VoxelVolume  # noqa: E402
+from aosplan.grid.patterns import Pattern  # noqa: E402
+from aosplan.mission.mission import local_sites  # noqa: E402
+from aosplan.scenes.voxels import VoxelVolume  # noqa: E402
+from aosplan.simulation.forests import generator  # noqa: E402
+from aosplan.simulation.moments import estimate  # noqa: E402
+from aosplan.simulation.voxel_views import VoxelViews  # noqa: E402
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
@@ -288,7 +288,7 @@ def main() -> None:
         print(json.dumps(measure(*options.measure)))
         return
     if options.cloud:
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         volume = read_voxels(options.cloud, voxel_m=0.25, min_height_m=0.5)
         name = Path(options.cloud).stem

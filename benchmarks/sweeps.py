@@ -32,11 +32,18 @@ import matplotlib as mpl
 import numpy as np
 
 from aosplan.errors import AosplanError
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.frame import USUAL, solve_block
-from aosplan.sweep.scenarios import Crossing, column_of, read_crossing
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.sweeps.block_frame import (
+    USUAL,
+    solve_block,
+)
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    column_of,
+    read_crossing,
+)
+from aosplan.sweeps.vectorized.solve import solve_columns
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt
@@ -200,7 +207,10 @@ def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
     sys.path.insert(0, str(HERE.parent / "tests"))
     from forests import STANDS, clumped_forest
 
-    from aosplan.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        stand_npz,
+    )
 
     stand = folder / "stand.npz"
     forest = clumped_forest(STANDS["beech"], side_m=30.0, voxel_m=0.25)

@@ -26,14 +26,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern
-from aosplan.uncertainty import of_targets
+from aosplan.models.uncertainty import of_targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.voxels import VoxelVolume
+    from aosplan.scenes.voxels import VoxelVolume
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
@@ -89,7 +89,7 @@ def main() -> None:
         f"generated, {side:g} m": generated(side) for side in (24.0, 48.0)
     }
     for cloud in parser.parse_args().clouds:
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         stands[Path(cloud).stem] = iter([read_voxels(cloud, voxel_m=0.25)])
     header = ["stand", "quantity", "differences", "within_1", "within_2", "stated", "found"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aosplan.errors import RequestError
-from aosplan.lidar import read_voxels
+from aosplan.scenes.files.point_cloud import read_voxels
 
 laspy = pytest.importorskip("laspy")
 

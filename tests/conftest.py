@@ -76,7 +76,7 @@ def campaign(tmp_path):
 @pytest.fixture
 def small_blocks(monkeypatch):
     """Sweeps in blocks of so few scenarios that there are several."""
-    from aosplan.sweep import scenarios
+    from aosplan.sweeps import scenarios
 
     monkeypatch.setattr(scenarios, "ROWS_A_BLOCK", 30)
 

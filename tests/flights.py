@@ -11,9 +11,18 @@ from xml.etree import ElementTree as ET
 
 from hypothesis import strategies as st
 
-from aosplan.export import formats, render
-from aosplan.mission import Conduct, Mission, Waypoints, local_sites, placed
-from aosplan.pattern import pattern_for
+from aosplan.grid.patterns import pattern_for
+from aosplan.mission.export import (
+    formats,
+    render,
+)
+from aosplan.mission.mission import (
+    Conduct,
+    Mission,
+    Waypoints,
+    local_sites,
+    placed,
+)
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.voxels import VoxelVolume
 
 
 class Stand(NamedTuple):

@@ -7,12 +7,17 @@ from functools import partial
 import pytest
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight import Timing
+from aosplan.flight.kinematics import Timing
 from aosplan.models.layered import LayeredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.scene import Layer
-from aosplan.solve import solve
+from aosplan.scenes.scene import Layer
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_monotone import solve
 
 near = partial(pytest.approx, abs=0.0)
 

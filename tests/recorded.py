@@ -1,6 +1,6 @@
 """Recordings with known truth: a textured plane, seen by following each pixel's ray to it.
 
-Nothing here is shared with `aosplan.recordings`: a pixel's ray is found by turning its direction
+Nothing here is shared with `aosplan.postflight.integral`: a pixel's ray is found by turning its direction
 out of the camera, distortion is undone by iteration, and the texture is a formula, so that no
 pixel of the truth is interpolated.
 """

@@ -3,9 +3,9 @@
 import math
 
 from aosplan.errors import AosplanError, InfeasibleError
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.sweep.rows import RESULTS
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.sweeps.row_solver import RESULTS
 
 
 def results_of(result):

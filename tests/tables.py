@@ -6,7 +6,7 @@ import pytest
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.scene_document import read_scene_file
+from aosplan.scenes.files.toml_file import read_scene_file
 
 CAMERA = {
     "name": "own",

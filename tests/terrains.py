@@ -3,8 +3,8 @@
 import numpy as np
 from pyproj import Transformer
 
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 LINZ = (48.3358, 14.3261)
 UTM = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True)

@@ -108,8 +108,11 @@ def test_a_plain_plan_loads_only_what_every_plan_needs():
 def test_a_plan_of_saved_voxels_loads_no_scipy(tmp_path):
     from forests import STANDS, clumped_forest
 
-    from aosplan.models.correlogram import correlogram
-    from aosplan.voxel_file import Stand, stand_npz
+    from aosplan.scenes.correlogram import correlogram
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        stand_npz,
+    )
 
     stand = Stand.of(clumped_forest(STANDS["spruce"]))
     place = tmp_path / "stand.npz"
@@ -315,7 +318,11 @@ def test_simulators_know_nothing_of_the_models_they_judge():
     for path in SIMULATORS:
         if path.stem == "compare":  # the one place where theory and experiment meet
             continue
-        banned = [n for n in imports_of(path) if n.startswith(("aosplan.models", "aosplan.solve"))]
+        banned = [
+            n
+            for n in imports_of(path)
+            if n.startswith(("aosplan.models.model", "aosplan.solver.solve_monotone"))
+        ]
         assert banned == [], path
 
 
@@ -323,7 +330,11 @@ def test_simulators_load_no_model_by_way_of_another_module():
     names = [module_name(path) for path in SIMULATORS if path.stem != "compare"]
     assert len(names) >= 7
     found = loaded("\n".join(f"import {name}" for name in names))
-    assert not {name for name in found if name.startswith(("aosplan.models", "aosplan.solve"))}
+    assert not {
+        name
+        for name in found
+        if name.startswith(("aosplan.models.model", "aosplan.solver.solve_monotone"))
+    }
 
 
 LOW = ("errors", "quantities", "camera", "geometry", "roots", "pattern", "spiral", "flight")
@@ -332,7 +343,7 @@ LOW = (*LOW, "files")
 
 @pytest.mark.parametrize("name", LOW)
 def test_the_ground_floor_imports_nothing_from_above(name):
-    allowed = {"aosplan", *(f"aosplan.{low}" for low in LOW), "aosplan.scene"}
+    allowed = {"aosplan", *(f"aosplan.{low}" for low in LOW), "aosplan.scenes.scene"}
     for imported in imports_of(SOURCE / f"{name}.py"):
         if imported.startswith("aosplan"):
             assert ".".join(imported.split(".")[:2]) in allowed, imported
@@ -358,7 +369,7 @@ def test_imports_of_the_project_are_absolute():
             assert not (isinstance(node, ast.ImportFrom) and node.level), path
 
 
-PRESETS = ("presets/cameras.py", "presets/drones.py", "presets/scenes.py")
+PRESETS = ("camera/presets.py", "flight/drones.py", "scenes/presets.py")
 """Tables of data: as long as what they list."""
 
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
-from aosplan import area as area_module
-from aosplan.area import (
+from aosplan.areas import area as area_module
+from aosplan.areas.area import (
     FARTHEST_M,
     grown,
     long_side_deg,

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan import area_file
-from aosplan.area_file import read_outline
+from aosplan.areas import boundary_file as area_file
+from aosplan.areas.boundary_file import read_outline
 from aosplan.errors import AosplanError, RequestError
 
 SQUARE = [[14.0, 48.0], [14.01, 48.0], [14.01, 48.01], [14.0, 48.01], [14.0, 48.0]]

@@ -8,13 +8,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from aosplan.batteries import Home, flights_of
-from aosplan.documents import read_mission, read_missions
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.flight import Timing
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.track import Track
+from aosplan.flight.batteries import (
+    Home,
+    flights_of,
+)
+from aosplan.flight.kinematics import Timing
+from aosplan.flight.track import Track
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.request_file import (
+    read_mission,
+    read_missions,
+)
 
 LINZ = (48.3358, 14.3261)
 

@@ -6,12 +6,17 @@ import sys
 import numpy as np
 import pytest
 
-from aosplan import cache, lidar
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.resolve import scene_of
+from aosplan.planning.inputs import scene_of
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files import (
+    cache,
+)
+from aosplan.scenes.files import (
+    point_cloud as lidar,
+)
 
 laspy = pytest.importorskip("laspy")
 

@@ -9,16 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tables import CAMERA, LAYER, LAYERED, UNIFORM, read_scene, refusal
 
+from aosplan.camera.presets import CAMERAS
 from aosplan.cli.app import run
-from aosplan.documents import (
-    read_camera,
+from aosplan.planning.inputs import (
+    find_camera,
+    find_preset_scene,
 )
-from aosplan.presets.cameras import CAMERAS
-from aosplan.presets.scenes import SCENES
-from aosplan.resolve import find_camera, find_preset_scene
-from aosplan.scene import LayeredScene, UniformScene
-from aosplan.scene_document import is_sound
-from aosplan.scene_schema import SceneDocument
+from aosplan.planning.request_file import read_camera
+from aosplan.scenes.files.scene_schema import SceneDocument
+from aosplan.scenes.files.toml_file import is_sound
+from aosplan.scenes.presets import SCENES
+from aosplan.scenes.scene import (
+    LayeredScene,
+    UniformScene,
+)
 
 # Cameras
 

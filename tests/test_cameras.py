@@ -5,7 +5,7 @@ from math import atan, degrees, hypot
 
 import pytest
 
-from aosplan.presets.cameras import CAMERAS
+from aosplan.camera.presets import CAMERAS
 
 # Makers round fields of view to a degree, and state them for the image before its correction;
 # where the two differ by more than this, the preset says so.

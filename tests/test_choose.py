@@ -7,19 +7,38 @@ import numpy as np
 import pytest
 
 from aosplan import PlanRequest, plan
-from aosplan.choose import COMPARED, kinds, solve_best, solve_best_heading
 from aosplan.errors import InfeasibleError
-from aosplan.flight import Timing, path_of
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.flight.kinematics import (
+    Timing,
+    path_of,
+)
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.scene import Layer
-from aosplan.search import Candidate, Scan
-from aosplan.solve import solve
-from aosplan.tradeoff import tradeoff
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.scene import Layer
+from aosplan.scenes.voxels import VoxelVolume
+from aosplan.solver.alternatives import (
+    COMPARED,
+    kinds,
+    solve_best,
+    solve_best_heading,
+)
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_by_scan import (
+    Candidate,
+    Scan,
+)
+from aosplan.solver.solve_monotone import solve
+from aosplan.solver.tradeoff import tradeoff
 
 PAPER = UniformModel(0.567, 0.433, 3.5)
 SLICES = LayeredModel([Layer(2.0 + k, 2.5 + k, 0.05, 0.3) for k in range(8)], 40.0)

@@ -13,7 +13,10 @@ import zipfile
 import pytest
 from flights import SUMMARY, grid
 
-from aosplan.export import formats, render
+from aosplan.mission.export import (
+    formats,
+    render,
+)
 
 MISSIONS = {
     "linz": grid(50),

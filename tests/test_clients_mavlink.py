@@ -16,7 +16,10 @@ import warnings
 import pytest
 from flights import grid
 
-from aosplan.export import formats, render
+from aosplan.mission.export import (
+    formats,
+    render,
+)
 
 SITES = grid(49, kind="square", baseline_m=4.5)
 SOUTH = grid(10, origin=(-54.8, -68.3), trigger="distance", kind="line")

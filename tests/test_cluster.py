@@ -15,12 +15,12 @@ from campaigns import contents, sweep
 from clusters import CAMPAIGN, PARTS, ROWS, Cluster, assert_error, end, wait_for
 
 from aosplan.errors import SurroundingsError
-from aosplan.sweep import scenarios as scenarios_module
+from aosplan.sweeps import scenarios as scenarios_module
 
 pl = pytest.importorskip("polars")
 pytest.importorskip("distributed")
 
-from aosplan.sweep import cluster as cluster_module  # noqa: E402
+from aosplan.sweeps import cluster as cluster_module  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -301,7 +301,7 @@ def test_ctrl_c_leaves_what_is_done(cluster, campaign, local, tmp_path):
     cluster.crew(2)
     out = tmp_path / "r.parquet"
     code = (
-        "from aosplan.sweep import scenarios\nscenarios.ROWS_A_BLOCK = 40\n"
+        "from aosplan.sweeps import scenarios\nscenarios.ROWS_A_BLOCK = 40\n"
         "from aosplan.__main__ import main\nmain()\n"
     )
     line = ["sweep", campaign, "--out", f"{out}/", "--scheduler", cluster.address]

@@ -8,15 +8,15 @@ from campaigns import sweep
 from clusters import CAMPAIGN, assert_error
 
 from aosplan.errors import SurroundingsError
-from aosplan.sweep import scenarios as scenarios_module
-from aosplan.sweep.parts import Parts
-from aosplan.sweep.run import Sweep
-from aosplan.sweep.scenarios import read_scenarios
+from aosplan.sweeps import scenarios as scenarios_module
+from aosplan.sweeps.parts import Parts
+from aosplan.sweeps.run import Sweep
+from aosplan.sweeps.scenarios import read_scenarios
 
 pl = pytest.importorskip("polars")
 pytest.importorskip("distributed")
 
-from aosplan.sweep import cluster as cluster_module  # noqa: E402
+from aosplan.sweeps import cluster as cluster_module  # noqa: E402
 
 
 @pytest.fixture

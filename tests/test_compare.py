@@ -8,13 +8,28 @@ import pytest
 
 from aosplan import Layer, LayeredScene, PlanRequest, plan
 from aosplan.errors import RequestError
-from aosplan.models import Prediction
 from aosplan.models.measured import MeasuredModel
-from aosplan.simulate import compare, experiments
-from aosplan.simulate.compare import Settings, pictures, simulate, slanted
-from aosplan.simulate.experiments import ForestExperiment, middle_of
-from aosplan.simulate.forests import clumped_forest, generator, uniform_forest
-from aosplan.simulate.moments import estimate
+from aosplan.models.model import Prediction
+from aosplan.simulation import (
+    compare,
+    experiments,
+)
+from aosplan.simulation.compare import (
+    Settings,
+    pictures,
+    simulate,
+    slanted,
+)
+from aosplan.simulation.experiments import (
+    ForestExperiment,
+    middle_of,
+)
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+    uniform_forest,
+)
+from aosplan.simulation.moments import estimate
 
 # Large occluders make small volumes.
 UNIFORM = {"density": 0.05, "occluder_size": 0.5, "volume_height": 8.0, "volume_base": 2.0}

@@ -10,11 +10,17 @@ from forests import STANDS, clumped_forest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.mission import local_sites
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.mission.mission import local_sites
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 BASELINES_M = (0.5, 1.0, 2.0, 3.5, 5.0)
@@ -62,7 +68,7 @@ def test_it_stands_in_for_real_stands(name, voxel_m):
     path = DATA / f"{name}.laz"
     if not path.is_file():
         pytest.skip("the real point clouds are not at hand")
-    from aosplan.lidar import read_voxels
+    from aosplan.scenes.files.point_cloud import read_voxels
 
     assert_stands_in(read_voxels(str(path), voxel_m=voxel_m, min_height_m=0.5))
 

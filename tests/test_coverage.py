@@ -9,7 +9,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapes import areas, points_in
 
-from aosplan.coverage import (
+from aosplan.areas.cell_runs import (
+    Spans,
+    spans_of,
+    united,
+)
+from aosplan.areas.coverage import (
     Lattice,
     centred_lattice,
     entered,
@@ -21,8 +26,10 @@ from aosplan.coverage import (
     window_of,
 )
 from aosplan.errors import RequestError
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.spans import Spans, spans_of, united
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
 
 whole_numbers = st.sets(st.integers(-50, 50), max_size=40)
 

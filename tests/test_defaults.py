@@ -10,10 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.cli.app import run
-from aosplan.defaults import find_defaults, usual_path
 from aosplan.errors import RequestError
-from aosplan.presets.drones import DRONES
-from aosplan.request import ALTERNATIVES, PlanRequest, request_from
+from aosplan.flight.drones import DRONES
+from aosplan.planning.request import (
+    ALTERNATIVES,
+    PlanRequest,
+    request_from,
+)
+from aosplan.planning.user_defaults import (
+    find_defaults,
+    usual_path,
+)
 
 MINE = 'drone = "dji-m30t"\naltitude = 50\ntakeoff = [48.0, 14.0]\nhold = 2\n'
 

@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 
 from aosplan.cli.app import COMMANDS, GROUP
-from aosplan.documents import DOCUMENTS, json_schema
-from aosplan.export import formats
-from aosplan.meanings import MEANINGS
+from aosplan.cli.field_descriptions import MEANINGS
+from aosplan.mission.export import formats
+from aosplan.planning.request_file import (
+    DOCUMENTS,
+    json_schema,
+)
 
 DOCS = Path(__file__).parents[1] / "docs"
 SOURCE = DOCS.parent / "src" / "aosplan"
@@ -66,7 +69,7 @@ def test_every_option_of_a_plan_says_what_it_accepts():
 
 
 def test_domains_are_those_that_the_parsers_accept():
-    from aosplan.options import BY_NAME
+    from aosplan.planning.options import BY_NAME
 
     assert commands.domain(BY_NAME["altitude"].parse) == "above 0"
     assert commands.domain(BY_NAME["lanes"].parse) == "a whole number from 1, or `best`"

@@ -9,18 +9,21 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator, ValidationError
 from tables import CAMERA, LAYER, LAYERED, UNIFORM, printed, read_scene, refusal
 
-from aosplan.documents import (
+from aosplan.errors import AosplanError, RequestError
+from aosplan.planning.options import OPTIONS
+from aosplan.planning.planner import plan
+from aosplan.planning.request import (
+    PlanRequest,
+    request_from,
+)
+from aosplan.planning.request_file import (
     DOCUMENTS,
     json_schema,
     read_camera,
     read_mission,
     read_request,
 )
-from aosplan.errors import AosplanError, RequestError
-from aosplan.options import OPTIONS
-from aosplan.planning import plan
-from aosplan.presets.scenes import SCENES
-from aosplan.request import PlanRequest, request_from
+from aosplan.scenes.presets import SCENES
 
 
 @cache

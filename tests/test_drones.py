@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from aosplan.camera.presets import CAMERAS
 from aosplan.cli.app import run
-from aosplan.planning import plan
-from aosplan.presets import dji
-from aosplan.presets.cameras import CAMERAS
-from aosplan.presets.drones import DRONES
-from aosplan.request import PlanRequest
+from aosplan.flight.drones import DRONES
+from aosplan.mission import dji_models as dji
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 
 @pytest.mark.parametrize("name", DRONES)

@@ -8,10 +8,14 @@ from forests import STANDS, clumped_forest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.estimate import densities_off_nadir, integral_range, layered_scene
-from aosplan.geometry import coverage_baseline
-from aosplan.models.correlogram import correlogram
-from aosplan.voxels import VoxelVolume
+from aosplan.camera.disparity import coverage_baseline
+from aosplan.scenes.correlogram import correlogram
+from aosplan.scenes.occluder_statistics import (
+    densities_off_nadir,
+    integral_range,
+    layered_scene,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -138,7 +142,7 @@ def test_the_coverage_rule_on_a_real_plot_is_at_the_mercy_of_low_vegetation(cut,
     path = DATA / "UAS_Clip.laz"
     if not path.exists():
         pytest.skip("UAS_Clip.laz is not at hand")
-    from aosplan.lidar import read_voxels
+    from aosplan.scenes.files.point_cloud import read_voxels
 
     scene = layered_scene(read_voxels(path, min_height_m=cut), "UAS")
     rule = coverage_baseline(scene.slabs(), 50.0, 1e5, 0.98)
@@ -156,7 +160,7 @@ def test_densities_off_nadir_are_those_of_the_correlogram(monkeypatch):
     for angle, density in pairs[1:]:
         lag, around = np.full(180, np.tan(np.radians(angle))), np.arange(180.0)
         assert density == pytest.approx(table.density_at(lag, around).mean(), abs=0.01)
-    monkeypatch.setattr("aosplan.estimate.FINE_CELLS", 0)
+    monkeypatch.setattr("aosplan.scenes.occluder_statistics.FINE_CELLS", 0)
     for coarse, fine in zip(densities_off_nadir(stand), pairs, strict=True):
         assert coarse == pytest.approx(fine, abs=0.015)
 

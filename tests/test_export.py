@@ -9,18 +9,26 @@ import sys
 from functools import cache
 from itertools import pairwise
 
+import aosplan.export
 import pytest
 from golden.make import FOLDER, REQUESTS, contents
 from hypothesis import given
 from hypothesis import strategies as st
 
-import aosplan.export
 from aosplan.cli.app import run
 from aosplan.errors import RequestError, SurroundingsError
-from aosplan.export import choose, formats, render
-from aosplan.mission import Mission, Waypoint, Waypoints
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
+from aosplan.mission.export import (
+    choose,
+    formats,
+    render,
+)
+from aosplan.mission.mission import (
+    Mission,
+    Waypoint,
+    Waypoints,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 LINZ = (48.3358, 14.3261)
 
@@ -340,16 +348,18 @@ def test_a_misspelt_format_gets_the_nearest():
 def added_format(tmp_path, monkeypatch):
     """One more file in the folder of formats."""
     (tmp_path / "counted.py").write_text(
-        "from aosplan.export import Format\n"
+        "from aosplan.mission.export import Format\n"
         'FORMAT = Format("counted", (".cnt",), "Count", needs_place=False)\n'
         "def render(mission):\n"
         '    return b"%d\\n" % len(mission.waypoints)\n'
     )
-    monkeypatch.setattr(aosplan.export, "__path__", [*aosplan.export.__path__, str(tmp_path)])
+    monkeypatch.setattr(
+        aosplan.mission.export, "__path__", [*aosplan.mission.export.__path__, str(tmp_path)]
+    )
     importlib.invalidate_caches()
     yield "counted"
-    sys.modules.pop("aosplan.export.counted", None)
-    vars(aosplan.export).pop("counted", None)
+    sys.modules.pop("aosplan.mission.export.counted", None)
+    vars(aosplan.mission.export).pop("counted", None)
 
 
 def test_adding_a_file_adds_a_format(added_format, tmp_path, capsys):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
 from aosplan.files import check_input, read_bytes, read_table
-from aosplan.raster import read_canopy
+from aosplan.scenes.files.canopy_raster import read_canopy
 
 
 def refusing(error):

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight import (
+from aosplan.flight.kinematics import (
     Path,
     Timing,
     lines_of,
@@ -18,12 +18,23 @@ from aosplan.flight import (
     stop_to_stop_s,
     wind_mps,
 )
+from aosplan.flight.photo_trigger import (
+    Sites,
+    with_turns,
+)
+from aosplan.flight.track import Track
+from aosplan.grid.patterns import (
+    LATTICES,
+    pattern_for,
+)
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import LATTICES, pattern_for
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.solve import solve
-from aosplan.track import Track
-from aosplan.trigger import Sites, with_turns
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_monotone import solve
 
 speeds = st.floats(0.5, 20.0)
 accelerations = st.floats(0.3, 6.0)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from aosplan.errors import RequestError
-from aosplan.scene import Layer
-from aosplan.simulate import forests
-from aosplan.simulate.forests import (
+from aosplan.scenes.scene import Layer
+from aosplan.simulation import forests
+from aosplan.simulation.forests import (
     clumped_forest,
     generator,
     layered_forest,

@@ -22,8 +22,16 @@ from hypothesis import given, settings
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.export import files, formats, render
-from aosplan.mission import Mission, Waypoints, photo_lines
+from aosplan.mission.export import (
+    files,
+    formats,
+    render,
+)
+from aosplan.mission.mission import (
+    Mission,
+    Waypoints,
+    photo_lines,
+)
 
 # One mission, every format
 

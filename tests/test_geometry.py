@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.errors import InfeasibleError
-from aosplan.geometry import (
+from aosplan.camera.disparity import (
     baseline_curve,
     baseline_for_disparity_px,
     coverage_baseline,
@@ -18,9 +17,10 @@ from aosplan.geometry import (
     disparity_px,
     occluder_px,
 )
+from aosplan.errors import InfeasibleError
 from aosplan.models.equations import integrated_density
-from aosplan.presets.scenes import SCENES
-from aosplan.scene import Slab
+from aosplan.scenes.presets import SCENES
+from aosplan.scenes.scene import Slab
 
 near = partial(pytest.approx, abs=0.0)
 """Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
@@ -312,7 +312,7 @@ def test_without_a_baseline_nothing_is_covered():
 def test_the_curve_of_very_many_slabs_has_some_of_its_knots(monkeypatch):
     slabs = [Slab(2.0 + 0.1 * i, 2.1 + 0.1 * i, 0.2, 1.0) for i in range(100)]
     whole = baseline_curve(slabs)
-    monkeypatch.setattr("aosplan.geometry.MOST_SHARES", 1500)
+    monkeypatch.setattr("aosplan.camera.disparity.MOST_SHARES", 1500)
     some = baseline_curve(slabs)
     assert 10 <= len(some) <= 16
     assert set(some) <= set(whole)

@@ -9,9 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan import ground
 from aosplan.errors import MissingExtraError
-from aosplan.ground import filtered, is_level_zero, lowest, surface, vertices
+from aosplan.scenes.files import ground
+from aosplan.scenes.files.ground import (
+    filtered,
+    is_level_zero,
+    lowest,
+    surface,
+    vertices,
+)
 
 
 def plane(x, y):

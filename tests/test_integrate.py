@@ -13,8 +13,12 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 from recorded import FOV_DEG, HEIGHT, WIDTH, nadir_to, photo, sites, write_colmap, write_recording
 
-from aosplan.documents import json_schema
-from aosplan.recordings.choice import Choice, chosen, read_choice
+from aosplan.planning.request_file import json_schema
+from aosplan.postflight.integral.view_subset import (
+    Choice,
+    chosen,
+    read_choice,
+)
 
 pytestmark = pytest.mark.usefixtures("folder")
 

@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.inventory import crown_absorption, inventory_scene
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.scene_document import read_scene_file
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.toml_file import read_scene_file
+from aosplan.scenes.inventory import (
+    crown_absorption,
+    inventory_scene,
+)
 
 STAND = {
     "stems_per_hectare": 400.0,

@@ -10,13 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference import exact
 
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
 from aosplan.models import layered as layered_module
 from aosplan.models.equations import visibility, visibility_shortfall
 from aosplan.models.layered import LayeredModel, layered_shortfall, layered_visibility
-from aosplan.models.sites import pattern_shortfall, positions_shortfall
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.presets.scenes import SCENES
-from aosplan.scene import Layer, UniformScene
+from aosplan.models.positions import (
+    pattern_shortfall,
+    positions_shortfall,
+)
+from aosplan.scenes.presets import SCENES
+from aosplan.scenes.scene import (
+    Layer,
+    UniformScene,
+)
 
 near = partial(pytest.approx, abs=0.0)
 """Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""

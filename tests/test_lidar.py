@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 from clouds import laspy, patched, refusal, slope, stand, write_cloud
 
-from aosplan import las, lidar
-from aosplan.lidar import read_voxels
+from aosplan.scenes.files import (
+    las,
+)
+from aosplan.scenes.files import (
+    point_cloud as lidar,
+)
+from aosplan.scenes.files.point_cloud import read_voxels
 
 pytest.importorskip("lazrs")
 needs_filter = pytest.mark.skipif(find_spec("CSF") is None, reason="needs the extra lidar")
@@ -178,8 +183,8 @@ def test_one_column_of_points_is_a_plot(tmp_path):
 
 
 def test_ground_below_thinned_vertices_still_follows_the_slope(tmp_path, monkeypatch):
-    monkeypatch.setattr("aosplan.ground.MAX_VERTICES", 300)
-    monkeypatch.setattr("aosplan.ground.MAX_NODES", 900)
+    monkeypatch.setattr("aosplan.scenes.files.ground.MAX_VERTICES", 300)
+    monkeypatch.setattr("aosplan.scenes.files.ground.MAX_NODES", 900)
     xyz, kind = stand(count=40_000)
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
     # Along the edges the nearest vertex serves, so only what is inside has to agree.

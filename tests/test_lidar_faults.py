@@ -9,9 +9,14 @@ import numpy as np
 import pytest
 from clouds import patched, refusal, stand, write_cloud
 
-from aosplan import las, lidar
 from aosplan.errors import MissingExtraError, RequestError, SurroundingsError
-from aosplan.lidar import read_voxels
+from aosplan.scenes.files import (
+    las,
+)
+from aosplan.scenes.files import (
+    point_cloud as lidar,
+)
+from aosplan.scenes.files.point_cloud import read_voxels
 
 # --- Bad files and requests ---
 
@@ -233,9 +238,9 @@ def test_without_the_extra_it_is_named(tmp_path, monkeypatch, module):
 
 
 def test_importing_the_module_loads_no_point_cloud_library():
-    script = "import sys, aosplan.lidar, aosplan.estimate; print(*sys.modules)"
+    script = "import sys, aosplan.scenes.files.point_cloud, aosplan.scenes.occluder_statistics; print(*sys.modules)"
     subprocess = pytest.importorskip("subprocess")
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     loaded = set(result.stdout.split())
-    assert "aosplan.lidar" in loaded
+    assert "aosplan.scenes.files.point_cloud" in loaded
     assert not loaded & {"laspy", "lazrs", "CSF", "scipy", "pyproj"}

@@ -13,9 +13,16 @@ from flights import (
 )
 
 from aosplan.errors import RequestError
-from aosplan.export import files, formats
-from aosplan.limits import Limits, limits_of, parts
-from aosplan.mission import Waypoints
+from aosplan.mission.export import (
+    files,
+    formats,
+)
+from aosplan.mission.limits import (
+    Limits,
+    limits_of,
+    parts,
+)
+from aosplan.mission.mission import Waypoints
 
 
 def limit_cases():

@@ -8,14 +8,17 @@ import pytest
 from forests import STANDS, clumped_forest
 
 from aosplan.errors import RequestError
-from aosplan.mission import local_sites
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.mission.mission import local_sites
 from aosplan.models import measured as measured_module
 from aosplan.models.equations import visibility, visibility_shortfall
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.scene import Layer
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.scene import Layer
+from aosplan.scenes.voxels import VoxelVolume
 
 CLOUD = Path(__file__).parents[2] / "shared" / "data" / "UAS_Clip.laz"
 
@@ -232,7 +235,7 @@ def conifers():
     pytest.importorskip("laspy")
     if not CLOUD.is_file():
         pytest.skip("the real point clouds are not at hand")
-    from aosplan.lidar import read_voxels
+    from aosplan.scenes.files.point_cloud import read_voxels
 
     return read_voxels(str(CLOUD), voxel_m=0.25, min_height_m=0.5)
 

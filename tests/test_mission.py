@@ -7,8 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.mission import Mission, Waypoints, local_sites, placed
-from aosplan.pattern import LATTICES, pattern_for
+from aosplan.grid.patterns import (
+    LATTICES,
+    pattern_for,
+)
+from aosplan.mission.mission import (
+    Mission,
+    Waypoints,
+    local_sites,
+    placed,
+)
 
 kinds = st.sampled_from(LATTICES)
 

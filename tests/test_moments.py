@@ -5,7 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from aosplan.simulate.moments import Counts, estimate
+from aosplan.simulation.moments import (
+    Counts,
+    estimate,
+)
 
 
 def counts(blocked, views):

@@ -8,9 +8,9 @@ import pytest
 from reference import exact
 
 from aosplan.errors import RequestError
-from aosplan.simulate.forests import generator
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.noise import (
+from aosplan.simulation.forests import generator
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.noise_patterns import (
     NoisePattern,
     blocked_views,
     counts_of,

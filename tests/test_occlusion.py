@@ -9,12 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from aosplan import occlusion as occlusion_module
 from aosplan.errors import RequestError
-from aosplan.mission import local_sites
-from aosplan.occlusion import Occlusion, Tally, joint_counts, popcount
-from aosplan.pattern import pattern_for
-from aosplan.voxels import VoxelVolume
+from aosplan.grid.patterns import pattern_for
+from aosplan.mission.mission import local_sites
+from aosplan.scenes import occlusion as occlusion_module
+from aosplan.scenes.occlusion import (
+    Occlusion,
+    Tally,
+    joint_counts,
+    popcount,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 DATA = Path(__file__).parents[2] / "shared" / "data"
 
@@ -165,7 +170,7 @@ def real_stand():
         path = DATA / f"{name}.laz"
         if not path.is_file():
             pytest.skip("the real point clouds are not at hand")
-        from aosplan.lidar import read_voxels
+        from aosplan.scenes.files.point_cloud import read_voxels
 
         if (name, voxel_m) not in known:
             known[name, voxel_m] = read_voxels(str(path), voxel_m=voxel_m, min_height_m=0.5)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from campaigns import contents, sweep
 
-from aosplan.sweep import run as run_module
-from aosplan.sweep import scenarios as scenarios_module
+from aosplan.sweeps import run as run_module
+from aosplan.sweeps import scenarios as scenarios_module
 
 pl = pytest.importorskip("polars")
 

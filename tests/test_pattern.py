@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from reference import exact
 
 from aosplan.errors import RequestError
-from aosplan.flight import Leg, Timing, path_of
-from aosplan.models.layered import LayeredModel
-from aosplan.models.sites import pattern_shortfall
-from aosplan.pattern import (
+from aosplan.flight.kinematics import (
+    Leg,
+    Timing,
+    path_of,
+)
+from aosplan.grid.patterns import (
     GRIDS,
     LATTICES,
     MOST_SITES,
@@ -23,7 +25,9 @@ from aosplan.pattern import (
     frames,
     pattern_for,
 )
-from aosplan.scene import Layer
+from aosplan.models.layered import LayeredModel
+from aosplan.models.positions import pattern_shortfall
+from aosplan.scenes.scene import Layer
 
 MOST = 600
 """Every count up to here is held against the rule as the contract words it."""

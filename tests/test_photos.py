@@ -4,7 +4,7 @@ import pytest
 from geotagged import photo, rational
 
 from aosplan.errors import RequestError
-from aosplan.photos import read_photos
+from aosplan.postflight.geotags import read_photos
 
 Image = pytest.importorskip("PIL.Image")
 

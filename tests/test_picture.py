@@ -8,14 +8,14 @@ import pytest
 from PIL import Image
 
 from aosplan.errors import MissingExtraError
-from aosplan.similarity import similarity
-from aosplan.simulate.picture import (
+from aosplan.simulation.pictures import (
     LEAVES,
     integral_image,
     png,
     resolution_chart,
     side_by_side,
 )
+from aosplan.simulation.ssim import similarity
 
 
 @pytest.mark.parametrize("shape", [(360, 480), (97, 61), (1, 1), (40, 400)])

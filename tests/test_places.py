@@ -11,10 +11,13 @@ from pyproj import Geod
 
 from aosplan.cli.app import run
 from aosplan.errors import AosplanError, RequestError
-from aosplan.export import formats, render
 from aosplan.geodesy import to_local, to_wgs84
-from aosplan.places import read_places
+from aosplan.mission.export import (
+    formats,
+    render,
+)
 from aosplan.positions import read_positions
+from aosplan.postflight.positions import read_places
 
 ENDINGS = {"csv": ".csv", "geojson": ".geojson", "qgc_plan": ".plan", "waypoints": ".waypoints"}
 

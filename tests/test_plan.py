@@ -8,7 +8,7 @@ import tomli_w
 from plans import places_of, planned
 
 from aosplan import InfeasibleError, PlanRequest, RequestError, plan, required_samples
-from aosplan.pattern import GRIDS
+from aosplan.grid.patterns import GRIDS
 
 UNIFORM = {"density": 0.01, "occluder_size": 0.2, "volume_height": 18.0}
 NARROW = {"fov": 10.0, "image_width": 640, "image_height": 512}

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from plans import places_of, planned
 
 from aosplan import InfeasibleError, PlanRequest, RequestError, plan
-from aosplan.pattern import GRIDS
+from aosplan.grid.patterns import GRIDS
 
 # Grids against the waypoints themselves
 

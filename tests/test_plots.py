@@ -9,17 +9,27 @@ import pytest
 from approved.make import paper_forest, planned, shown, stand
 
 from aosplan import PlanRequest, plan
-from aosplan.geometry import coverage_share
-from aosplan.plots import KINDS
-from aosplan.plots.canvas import Look, drawn
-from aosplan.plots.correlogram import correlations_of
-from aosplan.plots.curve import curve_of
-from aosplan.plots.density import density_of
-from aosplan.plots.grid import grid_of, nice_length_m, numbered
-from aosplan.plots.visibility import visibility_of
-from aosplan.resolve import ResolvedScene
-from aosplan.scene import Layer, LayeredScene
-from aosplan.voxels import VoxelVolume
+from aosplan.camera.disparity import coverage_share
+from aosplan.planning.inputs import ResolvedScene
+from aosplan.scenes.scene import (
+    Layer,
+    LayeredScene,
+)
+from aosplan.scenes.voxels import VoxelVolume
+from aosplan.show.figures.canvas import (
+    Look,
+    drawn,
+)
+from aosplan.show.figures.correlogram import correlations_of
+from aosplan.show.figures.coverage_curve import curve_of
+from aosplan.show.figures.density import density_of
+from aosplan.show.figures.draw import KINDS
+from aosplan.show.figures.grid import (
+    grid_of,
+    nice_length_m,
+    numbered,
+)
+from aosplan.show.figures.visibility import visibility_of
 
 # The numbers
 
@@ -60,7 +70,7 @@ def test_the_hidden_share_is_counted_ray_by_ray():
     occupied = np.zeros((4, 2, 3), dtype=np.bool_)
     occupied[1, 0, 0] = occupied[3, 0, 0] = occupied[2, 1, 2] = True
     volume = VoxelVolume(occupied, 0.5)
-    from aosplan.estimate import layered_scene
+    from aosplan.scenes.occluder_statistics import layered_scene
 
     found = density_of(ResolvedScene(layered_scene(volume, "x"), "cloud", volume=volume))
     assert found.bottom_m == (0.5, 1.0, 1.5)
@@ -100,7 +110,7 @@ def test_layers_make_a_staircase_of_the_baseline_curve():
 
 
 def test_a_correlogram_is_the_scenes_own_or_that_of_its_voxels():
-    from aosplan.models.correlogram import correlogram
+    from aosplan.scenes.correlogram import correlogram
 
     table = correlogram(stand().volume)
     told = shown("correlogram")

@@ -12,13 +12,22 @@ from approved.make import planned, shown
 from PIL import Image
 
 from aosplan.cli.app import run
-from aosplan.documents import json_schema
-from aosplan.plots import KINDS
-from aosplan.plots.canvas import Look, rendered
-from aosplan.plots.grid import grid_of
-from aosplan.plots.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
-from aosplan.plots.tradeoff import tradeoff_of
-from aosplan.plots.visibility import visibility_of
+from aosplan.planning.request_file import json_schema
+from aosplan.show.figures.canvas import (
+    Look,
+    rendered,
+)
+from aosplan.show.figures.draw import KINDS
+from aosplan.show.figures.grid import grid_of
+from aosplan.show.figures.style import (
+    DARK,
+    LEAST_CONTRAST,
+    LEAST_STEP,
+    LIGHT,
+    plain,
+)
+from aosplan.show.figures.tradeoff import tradeoff_of
+from aosplan.show.figures.visibility import visibility_of
 
 jsonschema = pytest.importorskip("jsonschema")
 SVG = "{http://www.w3.org/2000/svg}"

@@ -11,10 +11,17 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.patches import PathPatch
 from PIL import Image
 
-from aosplan.plots import KINDS
-from aosplan.plots.canvas import Look, drawn, rendered
-from aosplan.plots.curve import curve_of
-from aosplan.plots.style import DARK, rules
+from aosplan.show.figures.canvas import (
+    Look,
+    drawn,
+    rendered,
+)
+from aosplan.show.figures.coverage_curve import curve_of
+from aosplan.show.figures.draw import KINDS
+from aosplan.show.figures.style import (
+    DARK,
+    rules,
+)
 
 MOST_RMS = 1.0
 """Root mean square of the difference to an approved picture, of 255, with the same matplotlib."""

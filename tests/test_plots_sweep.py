@@ -7,9 +7,21 @@ import pytest
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.plots import KINDS
-from aosplan.plots.canvas import Look, drawn, rendered
-from aosplan.plots.sweep import BINS, MOST_VALUES, Cell, Map, Scatter, results_of, ticked
+from aosplan.show.figures.canvas import (
+    Look,
+    drawn,
+    rendered,
+)
+from aosplan.show.figures.draw import KINDS
+from aosplan.show.figures.sweep import (
+    BINS,
+    MOST_VALUES,
+    Cell,
+    Map,
+    Scatter,
+    results_of,
+    ticked,
+)
 
 pl = pytest.importorskip("polars")
 

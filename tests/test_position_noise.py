@@ -10,17 +10,31 @@ import pytest
 from forests import STANDS, clumped_forest
 from scipy import integrate
 
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.grid.patterns import (
+    Pattern,
+    frame_at,
+    pattern_for,
+)
+from aosplan.grid.spiral import Spiral
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.noise import blurred_overlap, blurred_shortfall, scattered_shortfall
-from aosplan.models.sites import pattern_shortfall, positions_shortfall
+from aosplan.models.position_noise import (
+    blurred_overlap,
+    blurred_shortfall,
+    scattered_shortfall,
+)
+from aosplan.models.positions import (
+    pattern_shortfall,
+    positions_shortfall,
+)
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import Pattern, frame_at, pattern_for
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.scene import Layer
-from aosplan.spiral import Spiral
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.scene import Layer
 
 near = partial(pytest.approx, abs=0.0)
 PATTERNS = [

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.errors import RequestError
 
 PARSERS = {

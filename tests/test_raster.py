@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from aosplan.errors import MissingExtraError, RequestError
-from aosplan.planning import plan
-from aosplan.raster import read_canopy
-from aosplan.request import PlanRequest
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.canopy_raster import read_canopy
 
 rasterio = pytest.importorskip("rasterio")
 from affine import Affine  # noqa: E402
@@ -92,7 +92,7 @@ def test_south_up_and_mirrored_rasters_are_the_same_stand(raster):
 
 @pytest.mark.parametrize("strip", [1, 70, 10_000])
 def test_other_voxels_take_the_height_at_their_middles(raster, monkeypatch, strip):
-    monkeypatch.setattr("aosplan.raster.PIXELS_AT_ONCE", strip)
+    monkeypatch.setattr("aosplan.scenes.files.canopy_raster.PIXELS_AT_ONCE", strip)
     heights = trees()
     volume = read_canopy(raster(heights), voxel_m=0.2)
     assert volume.occupied.shape[1:] == (100, 150)
@@ -224,7 +224,7 @@ def test_voxels_larger_than_the_raster_are_refused(raster):
 
 def test_a_huge_raster_is_refused_before_it_is_read(raster, monkeypatch):
     path = raster(trees())
-    monkeypatch.setattr("aosplan.raster.MOST_PIXELS", 2000)
+    monkeypatch.setattr("aosplan.scenes.files.canopy_raster.MOST_PIXELS", 2000)
     assert "60 x 40 cells" in refusal(path).message
 
 

@@ -6,14 +6,20 @@ from functools import partial
 import numpy as np
 import pytest
 
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.grid.spiral import Spiral
 from aosplan.models.layered import LayeredModel
-from aosplan.models.rays import predict_scattered, ray_lengths
+from aosplan.models.oblique_rays import (
+    predict_scattered,
+    ray_lengths,
+)
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.scene import Layer
-from aosplan.spiral import Spiral
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.scene import Layer
 
 near = partial(pytest.approx, abs=0.0)
 LAYERS = [Layer(1.0, 1.5, 0.2, 0.3), Layer(4.0, 5.0, 0.4, 0.5), Layer(9.0, 12.0, 0.3, 0.2)]

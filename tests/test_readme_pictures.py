@@ -6,8 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aosplan.simulate.forests import clumped_forest, generator
-from aosplan.simulate.voxels import VoxelViews
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+)
+from aosplan.simulation.voxel_views import VoxelViews
 
 FOLDER = Path(__file__).parents[1] / "examples" / "readme"
 

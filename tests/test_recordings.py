@@ -19,11 +19,26 @@ from recorded import (
 )
 
 from aosplan.errors import RequestError
-from aosplan.recordings.choice import Choice
-from aosplan.recordings.integral import Source, integrate
-from aosplan.recordings.plane import Plane, Raster, upward
-from aosplan.recordings.poses import Intrinsics, View, from_field_of_view, read_poses
-from aosplan.recordings.recording import Recording, least_views
+from aosplan.postflight.integral.focal_plane import (
+    Plane,
+    Raster,
+    upward,
+)
+from aosplan.postflight.integral.integral import (
+    Source,
+    integrate,
+)
+from aosplan.postflight.integral.poses_file import (
+    Intrinsics,
+    View,
+    from_field_of_view,
+    read_poses,
+)
+from aosplan.postflight.integral.recording import (
+    Recording,
+    least_views,
+)
+from aosplan.postflight.integral.view_subset import Choice
 
 LENS = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
 PINHOLE = f"1 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {WIDTH / 2} {HEIGHT / 2}"

@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from aosplan.mission import local_sites
-from aosplan.pattern import pattern_for
-from aosplan.registration import MOST_PAIRS, registered
+from aosplan.grid.patterns import pattern_for
+from aosplan.mission.mission import local_sites
+from aosplan.postflight.registration import (
+    MOST_PAIRS,
+    registered,
+)
 
 PITCH_M = 3.0
 OFFSET_M = np.array([17.3, -211.9])

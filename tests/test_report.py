@@ -18,10 +18,18 @@ import pytest
 from aosplan import PlanRequest, plan
 from aosplan.cli.app import run
 from aosplan.models.equations import visibility
-from aosplan.report import check_extra, report_page
-from aosplan.report.charts import charts_of
-from aosplan.report.heights import profile_of
-from aosplan.report.words import duration, percent, short, spacing
+from aosplan.show.page.charts import charts_of
+from aosplan.show.page.height_profile import profile_of
+from aosplan.show.page.number_text import (
+    duration,
+    percent,
+    short,
+    spacing,
+)
+from aosplan.show.page.page import (
+    check_extra,
+    report_page,
+)
 
 pytestmark = pytest.mark.usefixtures("folder")
 

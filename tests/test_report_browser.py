@@ -17,7 +17,7 @@ from browsers import DESK, PHONE
 from PIL import Image
 
 from aosplan import PlanRequest, plan
-from aosplan.report import report_page
+from aosplan.show.page.page import report_page
 
 playwright = pytest.importorskip("playwright.sync_api")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright")

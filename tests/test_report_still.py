@@ -7,9 +7,14 @@ import pytest
 from browsers import DESK, PHONE
 
 from aosplan import PlanRequest, plan
-from aosplan.plots.grid import grid_of
-from aosplan.report import report_page
-from aosplan.report.still import MOST_ROWS, MOST_SITES, WIDTH, still_of
+from aosplan.show.figures.grid import grid_of
+from aosplan.show.page.page import report_page
+from aosplan.show.page.static_map import (
+    MOST_ROWS,
+    MOST_SITES,
+    WIDTH,
+    still_of,
+)
 
 PLANS = {
     "default": {"altitude": 40, "heading": 30},

@@ -9,7 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from aosplan.errors import RequestError
-from aosplan.request import ALTERNATIVES, BY_NAME, OPTIONS, PlanRequest, request_from
+from aosplan.planning.request import (
+    ALTERNATIVES,
+    BY_NAME,
+    OPTIONS,
+    PlanRequest,
+    request_from,
+)
 
 UNIFORM = {"density": 0.01, "occluder_size": 0.2, "volume_height": 18}
 LENS = {"focal_length": 9.1, "sensor_width": 7.68, "image_width": 640, "image_height": 512}

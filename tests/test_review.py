@@ -11,15 +11,18 @@ from forests import STANDS, clumped_forest
 from jsonschema import Draft202012Validator
 
 from aosplan.cli.app import run
-from aosplan.documents import json_schema
-from aosplan.models.sites import positions_shortfall
-from aosplan.places import read_places
-from aosplan.planning import plan
+from aosplan.models.positions import positions_shortfall
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.request_file import json_schema
 from aosplan.positions import read_positions
-from aosplan.recorded import read_views
-from aosplan.request import PlanRequest
-from aosplan.review import review
-from aosplan.voxel_file import Stand, stand_npz
+from aosplan.postflight.positions import read_places
+from aosplan.postflight.review import review
+from aosplan.postflight.views import read_views
+from aosplan.scenes.files.voxel_file import (
+    Stand,
+    stand_npz,
+)
 
 PLACED = {"altitude": 40, "origin": (48.3358, 14.3261), "heading": 30}
 AREAS = Path(__file__).parent / "areas"
@@ -261,8 +264,8 @@ def test_lines_that_are_flown_through_keep_their_turns_in_a_top_up(tmp_path):
 
 
 def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, command):
-    detour = pytest.importorskip("aosplan.detour")
-    from aosplan.area import read_area
+    detour = pytest.importorskip("aosplan.areas.no_fly")
+    from aosplan.areas.area import read_area
 
     files = [f"--area={AREAS / 'field.geojson'}", f"--no-fly={AREAS / 'mast.geojson'}"]
     line = ["--altitude=100", "--samples=4", "--baseline=12", *files]

@@ -9,15 +9,30 @@ import pytest
 from forests import STANDS, Stand, clumped_forest
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight import path_of
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.flight.kinematics import path_of
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.scene import Layer
-from aosplan.search import VISIBILITY_SLACK, Scan, search
-from aosplan.solve import APERTURE_SLACK, solve
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.scene import Layer
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_by_scan import (
+    VISIBILITY_SLACK,
+    Scan,
+    search,
+)
+from aosplan.solver.solve_monotone import (
+    APERTURE_SLACK,
+    solve,
+)
 
 LAYERS = [Layer(2.0 + k, 2.5 + k, 0.03, 0.3) for k in range(15)]
 PAPER = UniformModel(0.567, 0.433, 3.5)

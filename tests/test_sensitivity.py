@@ -4,13 +4,20 @@ import numpy as np
 import pytest
 from forests import STANDS, clumped_forest
 
+from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.sensitivity import FACTORS, QUANTITIES, thinned
-from aosplan.voxel_file import Stand, stand_npz
-from aosplan.voxels import VoxelVolume
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.sensitivity import (
+    FACTORS,
+    QUANTITIES,
+    thinned,
+)
+from aosplan.scenes.files.voxel_file import (
+    Stand,
+    stand_npz,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 VOLUME = {"density": 0.01, "occluder_size": 0.2, "volume_height": 15.0, "volume_base": 2.0}
 
@@ -109,7 +116,7 @@ def test_a_change_that_leaves_no_plan_says_why():
 
 
 def test_nothing_is_changed_unless_asked_for(monkeypatch):
-    monkeypatch.setattr("aosplan.sensitivity.changes_of", lambda *_: 1 / 0)
+    monkeypatch.setattr("aosplan.planning.sensitivity.changes_of", lambda *_: 1 / 0)
     result = plan(PlanRequest(altitude=40))
     assert result.sensitivity == ()
     assert result.document()["sensitivity"] is None

@@ -5,8 +5,8 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from aosplan.errors import RequestError
-from aosplan.similarity import similarity
-from aosplan.simulate.picture import resolution_chart
+from aosplan.simulation.pictures import resolution_chart
+from aosplan.simulation.ssim import similarity
 
 
 def ssim_by_hand(one, other):

@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from PIL import Image
 
 from aosplan.cli.app import run
-from aosplan.documents import json_schema
+from aosplan.planning.request_file import json_schema
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -134,7 +134,7 @@ def test_what_is_wrong_is_named_in_one_line_and_leaves_nothing(command, folder, 
 
 
 def test_without_the_extra_nothing_is_simulated_for_a_picture(command, monkeypatch):
-    monkeypatch.setattr("aosplan.simulate.picture.EXTRA_MODULES", ("no_such_module",))
+    monkeypatch.setattr("aosplan.simulation.pictures.EXTRA_MODULES", ("no_such_module",))
     status, out, err = command("--picture", "a.png")
     assert (status, out) == (2, "")
     assert 'hint: pip install "aosplan[pictures]"' in err
@@ -144,7 +144,7 @@ def test_an_interruption_leaves_nothing(command, folder, monkeypatch):
     def interrupted(*_arguments, **_options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("aosplan.simulate.picture.png", interrupted)
+    monkeypatch.setattr("aosplan.simulation.pictures.png", interrupted)
     status, out, _ = command("--picture", "a.png", "--json")
     assert (status, out) == (130, "")
     assert list(folder.iterdir()) == []

@@ -3,14 +3,29 @@
 import numpy as np
 import pytest
 
-from aosplan.mission import local_sites
-from aosplan.occlusion import Occlusion, Window
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.scene import Layer
-from aosplan.simulate import voxels
-from aosplan.simulate.forests import clumped_forest, generator, layered_forest, uniform_forest
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import VoxelViews, blocks, tiles
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.mission.mission import local_sites
+from aosplan.scenes.occlusion import (
+    Occlusion,
+    Window,
+)
+from aosplan.scenes.scene import Layer
+from aosplan.simulation import voxel_views as voxels
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+    layered_forest,
+    uniform_forest,
+)
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.voxel_views import (
+    VoxelViews,
+    blocks,
+    tiles,
+)
 
 VIEWS = ("telecentric", "perspective")
 

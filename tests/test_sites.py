@@ -10,15 +10,18 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from reference import exact
 
-from aosplan.models import sites as sites_module
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.models import positions as sites_module
 from aosplan.models.equations import visibility_shortfall
-from aosplan.models.sites import (
+from aosplan.models.positions import (
     lattice_shortfall,
     offset_counts,
     pattern_shortfall,
     positions_shortfall,
 )
-from aosplan.pattern import Pattern, pattern_for
 
 near = partial(pytest.approx, abs=0.0)
 """Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""

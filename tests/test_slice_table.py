@@ -3,10 +3,10 @@
 import pytest
 
 from aosplan.errors import RequestError
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.scene import Layer
-from aosplan.slice_table import read_slices
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.slice_table import read_slices
+from aosplan.scenes.scene import Layer
 
 HEADER = "bottom_m,top_m,density,occluder_size_m"
 GOOD = f"{HEADER}\n2,4,0.02,0.3\n4,6.5,5%,0.25\n"
@@ -82,7 +82,7 @@ def test_what_is_wrong_with_a_table_is_named_with_its_place(table, text, said, h
 
 
 def test_a_table_without_end_is_refused(table, monkeypatch):
-    monkeypatch.setattr("aosplan.slice_table.MOST_SLICES", 5)
+    monkeypatch.setattr("aosplan.scenes.files.slice_table.MOST_SLICES", 5)
     with pytest.raises(RequestError, match="more than 5"):
         read_slices(table(HEADER + "\n2,4,0.02,0.3" * 9))
 

@@ -22,12 +22,23 @@ from problems import (
     widest,
 )
 
-from aosplan.flight import Timing, path_of
+from aosplan.flight.kinematics import (
+    Timing,
+    path_of,
+)
 from aosplan.models.layered import LayeredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.problem import Bounds, GridKind, Problem, Solution
-from aosplan.scene import Layer
-from aosplan.solve import fewest_at, solve
+from aosplan.scenes.scene import Layer
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Solution,
+)
+from aosplan.solver.solve_monotone import (
+    fewest_at,
+    solve,
+)
 
 """Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
 """The paper's forest at 50 m."""

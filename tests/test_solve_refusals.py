@@ -20,10 +20,15 @@ from problems import (
 )
 
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.grid.patterns import MOST_SITES
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import MOST_SITES
-from aosplan.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.solve import solve
+from aosplan.solver.problem import (
+    Bounds,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_monotone import solve
 
 # --- What bound the result -----------------------------------------------------------------
 

@@ -10,14 +10,20 @@ from test_lidar import stand, write_cloud
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.lidar import read_voxels
-from aosplan.models.correlogram import correlogram
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.resolve import cloud_files, scene_of
-from aosplan.scene_document import read_scene_file
-from aosplan.voxel_file import Stand, stand_npz
-from aosplan.voxels import VoxelVolume
+from aosplan.planning.inputs import (
+    cloud_files,
+    scene_of,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.correlogram import correlogram
+from aosplan.scenes.files.point_cloud import read_voxels
+from aosplan.scenes.files.toml_file import read_scene_file
+from aosplan.scenes.files.voxel_file import (
+    Stand,
+    stand_npz,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 pytest.importorskip("lazrs")
 
@@ -268,15 +274,18 @@ def test_a_saved_scene_asks_for_no_measurement(saved, monkeypatch):
     def never(*_, **__):
         raise AssertionError
 
-    monkeypatch.setattr("aosplan.models.correlogram.correlogram", never)
-    monkeypatch.setattr("aosplan.estimate.layered_scene", never)
+    monkeypatch.setattr("aosplan.scenes.correlogram.correlogram", never)
+    monkeypatch.setattr("aosplan.scenes.occluder_statistics.layered_scene", never)
     for kind in ("npz", "toml"):
         assert planned(saved[kind], vhat=0.3).model == "measured"
         assert run(["scene", str(saved[kind]), "--quiet"]) == 0
 
 
 def test_the_density_by_angle_is_that_of_single_views(saved, capsys):
-    from aosplan.occlusion import Occlusion, popcount
+    from aosplan.scenes.occlusion import (
+        Occlusion,
+        popcount,
+    )
 
     assert run(["scene", str(saved["laz"]), "--json", "--quiet"]) == 0
     pairs = json.loads(capsys.readouterr().out)["density_by_angle"]

@@ -8,17 +8,23 @@ import pytest
 from forests import STANDS, clumped_forest
 from reference import exact
 
-from aosplan.cli.drawing import grid_picture
-from aosplan.flight import path_of
-from aosplan.mission import local_sites
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.flight.kinematics import path_of
+from aosplan.grid.patterns import pattern_for
+from aosplan.grid.spiral import Spiral
+from aosplan.mission.mission import local_sites
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.sites import pattern_shortfall, positions_shortfall
+from aosplan.models.positions import (
+    pattern_shortfall,
+    positions_shortfall,
+)
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import pattern_for
-from aosplan.scene import Layer
-from aosplan.spiral import Spiral
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.scene import Layer
+from aosplan.show.text.grid_drawing import grid_picture
 
 COUNTS = (1, 2, 3, 4, 5, 12, 13, 50, 51, 200)
 PITCHES = (1.0, 1.5, 2.0, 4.0, 6.5)

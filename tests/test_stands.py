@@ -9,8 +9,8 @@ import pytest
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.models.equations import required_samples
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 laspy = pytest.importorskip("laspy")
 pytest.importorskip("lazrs")

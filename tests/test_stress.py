@@ -10,10 +10,13 @@ from fractions import Fraction
 import pytest
 from reference import exact, stress
 
-from aosplan.geometry import coverage_baseline
+from aosplan.camera.disparity import coverage_baseline
 from aosplan.models import equations
 from aosplan.models.layered import LayeredModel
-from aosplan.scene import Layer, Slab
+from aosplan.scenes.scene import (
+    Layer,
+    Slab,
+)
 
 BOUND_ULPS = 4.0
 

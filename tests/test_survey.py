@@ -479,7 +479,7 @@ def test_integrals_are_what_a_line_of_as_many_photos_shows():
 
 
 def test_a_camera_that_is_too_slow_spreads_its_photos():
-    from aosplan.continuous import continuous_of
+    from aosplan.models.rolling import continuous_of
     from aosplan.models.uniform import UniformModel
 
     model = UniformModel(0.567, 0.433, 2.8)

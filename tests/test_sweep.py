@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 from sweeps import results_of
 
 from aosplan.errors import AosplanError
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.sweep import scenarios as scenarios_module
-from aosplan.sweep.scenarios import Crossing, column_of, read_scenarios
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.sweeps import scenarios as scenarios_module
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    column_of,
+    read_scenarios,
+)
 
 pl = pytest.importorskip("polars")
 
@@ -260,9 +264,12 @@ def test_numbers_that_a_plan_does_not_have_are_nan():
 def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatch):
     from forests import STANDS, clumped_forest
 
-    from aosplan.models import correlogram as correlogram_module
-    from aosplan.sweep import rows
-    from aosplan.voxel_file import Stand, stand_npz
+    from aosplan.scenes import correlogram as correlogram_module
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        stand_npz,
+    )
+    from aosplan.sweeps import row_solver as rows
 
     volume = clumped_forest(STANDS["beech"], side_m=12.0, voxel_m=0.5)
     (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(volume)))

@@ -9,19 +9,31 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sweeps import by_plan, results_of
 
-from aosplan.models.sites import pattern_shortfall
+from aosplan.grid.patterns import pattern_for
+from aosplan.models.positions import pattern_shortfall
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import pattern_for
-from aosplan.planning import plan
-from aosplan.problem import TOLERANCE, GridKind, Problem, Requirement
-from aosplan.request import PlanRequest
-from aosplan.solve import fewest_at
-from aosplan.sweep import lattices
-from aosplan.sweep.columns import solve_columns
-from aosplan.sweep.frame import solve_block
-from aosplan.sweep.rows import RESULTS, WHOLE
-from aosplan.sweep.scenarios import Crossing, column_of, read_scenarios
-from aosplan.sweep.verdicts import STATUSES
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.solver.problem import (
+    TOLERANCE,
+    GridKind,
+    Problem,
+    Requirement,
+)
+from aosplan.solver.solve_monotone import fewest_at
+from aosplan.sweeps.block_frame import solve_block
+from aosplan.sweeps.row_solver import (
+    RESULTS,
+    WHOLE,
+)
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    column_of,
+    read_scenarios,
+)
+from aosplan.sweeps.status import STATUSES
+from aosplan.sweeps.vectorized import grids as lattices
+from aosplan.sweeps.vectorized.solve import solve_columns
 
 pytest.importorskip("polars")
 

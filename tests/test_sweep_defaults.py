@@ -7,10 +7,14 @@ import pytest
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.request import request_from
-from aosplan.sweep.defaults import with_defaults
-from aosplan.sweep.outline import scenario
-from aosplan.sweep.scenarios import Crossing, Table, column_of
+from aosplan.planning.request import request_from
+from aosplan.sweeps.grouping import scenario
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    Table,
+    column_of,
+)
+from aosplan.sweeps.user_defaults import with_defaults
 
 pytest.importorskip("polars")
 

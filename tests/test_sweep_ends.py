@@ -9,8 +9,8 @@ import time
 import pytest
 from campaigns import CAMPAIGN, sweep
 
-from aosplan.sweep import run as run_module
-from aosplan.sweep import scenarios as scenarios_module
+from aosplan.sweeps import run as run_module
+from aosplan.sweeps import scenarios as scenarios_module
 
 pl = pytest.importorskip("polars")
 

@@ -14,16 +14,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from aosplan.documents import json_schema
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.sweep import gather as gather_module
-from aosplan.sweep import outline as outline_module
-from aosplan.sweep import scenarios as scenarios_module
-from aosplan.sweep import summary as summary_module
-from aosplan.sweep.outline import outline
-from aosplan.sweep.scenarios import Crossing, Table, column_of, read_scenarios
-from aosplan.sweep.summary import MEDIAN_ERROR, bins_of, exact_sum, value_of
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.request_file import json_schema
+from aosplan.sweeps import aggregate as gather_module
+from aosplan.sweeps import grouping as outline_module
+from aosplan.sweeps import scenarios as scenarios_module
+from aosplan.sweeps import summary as summary_module
+from aosplan.sweeps.grouping import outline
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    Table,
+    column_of,
+    read_scenarios,
+)
+from aosplan.sweeps.summary import (
+    MEDIAN_ERROR,
+    bins_of,
+    exact_sum,
+    value_of,
+)
 
 pl = pytest.importorskip("polars")
 
@@ -265,7 +275,7 @@ def test_the_objective_is_what_the_sweep_optimises(tmp_path, capsys, optimize, c
 
 
 def interrupted_after(monkeypatch, parts, seen):
-    from aosplan.sweep import run as run_module
+    from aosplan.sweeps import run as run_module
 
     solve = run_module.solve_part
 
@@ -308,7 +318,7 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
 
 
 def test_an_interrupted_simulation_sweeps_nothing_again(campaign, tmp_path, capsys, monkeypatch):
-    from aosplan.sweep import verify
+    from aosplan.sweeps import verify
 
     line = [campaign, "--json", "--simulate", 1, "--precision", 0.2]
     assert sweep(*line) == 0

@@ -11,15 +11,22 @@ from jsonschema import Draft202012Validator
 from scipy import stats
 
 from aosplan.cli.app import run as run_command
-from aosplan.documents import json_schema
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.simulate.compare import Settings, simulate
-from aosplan.sweep import scenarios as scenarios_module
-from aosplan.sweep import verify as v
-from aosplan.sweep.frame import solve_block
-from aosplan.sweep.outline import outline
-from aosplan.sweep.scenarios import Crossing, Table, column_of
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.request_file import json_schema
+from aosplan.simulation.compare import (
+    Settings,
+    simulate,
+)
+from aosplan.sweeps import scenarios as scenarios_module
+from aosplan.sweeps import verify as v
+from aosplan.sweeps.block_frame import solve_block
+from aosplan.sweeps.grouping import outline
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    Table,
+    column_of,
+)
 
 pytest.importorskip("polars")
 

@@ -10,7 +10,7 @@ import json
 import pytest
 
 from aosplan.cli.app import run
-from aosplan.sweep.scenarios import read_scenarios
+from aosplan.sweeps.scenarios import read_scenarios
 
 pl = pytest.importorskip("polars")
 pytestmark = pytest.mark.usefixtures("folder")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from aosplan.cli.tables import _profile
+from aosplan.show.text.tables import _profile
 
 
 def shares(bands):

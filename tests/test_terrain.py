@@ -15,8 +15,12 @@ from terrains import EAST, LINZ, NORTH, UTM, hills, planned, saved, slope, surfa
 
 from aosplan.cli.app import run
 from aosplan.errors import InfeasibleError
+from aosplan.flight.terrain import (
+    Terrain,
+    highest_m,
+    raised,
+)
 from aosplan.geodesy import to_local, to_wgs84
-from aosplan.terrain import Terrain, highest_m, raised
 
 rasterio = pytest.importorskip("rasterio")
 from rasterio.transform import Affine, from_origin  # noqa: E402

@@ -11,19 +11,32 @@ from forests import STANDS, clumped_forest
 from jsonschema import Draft202012Validator
 
 from aosplan.cli.app import run
-from aosplan.documents import json_schema
 from aosplan.errors import RequestError
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.sites import positions_shortfall
+from aosplan.models.positions import positions_shortfall
 from aosplan.models.uniform import UniformModel
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.recorded import read_views
-from aosplan.request import PlanRequest
-from aosplan.scene import Layer
-from aosplan.thin import correlations, exchanged, fewest_shared, jointly, shortfall, thin
-from aosplan.thinning import thinned
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.request_file import json_schema
+from aosplan.postflight.best_views import (
+    correlations,
+    exchanged,
+    fewest_shared,
+    jointly,
+    shortfall,
+    thin,
+)
+from aosplan.postflight.thin import thinned
+from aosplan.postflight.views import read_views
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.scene import Layer
 
 
 def triangles(spacing):
@@ -240,7 +253,10 @@ def test_names_of_photos_are_written(tmp_path, monkeypatch, capsys):
 
 
 def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
-    from aosplan.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        stand_npz,
+    )
 
     (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(FOREST)))
     x, y = np.meshgrid(np.linspace(-14, 14, 12), np.linspace(-14, 14, 12))

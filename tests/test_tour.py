@@ -12,11 +12,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapes import outlines
 
-from aosplan.area import MARGIN_M
-from aosplan.detour import Zones
+from aosplan.areas.area import MARGIN_M
+from aosplan.areas.no_fly import Zones
+from aosplan.areas.tour import (
+    shortest_m,
+    total,
+    tour_of,
+)
 from aosplan.errors import RequestError
-from aosplan.flight import Timing
-from aosplan.tour import shortest_m, total, tour_of
+from aosplan.flight.kinematics import Timing
 
 STRIDE = 40
 LENGTHS = SimpleNamespace(leg_s=float, fly_through=False)

@@ -8,10 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.errors import RequestError
-from aosplan.pattern import LATTICES
-from aosplan.planning import plan
-from aosplan.request import PlanRequest, request_from
-from aosplan.trigger import Sites, with_turns
+from aosplan.flight.photo_trigger import (
+    Sites,
+    with_turns,
+)
+from aosplan.grid.patterns import LATTICES
+from aosplan.planning.planner import plan
+from aosplan.planning.request import (
+    PlanRequest,
+    request_from,
+)
 
 
 def passing(**values):

@@ -6,14 +6,22 @@ import numpy as np
 import pytest
 from forests import STANDS, clumped_forest
 
-from aosplan.models import Prediction
+from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import Pattern
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
-from aosplan.uncertainty import SMALLEST_QUARTER, of_parts, of_targets, quarters
-from aosplan.voxel_file import Stand, stand_npz
-from aosplan.voxels import VoxelVolume
+from aosplan.models.model import Prediction
+from aosplan.models.uncertainty import (
+    SMALLEST_QUARTER,
+    of_parts,
+    of_targets,
+    quarters,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.voxel_file import (
+    Stand,
+    stand_npz,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 
 def statistics(hidden):
@@ -143,8 +151,8 @@ def test_models_of_statistics_compare_quarters_of_a_cloud(stand, model):
     assert errors["method"] == "4 parts of the plot"
     assert 0.0 < errors["density"] < 0.2
     assert plan(request).document()["visibility"]["edges"] is None
-    from aosplan.estimate import layered_scene
     from aosplan.models.layered import LayeredModel
+    from aosplan.scenes.occluder_statistics import layered_scene
 
     if model == "layered":
         volume = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)

@@ -11,9 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.errors import AosplanError, RequestError
-from aosplan.models.correlogram import correlogram
-from aosplan.voxel_file import Stand, read_stand, stand_npz
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.correlogram import correlogram
+from aosplan.scenes.files.voxel_file import (
+    Stand,
+    read_stand,
+    stand_npz,
+)
+from aosplan.scenes.voxels import VoxelVolume
 
 FOREST = VoxelVolume(
     clumped_forest(STANDS["beech"], side_m=6.1).occupied,
@@ -130,7 +134,7 @@ def test_pickles_are_never_opened(tmp_path):
 
 
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("aosplan.voxel_file.MOST_OCTETS", 100_000)
+    monkeypatch.setattr("aosplan.scenes.files.voxel_file.MOST_OCTETS", 100_000)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("occupied.npy", b"\0" * 1_000_000)

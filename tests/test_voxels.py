@@ -7,9 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan import voxels
 from aosplan.errors import RequestError
-from aosplan.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
+from aosplan.scenes import voxels
+from aosplan.scenes.voxels import (
+    VoxelVolume,
+    cells_along,
+    fill,
+    fits,
+    footprint,
+    too_many_voxels,
+)
 
 
 def volume(occupied, **given):

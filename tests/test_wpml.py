@@ -8,7 +8,10 @@ from flights import KML, WPML, documents_of, grid, missions, texts, written
 from hypothesis import given, settings
 
 from aosplan.errors import RequestError
-from aosplan.presets.dji import DRONES, PAYLOADS
+from aosplan.mission.dji_models import (
+    DRONES,
+    PAYLOADS,
+)
 
 ENUMS = {
     "flyToWaylineMode": {"safely", "pointToPoint"},

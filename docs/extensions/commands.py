@@ -5,10 +5,10 @@ from importlib import import_module
 from inspect import getclosurevars
 from re import fullmatch
 
-from aosplan import options as table
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.cli.app import COMMANDS, GROUP
-from aosplan.options import BY_NAME
+from aosplan.planning import options as table
+from aosplan.planning.options import BY_NAME
 
 UNITS = {
     "M": "metres",
@@ -37,7 +37,7 @@ DOMAINS = {
     table.heading_or_auto: "any number, `best`, or `auto`",
     table.payload: "a payload of [](presets.md#payloads)",
 }
-"""What the parsers of `aosplan.options` accept."""
+"""What the parsers of `aosplan.planning.options` accept."""
 
 
 def domain(parse):

@@ -2,7 +2,10 @@
 
 import re
 
-from aosplan.documents import DOCUMENTS, json_schema
+from aosplan.planning.request_file import (
+    DOCUMENTS,
+    json_schema,
+)
 
 UNITS = {
     "m": "m",

@@ -1,11 +1,11 @@
 """What is built in, as Markdown: cameras, drones, scenes, formats, payloads."""
 
-from aosplan.camera import Camera
-from aosplan.export import formats as known_formats
-from aosplan.presets.cameras import CAMERAS
-from aosplan.presets.dji import PAYLOADS
-from aosplan.presets.drones import DRONES
-from aosplan.presets.scenes import SCENES
+from aosplan.camera.camera import Camera
+from aosplan.camera.presets import CAMERAS
+from aosplan.flight.drones import DRONES
+from aosplan.mission.dji_models import PAYLOADS
+from aosplan.mission.export import formats as known_formats
+from aosplan.scenes.presets import SCENES
 
 INTRINSICS = (
     "focal_length_mm",

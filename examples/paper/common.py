@@ -12,9 +12,12 @@ from PIL import Image
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-from aosplan.occlusion import Window
-from aosplan.simulate.forests import clumped_forest, generator
-from aosplan.simulate.voxels import VoxelViews
+from aosplan.scenes.occlusion import Window
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+)
+from aosplan.simulation.voxel_views import VoxelViews
 
 RESULTS = Path(__file__).parent / "results"
 

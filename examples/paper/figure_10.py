@@ -13,11 +13,17 @@ import numpy as np
 from common import plt, save, stand, write_csv
 from PIL import Image
 
-from aosplan.occlusion import Occlusion, Window
-from aosplan.recordings.choice import Choice
-from aosplan.recordings.recording import Recording
-from aosplan.similarity import similarity
-from aosplan.simulate.picture import LEAVES, resolution_chart
+from aosplan.postflight.integral.recording import Recording
+from aosplan.postflight.integral.view_subset import Choice
+from aosplan.scenes.occlusion import (
+    Occlusion,
+    Window,
+)
+from aosplan.simulation.pictures import (
+    LEAVES,
+    resolution_chart,
+)
+from aosplan.simulation.ssim import similarity
 
 ALTITUDE_M, PITCH_M, VIEWS = 40.0, 2.0, 504
 RULE_M = 2.8

@@ -4,9 +4,13 @@ import numpy as np
 from common import agreement, plt, save, write_csv
 
 from aosplan import visibility
-from aosplan.simulate.forests import generator
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.noise import blocked_views, counts_of, grid_shifts
+from aosplan.simulation.forests import generator
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.noise_patterns import (
+    blocked_views,
+    counts_of,
+    grid_shifts,
+)
 
 P, OCCLUDER_PX, SIDE = 0.25, 5, 10
 DISPARITIES = (0, 1, 2, 3, 4, 5, 7, 10)

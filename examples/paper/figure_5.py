@@ -6,9 +6,13 @@ import numpy as np
 from common import agreement, beside, plt, save, write_csv
 
 from aosplan import normalized_visibility, required_samples, visibility, visibility_limits
-from aosplan.simulate.forests import generator
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.noise import blocked_views, counts_of, grid_shifts
+from aosplan.simulation.forests import generator
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.noise_patterns import (
+    blocked_views,
+    counts_of,
+    grid_shifts,
+)
 
 SAMPLES = (1, 2, 5, 10, 50)
 POINTS = (0.1, 0.3, 0.5, 0.7, 0.9)

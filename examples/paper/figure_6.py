@@ -7,7 +7,7 @@ import numpy as np
 from common import ALTITUDE_M, OCCLUDER_M, beside, plt, save, stand, write_csv
 
 from aosplan import PlanRequest, integrated_density, plan
-from aosplan.geometry import coverage_share
+from aosplan.camera.disparity import coverage_share
 
 
 def main():

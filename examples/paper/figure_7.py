@@ -17,11 +17,11 @@ from common import (
 )
 
 from aosplan import aperture, normalized_visibility
-from aosplan.mission import local_sites
+from aosplan.grid.patterns import pattern_for
+from aosplan.mission.mission import local_sites
 from aosplan.models.measured import MeasuredModel
-from aosplan.pattern import pattern_for
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import VoxelViews
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.voxel_views import VoxelViews
 
 DHATS = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)
 SIDES = (1, 2, 3, 4, 5, 6, 7, 8, 9)

@@ -11,9 +11,15 @@ from common import (
     write_csv,
 )
 
-from aosplan.similarity import similarity
-from aosplan.simulate.moments import Counts, estimate
-from aosplan.simulate.picture import integral_image, resolution_chart
+from aosplan.simulation.moments import (
+    Counts,
+    estimate,
+)
+from aosplan.simulation.pictures import (
+    integral_image,
+    resolution_chart,
+)
+from aosplan.simulation.ssim import similarity
 
 SIDES = (1, 3, 5, 7, 10)
 BASELINES_M = (0.5, 1.0, 2.0, 3.5, 5.0)

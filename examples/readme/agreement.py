@@ -10,15 +10,26 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from aosplan import PlanRequest, plan
-from aosplan.estimate import layered_scene
-from aosplan.mission import local_sites
-from aosplan.models.correlogram import correlogram
-from aosplan.plots.style import LIGHT, LINES, MARKERS, rules
-from aosplan.resolve import ResolvedScene
-from aosplan.simulate.compare import Settings, simulate
-from aosplan.simulate.forests import clumped_forest, generator
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import VoxelViews
+from aosplan.mission.mission import local_sites
+from aosplan.planning.inputs import ResolvedScene
+from aosplan.scenes.correlogram import correlogram
+from aosplan.scenes.occluder_statistics import layered_scene
+from aosplan.show.figures.style import (
+    LIGHT,
+    LINES,
+    MARKERS,
+    rules,
+)
+from aosplan.simulation.compare import (
+    Settings,
+    simulate,
+)
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+)
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.voxel_views import VoxelViews
 
 HERE = Path(__file__).parent
 STAND = str(HERE.parent / "stand.toml")
@@ -133,7 +144,7 @@ def draw(figure):
 
 
 ROUNDING = 0.01
-"""What making slices of voxels does to V̂, about: `aosplan.simulate.compare` states it exactly."""
+"""What making slices of voxels does to V̂, about: `aosplan.simulation.compare` states it exactly."""
 
 
 if __name__ == "__main__":

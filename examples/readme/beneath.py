@@ -13,11 +13,14 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import uniform_filter
 
 from aosplan import PlanRequest, plan
-from aosplan.mission import local_sites
-from aosplan.occlusion import Window
-from aosplan.simulate.forests import clumped_forest, generator
-from aosplan.simulate.moments import estimate
-from aosplan.simulate.voxels import VoxelViews
+from aosplan.mission.mission import local_sites
+from aosplan.scenes.occlusion import Window
+from aosplan.simulation.forests import (
+    clumped_forest,
+    generator,
+)
+from aosplan.simulation.moments import estimate
+from aosplan.simulation.voxel_views import VoxelViews
 
 HERE = Path(__file__).parent
 

@@ -13,9 +13,15 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from aosplan.lidar import read_voxels
-from aosplan.occlusion import Occlusion, Window
-from aosplan.simulate.picture import LEAVES, resolution_chart
+from aosplan.scenes.files.point_cloud import read_voxels
+from aosplan.scenes.occlusion import (
+    Occlusion,
+    Window,
+)
+from aosplan.simulation.pictures import (
+    LEAVES,
+    resolution_chart,
+)
 
 GROUND_PX, PHOTO_PX, CHART_PX = 320, 220, 96
 PIXELS_A_VOXEL = 2

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # as type checkers know it, without importing typing
 if TYPE_CHECKING:
-    from aosplan.camera import Camera as Camera
+    from aosplan.camera.camera import Camera as Camera
     from aosplan.errors import AosplanError as AosplanError
     from aosplan.errors import InfeasibleError as InfeasibleError
     from aosplan.errors import RequestError as RequestError
@@ -23,36 +23,36 @@ if TYPE_CHECKING:
     from aosplan.models.equations import visibility_shortfall as visibility_shortfall
     from aosplan.models.layered import layered_shortfall as layered_shortfall
     from aosplan.models.layered import layered_visibility as layered_visibility
-    from aosplan.models.sites import lattice_shortfall as lattice_shortfall
-    from aosplan.models.sites import positions_shortfall as positions_shortfall
-    from aosplan.planning import Plan as Plan
-    from aosplan.planning import plan as plan
-    from aosplan.request import PlanRequest as PlanRequest
-    from aosplan.scene import Layer as Layer
-    from aosplan.scene import LayeredScene as LayeredScene
-    from aosplan.scene import UniformScene as UniformScene
+    from aosplan.models.positions import lattice_shortfall as lattice_shortfall
+    from aosplan.models.positions import positions_shortfall as positions_shortfall
+    from aosplan.planning.planner import Plan as Plan
+    from aosplan.planning.planner import plan as plan
+    from aosplan.planning.request import PlanRequest as PlanRequest
+    from aosplan.scenes.scene import Layer as Layer
+    from aosplan.scenes.scene import LayeredScene as LayeredScene
+    from aosplan.scenes.scene import UniformScene as UniformScene
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "AosplanError": "errors",
-    "Camera": "camera",
+    "Camera": "camera.camera",
     "InfeasibleError": "errors",
-    "Layer": "scene",
-    "LayeredScene": "scene",
-    "Plan": "planning",
-    "PlanRequest": "request",
+    "Layer": "scenes.scene",
+    "LayeredScene": "scenes.scene",
+    "Plan": "planning.planner",
+    "PlanRequest": "planning.request",
     "RequestError": "errors",
-    "UniformScene": "scene",
+    "UniformScene": "scenes.scene",
     "aperture": "models.equations",
     "integrated_density": "models.equations",
-    "lattice_shortfall": "models.sites",
+    "lattice_shortfall": "models.positions",
     "layered_shortfall": "models.layered",
     "layered_visibility": "models.layered",
     "mean_squared_error": "models.equations",
     "normalized_visibility": "models.equations",
-    "plan": "planning",
-    "positions_shortfall": "models.sites",
+    "plan": "planning.planner",
+    "positions_shortfall": "models.positions",
     "required_samples": "models.equations",
     "slice_density": "models.equations",
     "transparency": "models.equations",

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from typing import Literal
 
-from aosplan.checked import Finite, OpenDocument, Pair
+from aosplan.validation import (
+    Finite,
+    OpenDocument,
+    Pair,
+)
 
 
 class AreaDocument(OpenDocument):
-    """What is covered of an area (`aosplan.survey.Survey`)."""
+    """What is covered of an area (`aosplan.areas.survey.Survey`)."""
 
     origin: Pair
     area_m2: Finite

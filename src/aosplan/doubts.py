@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from aosplan.models.measured import Flown
-    from aosplan.problem import Problem, Solution
-    from aosplan.resolve import ResolvedScene
-    from aosplan.sensitivity import Change
-    from aosplan.task import Task
-    from aosplan.uncertainty import Uncertainty
+    from aosplan.models.uncertainty import Uncertainty
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.sensitivity import Change
+    from aosplan.planning.setup import Task
+    from aosplan.solver.problem import (
+        Problem,
+        Solution,
+    )
 
 
 class Doubts(NamedTuple):
@@ -26,7 +29,7 @@ def doubts_of(task: Task, found: ResolvedScene, problem: Problem, solution: Solu
     """Doubts about a solution: what is known at once, and the sensitivity where it is asked for."""
     changes: tuple[Change, ...] = ()
     if task.request.sensitivity:
-        from aosplan.sensitivity import changes_of
+        from aosplan.planning.sensitivity import changes_of
 
         changes = tuple(changes_of(task, found, solution))
     if task.model == "measured":
@@ -40,7 +43,7 @@ def doubts_of(task: Task, found: ResolvedScene, problem: Problem, solution: Solu
 
 def _measured(problem: Problem, solution: Solution) -> tuple[Uncertainty | str, Flown | None]:
     from aosplan.models.measured import MeasuredModel
-    from aosplan.uncertainty import of_targets
+    from aosplan.models.uncertainty import of_targets
 
     model, plan = problem.model, (solution.pattern, solution.baseline_m)
     if not isinstance(model, MeasuredModel):
@@ -58,10 +61,13 @@ def _of_statistics(task: Task, found: ResolvedScene, solution: Solution) -> Unce
         return "the scene is given by its numbers, which are taken as exact"
 
     from aosplan.errors import RequestError
-    from aosplan.estimate import layered_scene
-    from aosplan.models import Prediction
-    from aosplan.scene import LayeredScene
-    from aosplan.uncertainty import of_parts, quarters
+    from aosplan.models.model import Prediction
+    from aosplan.models.uncertainty import (
+        of_parts,
+        quarters,
+    )
+    from aosplan.scenes.occluder_statistics import layered_scene
+    from aosplan.scenes.scene import LayeredScene
 
     predictions = []
     try:

@@ -5,24 +5,40 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.answer import rounded_up
 from aosplan.errors import RequestError
-from aosplan.layout import Layout, over_area
-from aosplan.models import Prediction
-from aosplan.problem import GridKind, Problem, Solution
-from aosplan.resolve import altitude_of, camera_of
-from aosplan.route import Route, lay
-from aosplan.task import Task, kinds_of
+from aosplan.models.model import Prediction
+from aosplan.planning.inputs import (
+    altitude_of,
+    camera_of,
+)
+from aosplan.planning.route import (
+    Route,
+    lay,
+)
+from aosplan.planning.setup import (
+    Task,
+    kinds_of,
+)
+from aosplan.planning.sites import (
+    Layout,
+    over_area,
+)
+from aosplan.solver.problem import (
+    GridKind,
+    Problem,
+    Solution,
+)
+from aosplan.solver.solution import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from aosplan.area import Area
-    from aosplan.geometry import CoverageBaseline
-    from aosplan.problem import Trying
-    from aosplan.request import PlanRequest
-    from aosplan.resolve import ResolvedScene
-    from aosplan.scene import Scene
+    from aosplan.areas.area import Area
+    from aosplan.camera.disparity import CoverageBaseline
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.request import PlanRequest
+    from aosplan.scenes.scene import Scene
+    from aosplan.solver.problem import Trying
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
 """The smallest model that fits a kind of scene."""
@@ -73,7 +89,7 @@ def draft_of(
     Parameters
     ----------
     request, folder, trying
-        As of `aosplan.planning.plan`.
+        As of `aosplan.planning.planner.plan`.
     scene
         Finds the scene of a request.
     kept

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes
-from aosplan.quantities import number
+from aosplan.units import number
 
 NAMES = (("east_m", "north_m"), ("x_m", "y_m"), ("x", "y"), ("east", "north"))
 """Names that the two columns may have."""
@@ -29,7 +29,11 @@ def read_positions(path: str) -> list[tuple[float, float]]:
         Where there is no header with two known columns, no row, or a row without two numbers;
         the message names the line.
     """
-    from aosplan.places import SUFFIXES, local_m, read_places
+    from aosplan.postflight.positions import (
+        SUFFIXES,
+        local_m,
+        read_places,
+    )
 
     if os.path.splitext(path)[1].lower() in SUFFIXES:
         places = read_places(path)

@@ -12,20 +12,30 @@ from pathlib import Path
 import matplotlib as mpl
 from PIL import Image
 
-from aosplan.estimate import layered_scene
-from aosplan.planning import plan
-from aosplan.plots import KINDS
-from aosplan.plots.canvas import Look, rendered
-from aosplan.plots.correlogram import correlations_of
-from aosplan.plots.curve import curve_of
-from aosplan.plots.density import density_of
-from aosplan.plots.grid import grid_of
-from aosplan.plots.style import DARK
-from aosplan.plots.sweep import Cell, Map, Scatter
-from aosplan.plots.tradeoff import tradeoff_of
-from aosplan.plots.visibility import visibility_of
-from aosplan.request import PlanRequest
-from aosplan.resolve import ResolvedScene, scene_of
+from aosplan.planning.inputs import (
+    ResolvedScene,
+    scene_of,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.occluder_statistics import layered_scene
+from aosplan.show.figures.canvas import (
+    Look,
+    rendered,
+)
+from aosplan.show.figures.correlogram import correlations_of
+from aosplan.show.figures.coverage_curve import curve_of
+from aosplan.show.figures.density import density_of
+from aosplan.show.figures.draw import KINDS
+from aosplan.show.figures.grid import grid_of
+from aosplan.show.figures.style import DARK
+from aosplan.show.figures.sweep import (
+    Cell,
+    Map,
+    Scatter,
+)
+from aosplan.show.figures.tradeoff import tradeoff_of
+from aosplan.show.figures.visibility import visibility_of
 
 FOLDER = Path(__file__).parent
 VERSION = FOLDER / "VERSION"

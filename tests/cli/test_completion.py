@@ -13,13 +13,13 @@ from importlib import import_module
 import pytest
 from command_line import process
 
+from aosplan.camera.presets import CAMERAS
 from aosplan.cli.app import COMMANDS, run
 from aosplan.cli.completion import OWN, SCRIPTS, VALUES, candidates
 from aosplan.errors import AosplanError
-from aosplan.options import OPTIONS
-from aosplan.presets.cameras import CAMERAS
-from aosplan.presets.drones import DRONES
-from aosplan.presets.scenes import SCENES
+from aosplan.flight.drones import DRONES
+from aosplan.planning.options import OPTIONS
+from aosplan.scenes.presets import SCENES
 
 
 def words(*line):

@@ -4,9 +4,19 @@ import re
 
 import pytest
 
-from aosplan.cli.drawing import ASCII, HEIGHT, UNICODE, flight_picture, grid_picture, to_scale
-from aosplan.pattern import Pattern, pattern_for
-from aosplan.spiral import Spiral
+from aosplan.grid.patterns import (
+    Pattern,
+    pattern_for,
+)
+from aosplan.grid.spiral import Spiral
+from aosplan.show.text.grid_drawing import (
+    ASCII,
+    HEIGHT,
+    UNICODE,
+    flight_picture,
+    grid_picture,
+    to_scale,
+)
 
 PATTERNS = [
     pattern_for("trimmed", 50),

@@ -76,7 +76,7 @@ def call_back():
 
 class Interrupting:
     def find_spec(self, name, path, target=None):
-        if name == "aosplan.planning":
+        if name == "aosplan.planning.planner":
             {then}
 
 sys.meta_path.insert(0, Interrupting())

@@ -16,7 +16,7 @@ from recorded import sites, write_recording
 import aosplan
 from aosplan import PlanRequest, plan
 from aosplan.cli.app import COMMANDS, run
-from aosplan.options import OPTIONS
+from aosplan.planning.options import OPTIONS
 
 
 def test_help_lists_every_command(command):

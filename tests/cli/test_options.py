@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 from command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent
 
-from aosplan.options import OPTIONS
+from aosplan.planning.options import OPTIONS
 
 STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
 STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]

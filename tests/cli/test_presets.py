@@ -2,8 +2,8 @@
 
 import pytest
 
-from aosplan.presets.cameras import CAMERAS
-from aosplan.presets.scenes import SCENES
+from aosplan.camera.presets import CAMERAS
+from aosplan.scenes.presets import SCENES
 
 
 @pytest.mark.parametrize(("name", "known"), [("cameras", CAMERAS), ("scenes", SCENES)])

@@ -9,7 +9,12 @@ import pytest
 from command_line import on_a_terminal, process
 
 import aosplan
-from aosplan.cli import screen, tables
+from aosplan.show.text import (
+    tables,
+)
+from aosplan.show.text import (
+    terminal as screen,
+)
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*m")
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-7]|4[0-7]|38|48|9[0-7])[0-9;]*m")

@@ -10,9 +10,12 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
-from aosplan.export import formats, render
-from aosplan.planning import plan
-from aosplan.request import PlanRequest
+from aosplan.mission.export import (
+    formats,
+    render,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 FOLDER = Path(__file__).parent
 

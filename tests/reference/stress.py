@@ -16,17 +16,31 @@ import mpmath
 import numpy as np
 
 import aosplan
-from aosplan import geometry
-from aosplan.models import Prediction, equations
-from aosplan.models.correlogram import CorrelogramModel, correlogram
+from aosplan.camera import disparity as geometry
+from aosplan.grid.patterns import (
+    Pattern,
+    Sites,
+    pattern_for,
+)
+from aosplan.models import equations
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.sites import lattice_shortfall, positions_shortfall
+from aosplan.models.model import Prediction
+from aosplan.models.positions import (
+    lattice_shortfall,
+    positions_shortfall,
+)
 from aosplan.models.uniform import UniformModel
-from aosplan.occlusion import Occlusion
-from aosplan.pattern import Pattern, Sites, pattern_for
-from aosplan.scene import Layer, Slab
-from aosplan.voxels import VoxelVolume
+from aosplan.scenes.correlogram import (
+    CorrelogramModel,
+    correlogram,
+)
+from aosplan.scenes.occlusion import Occlusion
+from aosplan.scenes.scene import (
+    Layer,
+    Slab,
+)
+from aosplan.scenes.voxels import VoxelVolume
 from reference import exact
 
 ULP = math.ulp(1.0)

@@ -66,7 +66,7 @@ def _show_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
 def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
     if shell is not None:
         from aosplan.cli.completion import install
-        from aosplan.cli.screen import say
+        from aosplan.show.text.terminal import say
 
         path, left = install(shell)
         print(f"Wrote {path}; it takes effect in the next shell.")
@@ -189,14 +189,14 @@ def _write_what_can_be_shown() -> None:
         if isinstance(stream, io.TextIOWrapper):
             errors = "replace"  # of what is no Unicode, such as parts of a file's name
             if not stream.encoding.lower().startswith("utf"):
-                from aosplan.cli.screen import HANDLER
+                from aosplan.show.text.terminal import HANDLER
 
                 errors = HANDLER
             stream.reconfigure(errors=errors)
 
 
 def _report(message: str, hint: str, status: int) -> int:
-    from aosplan.cli.screen import say
+    from aosplan.show.text.terminal import say
 
     try:
         say("error", _one_line(message))

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from aosplan.camera.presets import CAMERAS
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
-from aosplan.presets.cameras import CAMERAS
-from aosplan.resolve import find_camera
+from aosplan.planning.inputs import find_camera
 
 
 def run(*, as_json: bool) -> None:
@@ -13,7 +13,7 @@ def run(*, as_json: bool) -> None:
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in CAMERAS.items()])
         return
-    from aosplan.cli.tables import print_rows
+    from aosplan.show.text.tables import print_rows
 
     rows = []
     for name, preset in CAMERAS.items():

@@ -34,37 +34,37 @@ class Values(NamedTuple):
 
 
 def _scenes() -> Iterable[str]:
-    from aosplan.presets.scenes import SCENES
+    from aosplan.scenes.presets import SCENES
 
     return SCENES
 
 
 def _cameras() -> Iterable[str]:
-    from aosplan.presets.cameras import CAMERAS
+    from aosplan.camera.presets import CAMERAS
 
     return CAMERAS
 
 
 def _drones() -> Iterable[str]:
-    from aosplan.presets.drones import DRONES
+    from aosplan.flight.drones import DRONES
 
     return DRONES
 
 
 def _payloads() -> Iterable[str]:
-    from aosplan.presets.dji import PAYLOADS
+    from aosplan.mission.dji_models import PAYLOADS
 
     return PAYLOADS
 
 
 def _formats() -> Iterable[str]:
-    from aosplan.export import formats
+    from aosplan.mission.export import formats
 
     return formats()
 
 
 def _documents() -> Iterable[str]:
-    from aosplan.documents import DOCUMENTS
+    from aosplan.planning.request_file import DOCUMENTS
 
     return DOCUMENTS
 
@@ -83,48 +83,48 @@ FIGURE = (".png", ".svg", ".pdf")
 TABLE = (".csv", ".parquet", ".jsonl")
 
 VALUES = {
-    "altitude_frame": Values(_of("mission", "FRAMES")),
+    "altitude_frame": Values(_of("mission.mission", "FRAMES")),
     "area": Values(endings=AREA),
-    "autopilot": Values(_of("options", "AUTOPILOTS")),
+    "autopilot": Values(_of("planning.options", "AUTOPILOTS")),
     "camera": Values(_cameras, REQUEST),
     "clear": Values(endings=AREA),
     "defaults": Values(lambda: ("none",), (".toml",)),
     "document": Values(_documents),
     "drone": Values(_drones),
-    "forest": Values(_of("simulate.compare", "FORESTS")),
+    "forest": Values(_of("simulation.compare", "FORESTS")),
     "format": Values(_formats),
-    "grid": Values(_of("pattern", "GRIDS", "best")),
-    "ground": Values(_of("options", "GROUND")),
+    "grid": Values(_of("grid.patterns", "GRIDS", "best")),
+    "ground": Values(_of("planning.options", "GROUND")),
     "heading": Values(lambda: ("auto", "best")),
     "images": Values(endings=("/",)),
     "lane_pitch": Values(lambda: ("best",)),
     "lanes": Values(lambda: ("best",)),
-    "model": Values(_of("models", "MODELS")),
+    "model": Values(_of("models.model", "MODELS")),
     "no_fly": Values(endings=AREA),
     "occlusion_map": Values(endings=(".png",)),
-    "optimize": Values(_of("problem", "OBJECTIVES")),
+    "optimize": Values(_of("solver.problem", "OBJECTIVES")),
     "out": Values(endings=MISSION),
     "payload": Values(_payloads),
     "picture": Values(endings=(".png",)),
     "plan": Values(endings=REQUEST),
     "poses": Values(endings=(".json", ".txt", ".bin")),
     "positions": Values(endings=SITES),
-    "rays": Values(_of("models", "RAYS")),
+    "rays": Values(_of("models.model", "RAYS")),
     "request": Values(endings=REQUEST),
     "plot": Values(endings=FIGURE),
     "report": Values(endings=(".html",)),
     "save": Values(endings=(".toml", ".npz")),
     "scene": Values(_scenes, SCENE),
     "terrain": Values(endings=(".tif", ".tiff")),
-    "trigger": Values(_of("trigger", "TRIGGERS")),
-    "view": Values(_of("options", "VIEWS")),
+    "trigger": Values(_of("flight.photo_trigger", "TRIGGERS")),
+    "view": Values(_of("planning.options", "VIEWS")),
 }
 """What is completed, by the name of an option or argument; numbers and places are not."""
 
 OWN = {
     ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
     ("plot", "file"): Values(endings=(*REQUEST, *SCENE, *TABLE)),
-    ("plot", "kind"): Values(_of("plots", "KINDS")),
+    ("plot", "kind"): Values(_of("show.figures.draw", "KINDS")),
     ("plot", "out"): Values(endings=FIGURE),
     ("sweep", "file"): Values(endings=(".toml", ".csv", ".parquet")),
     ("sweep", "out"): Values(endings=TABLE),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
-from aosplan.presets.drones import DRONES
+from aosplan.flight.drones import DRONES
 
 
 def run(*, as_json: bool) -> None:
@@ -12,7 +12,7 @@ def run(*, as_json: bool) -> None:
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in DRONES.items()])
         return
-    from aosplan.cli.tables import print_rows
+    from aosplan.show.text.tables import print_rows
 
     rows = [
         (

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
-from aosplan.export import formats
+from aosplan.mission.export import formats
 
 if TYPE_CHECKING:
-    from aosplan.export import Format
-    from aosplan.limits import Limits
+    from aosplan.mission.export import Format
+    from aosplan.mission.limits import Limits
 
 
 def run(*, as_json: bool) -> None:
@@ -24,7 +24,12 @@ def run(*, as_json: bool) -> None:
             ]
         )
         return
-    from aosplan.cli.tables import one_line, print_pairs, print_rows, show
+    from aosplan.show.text.tables import (
+        one_line,
+        print_pairs,
+        print_rows,
+        show,
+    )
 
     rows = [
         (

@@ -12,17 +12,20 @@ from typer.core import TyperOption
 from aosplan import __version__
 from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
 from aosplan.cli.output import drawn, print_json
-from aosplan.cli.screen import say
 from aosplan.errors import RequestError
-from aosplan.quantities import number, positive
-from aosplan.summary import SCHEMA
+from aosplan.planning.document import SCHEMA
+from aosplan.show.text.terminal import say
+from aosplan.units import (
+    number,
+    positive,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from aosplan.recordings.integral import Integral
-    from aosplan.recordings.poses import Intrinsics
-    from aosplan.recordings.recording import Recording
+    from aosplan.postflight.integral.integral import Integral
+    from aosplan.postflight.integral.poses_file import Intrinsics
+    from aosplan.postflight.integral.recording import Recording
 
 ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
@@ -50,8 +53,14 @@ def run(
 ) -> None:
     """Average recorded images on a focal plane, and compare choices of them."""
     from aosplan.files import check_output, write_all
-    from aosplan.recordings.choice import choice_of, read_choice
-    from aosplan.recordings.recording import Recording, least_views
+    from aosplan.postflight.integral.recording import (
+        Recording,
+        least_views,
+    )
+    from aosplan.postflight.integral.view_subset import (
+        choice_of,
+        read_choice,
+    )
 
     _check_endings(out)
     for index, path in enumerate(out):
@@ -80,7 +89,7 @@ def run(
         integral = recording.integrate(choice, raster, progress=advance)
         comparison: dict[str, Any] | None = None
         if reference is not None and other is not None:
-            from aosplan.similarity import similarity
+            from aosplan.simulation.ssim import similarity
 
             against = recording.integrate(
                 reference, raster, progress=lambda done: advance(len(indices) + done)
@@ -122,7 +131,7 @@ def _check_endings(out: tuple[str, ...]) -> None:
 
 
 def _extent(text: str | None) -> str | list[float]:
-    from aosplan.recordings.recording import EXTENTS
+    from aosplan.postflight.integral.recording import EXTENTS
 
     if text is None or text in EXTENTS:
         return text or EXTENTS[0]
@@ -136,7 +145,7 @@ def _extent(text: str | None) -> str | list[float]:
 
 def _place(text: str, name: str) -> float:
     """A coordinate [m] that leaves room for digits below the metre."""
-    from aosplan.recordings.poses import FARTHEST_M
+    from aosplan.postflight.integral.poses_file import FARTHEST_M
 
     place = number(text, name, "m")
     if abs(place) > FARTHEST_M:
@@ -145,12 +154,15 @@ def _place(text: str, name: str) -> float:
 
 
 def _camera(camera: str | None, fov: str | None) -> Callable[[int, int], Intrinsics] | None:
-    from aosplan.recordings.poses import from_camera, from_field_of_view
+    from aosplan.postflight.integral.poses_file import (
+        from_camera,
+        from_field_of_view,
+    )
 
     if camera is not None and fov is not None:
         raise RequestError("--camera and --fov both give the camera", "leave one of them out")
     if camera is not None:
-        from aosplan.resolve import find_camera
+        from aosplan.planning.inputs import find_camera
 
         return from_camera(find_camera(camera))
     return None if fov is None else from_field_of_view(number(fov, "--fov", "deg"))
@@ -170,7 +182,10 @@ def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, fl
 
 
 def _bytes(path: str, integral: Integral, least: int, limits: tuple[float, float]) -> bytes:
-    from aosplan.recordings.pictures import png_bytes, tiff_bytes
+    from aosplan.postflight.integral.images import (
+        png_bytes,
+        tiff_bytes,
+    )
 
     seen = integral.seen(least)
     suffix = path.lower().rpartition(".")[2]
@@ -248,7 +263,10 @@ def _warnings(recording: Recording, integral: Integral, least: int) -> list[dict
 def _show(document: dict[str, Any], out: tuple[str, ...]) -> None:
     from rich.table import Table
 
-    from aosplan.cli.tables import one_line, show
+    from aosplan.show.text.tables import (
+        one_line,
+        show,
+    )
 
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")

@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
-from aosplan.options import OPTIONS, Option
+from aosplan.planning.options import (
+    OPTIONS,
+    Option,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable

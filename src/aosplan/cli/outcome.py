@@ -6,18 +6,25 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan import __version__
 from aosplan.cli.output import print_json, waiting_bar
-from aosplan.cli.screen import say
 from aosplan.cli.simulate import read_settings
 from aosplan.errors import RequestError
-from aosplan.quantities import whole
-from aosplan.summary import SCHEMA
+from aosplan.planning.document import SCHEMA
+from aosplan.show.text.terminal import say
+from aosplan.units import whole
 
 if TYPE_CHECKING:
-    from aosplan.simulate.compare import Settings
-    from aosplan.sweep.gather import Gather, Gathered, Gathering
-    from aosplan.sweep.run import Sweep
-    from aosplan.sweep.scenarios import Crossing, Table
-    from aosplan.sweep.verify import Verification
+    from aosplan.simulation.compare import Settings
+    from aosplan.sweeps.aggregate import (
+        Gather,
+        Gathered,
+        Gathering,
+    )
+    from aosplan.sweeps.run import Sweep
+    from aosplan.sweeps.scenarios import (
+        Crossing,
+        Table,
+    )
+    from aosplan.sweeps.verify import Verification
 
 
 def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> Drawn | None:
@@ -29,8 +36,8 @@ def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> D
                     f"{option} without --simulate", "--simulate N says of how many rows"
                 )
         return None
-    from aosplan.simulate.compare import Settings
-    from aosplan.sweep.verify import MOST_ROWS
+    from aosplan.simulation.compare import Settings
+    from aosplan.sweeps.verify import MOST_ROWS
 
     rows = whole(simulate, "--simulate")
     if rows > MOST_ROWS:
@@ -47,9 +54,9 @@ class Drawn(NamedTuple):
 
 def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None) -> Gather:
     """What a sweep is to gather."""
-    from aosplan.sweep.gather import Gather
-    from aosplan.sweep.outline import outline
-    from aosplan.sweep.verify import Drawing
+    from aosplan.sweeps.aggregate import Gather
+    from aosplan.sweeps.grouping import outline
+    from aosplan.sweeps.verify import Drawing
 
     found = outline(scenarios, best)
     if drawn is None:
@@ -59,7 +66,7 @@ def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None
 
 def _verified(sweep: Sweep, gathered: Gathered, drawn: Drawn, *, quiet: bool) -> Verification:
     """The rows that were drawn, simulated."""
-    from aosplan.sweep.verify import verify
+    from aosplan.sweeps.verify import verify
 
     assert sweep.gather is not None  # a draw is gathered
     assert sweep.gather.drawing is not None
@@ -84,7 +91,7 @@ def tell(
     as_json: bool,
 ) -> None:
     """Simulate what was drawn, and print what was gathered: as a document, or as tables."""
-    from aosplan.sweep.summary import summary_document
+    from aosplan.sweeps.summary import summary_document
 
     assert sweep.gather is not None  # something was gathered
     verification = None
@@ -106,7 +113,10 @@ def tell(
     if as_json:
         print_json(document)
     elif not quiet:
-        from aosplan.cli.sweep_tables import print_summary, print_verification
+        from aosplan.show.text.sweep_tables import (
+            print_summary,
+            print_verification,
+        )
 
         if summary:
             print_summary(document)

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
-    from aosplan.export import Format
-    from aosplan.mission import Mission
-    from aosplan.pattern import Sites
-    from aosplan.problem import Problem
-    from aosplan.resolve import Message
+    from aosplan.grid.patterns import Sites
+    from aosplan.mission.export import Format
+    from aosplan.mission.mission import Mission
+    from aosplan.planning.inputs import Message
+    from aosplan.solver.problem import Problem
 
 
 def print_json(document: Any) -> None:
@@ -33,7 +33,7 @@ def print_json(document: Any) -> None:
 def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
     """Warnings on stderr, a line each."""
     for warning in () if quiet else warnings:
-        from aosplan.cli.screen import say
+        from aosplan.show.text.terminal import say
 
         say("warning", warning.message)
 
@@ -54,8 +54,8 @@ def chosen_outputs(
         )
     if not outputs:
         return []
-    from aosplan.export import choose
     from aosplan.files import check_output
+    from aosplan.mission.export import choose
 
     chosen = [choose(path, name) for path in outputs]
     for _, path in chosen:
@@ -105,8 +105,8 @@ def write_outputs(
     """
     if not chosen and not pages:
         return []
-    from aosplan.export import files
     from aosplan.files import write_all
+    from aosplan.mission.export import files
 
     contents = dict(pages or {})
     hints = []
@@ -123,7 +123,7 @@ def write_outputs(
             hints += _leftovers(path, len(needed))
     write_all(contents, force=force)
     for hint in () if quiet else hints:
-        from aosplan.cli.screen import say
+        from aosplan.show.text.terminal import say
 
         say("hint", hint)
     return list(contents)
@@ -167,7 +167,7 @@ class Bar:
         if self._begun_s is None:
             self._begun_s = monotonic()
         elif monotonic() - self._begun_s > PATIENCE_S:
-            from aosplan.cli.screen import readable
+            from aosplan.show.text.terminal import readable
 
             self._show("searching")
             tried = f"{problem.name}, N = {pattern.samples}, b = {baseline_m:.2f} m"
@@ -197,7 +197,7 @@ def _progress(*, endless: bool) -> Any:
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    from aosplan.cli.screen import speaks_unicode
+    from aosplan.show.text.terminal import speaks_unicode
 
     spinner = SpinnerColumn("dots" if speaks_unicode(sys.stderr) else "line")
     columns = (spinner, TimeElapsedColumn(), TextColumn("{task.description}", markup=False))

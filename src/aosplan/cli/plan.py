@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -24,9 +24,9 @@ from aosplan.cli.output import (
     write_outputs,
     writes_stdout,
 )
-from aosplan.defaults import request_of
 from aosplan.errors import RequestError
-from aosplan.planning import plan
+from aosplan.planning.planner import plan
+from aosplan.planning.user_defaults import request_of
 
 
 def run(
@@ -63,7 +63,7 @@ def run(
     print_warnings(result.warnings, quiet=quiet)
     pages = {}
     if report is not None:
-        from aosplan.report import report_page
+        from aosplan.show.page.page import report_page
 
         with waiting_bar("drawing the report", quiet=quiet):
             pages[report] = report_page(result, seed=seed)
@@ -71,7 +71,7 @@ def run(
     if as_json:
         print_json(result.document())
     elif not (quiet or to_stdout):
-        from aosplan.cli.tables import print_plan
+        from aosplan.show.text.tables import print_plan
 
         print_plan(result, written)
 
@@ -87,7 +87,7 @@ def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int 
         if seed is not None:
             raise RequestError("--report-seed and --no-report-picture contradict each other")
         return None
-    from aosplan.report import SEED
+    from aosplan.show.page.page import SEED
 
     return SEED if seed is None else q.index(seed, "--report-seed")
 
@@ -95,7 +95,10 @@ def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int 
 def _check_report(path: str, others: list[str], *, seed: int | None, force: bool) -> None:
     """Refuse a report before any work is done for it."""
     from aosplan.files import check_output
-    from aosplan.report import SUFFIXES, check_extra
+    from aosplan.show.page.page import (
+        SUFFIXES,
+        check_extra,
+    )
 
     if path != "-" and not path.lower().endswith(SUFFIXES):
         raise RequestError(f"report '{path}' does not end in .html", "a report is a page")

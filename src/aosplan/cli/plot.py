@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -17,16 +17,23 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
-from aosplan.cli.screen import readable, wrote
-from aosplan.defaults import request_of
 from aosplan.errors import RequestError
-from aosplan.plots import KINDS, Kind, Shown
-from aosplan.plots.style import printable
-from aosplan.summary import SCHEMA
+from aosplan.planning.document import SCHEMA
+from aosplan.planning.user_defaults import request_of
+from aosplan.show.figures.draw import (
+    KINDS,
+    Kind,
+    Shown,
+)
+from aosplan.show.figures.style import printable
+from aosplan.show.text.terminal import (
+    readable,
+    wrote,
+)
 
 if TYPE_CHECKING:
-    from aosplan.plots.canvas import Look
-    from aosplan.request import PlanRequest
+    from aosplan.planning.request import PlanRequest
+    from aosplan.show.figures.canvas import Look
 
 
 def run(
@@ -48,7 +55,11 @@ def run(
 ) -> None:
     """Draw a figure, and say in words what it shows."""
     from aosplan.files import check_output, write_all
-    from aosplan.plots.canvas import check_extra, form_of, rendered
+    from aosplan.show.figures.canvas import (
+        check_extra,
+        form_of,
+        rendered,
+    )
 
     chosen = _kind(kind)
     look = look_of(dark=dark, width_mm=width_mm, dpi=dpi)
@@ -89,8 +100,11 @@ def document(kind: Kind, shown: Shown) -> dict[str, Any]:
 
 def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> Look:
     """How a figure is drawn, from the options that say so."""
-    from aosplan.plots.canvas import Look
-    from aosplan.plots.style import DARK, LIGHT
+    from aosplan.show.figures.canvas import Look
+    from aosplan.show.figures.style import (
+        DARK,
+        LIGHT,
+    )
 
     look = Look(DARK if dark else LIGHT)
     if width_mm is not None:
@@ -113,34 +127,34 @@ def _kind(name: str) -> Kind:
 
 def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Shown:
     """The numbers of a figure of a plan."""
-    from aosplan.planning import plan
+    from aosplan.planning.planner import plan
 
     with progress_bar(quiet=quiet) as bar:
         result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
     if kind.name == "visibility":
-        from aosplan.plots.visibility import visibility_of
+        from aosplan.show.figures.visibility import visibility_of
 
         return visibility_of(result)
     if kind.name == "tradeoff":
-        from aosplan.plots.tradeoff import tradeoff_of
+        from aosplan.show.figures.tradeoff import tradeoff_of
 
         return tradeoff_of(result)
-    from aosplan.layout import over_area
-    from aosplan.plots.grid import grid_of
+    from aosplan.planning.sites import over_area
+    from aosplan.show.figures.grid import grid_of
 
     return grid_of(result, over_area(result.request, folder)[1])
 
 
 def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
     """The numbers of a figure of a scene: one that is named, or that of a request."""
-    from aosplan.request import request_from
-    from aosplan.resolve import scene_of
+    from aosplan.planning.inputs import scene_of
+    from aosplan.planning.request import request_from
 
     given = {name: value for name, value in flags.items() if value is not None}
     folder = ""
     if file is not None and _is_request(file):
-        from aosplan.documents import read_request
+        from aosplan.planning.request_file import read_request
 
         given, folder = read_request(file) | given, os.path.dirname(file)
     elif file is not None:
@@ -157,15 +171,18 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
         found = scene_of(request, folder=folder, progress=bar)
     print_warnings(found.warnings, quiet=quiet)
     if kind.name == "density":
-        from aosplan.plots.density import density_of
+        from aosplan.show.figures.density import density_of
 
         return density_of(found)
     if kind.name == "correlogram":
-        from aosplan.plots.correlogram import correlations_of
+        from aosplan.show.figures.correlogram import correlations_of
 
         return correlations_of(found)
-    from aosplan.plots.curve import curve_of
-    from aosplan.resolve import altitude_of, camera_of
+    from aosplan.planning.inputs import (
+        altitude_of,
+        camera_of,
+    )
+    from aosplan.show.figures.coverage_curve import curve_of
 
     altitude = altitude_of(request, camera_of(request, folder=folder)) if high else None
     return curve_of(found.scene.above(request.focal_height), request.coverage, altitude)
@@ -175,7 +192,7 @@ def _of_results(
     file: str | None, flags: dict[str, Any], x: str | None, y: str | None, value: str | None
 ) -> Shown:
     """The numbers of a figure of a sweep's results."""
-    from aosplan.plots.sweep import results_of
+    from aosplan.show.figures.sweep import results_of
 
     given = next((name for name, found in flags.items() if found is not None), None)
     if given is not None:

@@ -25,7 +25,7 @@ from aosplan.cli.output import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from aosplan.review import Review
+    from aosplan.postflight.review import Review
 
 MOST_NAMED = 20
 """Missing sites that the table names."""
@@ -45,15 +45,15 @@ def run(
     **flags: Any,
 ) -> None:
     """Hold recorded positions against a plan, and write a mission for what is missing."""
-    from aosplan.defaults import request_of
-    from aosplan.quantities import positive
+    from aosplan.planning.user_defaults import request_of
+    from aosplan.units import positive
 
     wanted = request_of(plan, flags, defaults=defaults)
     within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
     chosen = chosen_outputs(out or [], format, force=force)
     writes_stdout((path for _, path in chosen), as_json=as_json)
-    from aosplan.recorded import read_views
-    from aosplan.review import review
+    from aosplan.postflight.review import review
+    from aosplan.postflight.views import read_views
 
     views = read_views(positions, on_earth=wanted.has_place)
     with progress_bar(quiet=quiet) as bar:
@@ -76,8 +76,13 @@ def run(
 
 
 def _show(found: Review, written: Sequence[str]) -> None:
-    from aosplan.cli.screen import wrote
-    from aosplan.cli.tables import one_line, print_pairs, print_predictions, show
+    from aosplan.show.text.tables import (
+        one_line,
+        print_pairs,
+        print_predictions,
+        show,
+    )
+    from aosplan.show.text.terminal import wrote
 
     print_pairs(_rows(found))
     planned = found.plan.solution

@@ -13,13 +13,13 @@ from aosplan.cli.options import (
     request_options,
 )
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
-from aosplan.cli.screen import say
 from aosplan.errors import RequestError
-from aosplan.resolve import VOXEL_SUFFIX
+from aosplan.planning.inputs import VOXEL_SUFFIX
+from aosplan.show.text.terminal import say
 
 if TYPE_CHECKING:
-    from aosplan.models.correlogram import Correlogram
-    from aosplan.resolve import ResolvedScene
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.scenes.correlogram import Correlogram
 
 
 def run(
@@ -33,9 +33,9 @@ def run(
 ) -> None:
     """Show the occluder statistics of a scene, and save them."""
     from aosplan.files import check_output, write_all
-    from aosplan.request import request_from
-    from aosplan.resolve import scene_of
-    from aosplan.scene_file import statistics_document
+    from aosplan.planning.inputs import scene_of
+    from aosplan.planning.request import request_from
+    from aosplan.scenes.summary import statistics_document
 
     saved = save or []
     for path in saved:
@@ -58,7 +58,7 @@ def run(
         say("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
     table = resolved.correlogram
     if table is None and resolved.volume is not None and (as_json or saved):
-        from aosplan.models.correlogram import correlogram
+        from aosplan.scenes.correlogram import correlogram
 
         table = correlogram(resolved.volume)
     write_all({path: _scene_bytes(resolved, table, path) for path in saved}, force=force)
@@ -66,10 +66,10 @@ def run(
     if as_json:
         print_json(document)
     elif not quiet:
-        from aosplan.cli.tables import print_scene
+        from aosplan.show.text.tables import print_scene
 
         if resolved.volume is not None and table is None:
-            from aosplan.estimate import densities_off_nadir
+            from aosplan.scenes.occluder_statistics import densities_off_nadir
 
             document["density_by_angle"] = densities_off_nadir(resolved.volume)
 
@@ -78,13 +78,16 @@ def run(
 
 def _scene_bytes(resolved: ResolvedScene, table: Correlogram | None, path: str) -> bytes:
     if not path.lower().endswith(VOXEL_SUFFIX):
-        from aosplan.scene_file import scene_toml
+        from aosplan.scenes.summary import scene_toml
 
         return scene_toml(resolved.scene, table)
     if resolved.volume is None:
         raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
-    from aosplan.scene import LayeredScene
-    from aosplan.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        stand_npz,
+    )
+    from aosplan.scenes.scene import LayeredScene
 
     assert isinstance(resolved.scene, LayeredScene)  # voxels have layers
     return stand_npz(Stand(resolved.volume, resolved.scene.layers, table))

@@ -10,7 +10,10 @@ from aosplan.cli.output import print_json
 
 def run(document: str | None) -> None:
     """Print the JSON Schema of one document, or of all by name."""
-    from aosplan.documents import DOCUMENTS, json_schema
+    from aosplan.planning.request_file import (
+        DOCUMENTS,
+        json_schema,
+    )
 
     if document is not None:
         print_json(json_schema(document))

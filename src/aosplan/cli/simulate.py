@@ -6,7 +6,7 @@ import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -17,14 +17,20 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
-from aosplan.defaults import request_of
 from aosplan.errors import RequestError
-from aosplan.planning import plan
-from aosplan.resolve import CLOUD_SUFFIXES, VOXEL_SUFFIX
+from aosplan.planning.inputs import (
+    CLOUD_SUFFIXES,
+    VOXEL_SUFFIX,
+)
+from aosplan.planning.planner import plan
+from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
-    from aosplan.request import PlanRequest
-    from aosplan.simulate.compare import Settings, Simulation
+    from aosplan.planning.request import PlanRequest
+    from aosplan.simulation.compare import (
+        Settings,
+        Simulation,
+    )
 
 LARGEST_SEED = 2**63 - 1
 
@@ -52,7 +58,7 @@ def run(
         folder = os.path.dirname(request or "")
         result = plan(_plannable(wanted), folder=folder, progress=bar, trying=bar.trying)
     print_warnings(result.warnings, quiet=quiet)
-    from aosplan.simulate.compare import simulate
+    from aosplan.simulation.compare import simulate
 
     with waiting_bar("simulating", quiet=quiet) as progress:
         simulation = simulate(result, chosen, progress=progress)
@@ -62,7 +68,7 @@ def run(
     if as_json:
         print_json(simulation.document() | similar)
     elif not quiet:
-        from aosplan.cli.tables import print_simulation
+        from aosplan.show.text.tables import print_simulation
 
         print_simulation(simulation, similar, [path for _, path in outputs])
 
@@ -74,7 +80,10 @@ def _settings(
     forest: str | None,
     max_targets: str | None,
 ) -> Settings:
-    from aosplan.simulate.compare import FORESTS, Settings
+    from aosplan.simulation.compare import (
+        FORESTS,
+        Settings,
+    )
 
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
     if forest is not None:
@@ -119,7 +128,7 @@ def _outputs(
     ]
     if outputs:
         from aosplan.files import check_output
-        from aosplan.simulate.picture import check_extra
+        from aosplan.simulation.pictures import check_extra
 
         for _, path in outputs:
             if not path.lower().endswith(".png"):
@@ -134,7 +143,7 @@ def _outputs(
 def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
     """Write the pictures; how similar the images are to the optimum, for the document."""
     from aosplan.files import write_all
-    from aosplan.simulate.compare import pictures
+    from aosplan.simulation.compare import pictures
 
     drawn = pictures(simulation)
     contents = {path: getattr(drawn, name) for name, path in outputs}
@@ -143,7 +152,7 @@ def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool
 
 
 def _say_imprecise(simulation: Simulation) -> None:
-    from aosplan.resolve import Message
+    from aosplan.planning.inputs import Message
 
     print_warnings(
         [

@@ -19,11 +19,18 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.outcome import drawn_of, gather_of, tell
 from aosplan.cli.output import drawn
-from aosplan.cli.screen import readable, say, wrote
-from aosplan.defaults import find_defaults, read_defaults
 from aosplan.errors import RequestError
 from aosplan.files import check_output
-from aosplan.quantities import whole
+from aosplan.planning.user_defaults import (
+    find_defaults,
+    read_defaults,
+)
+from aosplan.show.text.terminal import (
+    readable,
+    say,
+    wrote,
+)
+from aosplan.units import whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -58,10 +65,14 @@ def run(
     defaults: str | None,
 ) -> None:
     """Solve every scenario of a file; write a row for each, or say what came out."""
-    from aosplan.sweep.frame import chosen_results
-    from aosplan.sweep.run import Sweep, check, gather
-    from aosplan.sweep.run import run as run_sweep
-    from aosplan.sweep.scenarios import read_scenarios
+    from aosplan.sweeps.block_frame import chosen_results
+    from aosplan.sweeps.run import (
+        Sweep,
+        check,
+        gather,
+    )
+    from aosplan.sweeps.run import run as run_sweep
+    from aosplan.sweeps.scenarios import read_scenarios
 
     sampled = drawn_of(simulate, seed, precision)
     told = summary or sampled is not None
@@ -83,7 +94,7 @@ def run(
     scenarios = read_scenarios(file)
     own = find_defaults(defaults)
     if own is not None:
-        from aosplan.sweep.defaults import with_defaults
+        from aosplan.sweeps.user_defaults import with_defaults
 
         scenarios = with_defaults(scenarios, read_defaults(own), own, os.path.dirname(file))
     if scenarios.rows > MOST_SCENARIOS and not yes:
@@ -129,8 +140,11 @@ def run(
 
 def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None:
     """Refuse a result that could not be written."""
-    from aosplan.sweep.partitions import check_folder, is_folder
-    from aosplan.sweep.run import SUFFIXES
+    from aosplan.sweeps.parquet_folder import (
+        check_folder,
+        is_folder,
+    )
+    from aosplan.sweeps.run import SUFFIXES
 
     if is_folder(out):
         check_folder(out, resume=resume, force=force)
@@ -168,8 +182,11 @@ def _check_plot(
     force: bool,
 ) -> None:
     """Refuse a figure that could not be drawn, before anything is solved for it."""
-    from aosplan.plots.canvas import check_extra, form_of
-    from aosplan.plots.sweep import check_columns
+    from aosplan.show.figures.canvas import (
+        check_extra,
+        form_of,
+    )
+    from aosplan.show.figures.sweep import check_columns
 
     form_of(plot)
     check_output(plot, force=force)
@@ -188,10 +205,13 @@ def _draw(
     quiet: bool,
 ) -> None:
     from aosplan.files import write_all
-    from aosplan.plots import KINDS
-    from aosplan.plots.canvas import form_of, rendered
-    from aosplan.plots.style import printable
-    from aosplan.plots.sweep import results_of
+    from aosplan.show.figures.canvas import (
+        form_of,
+        rendered,
+    )
+    from aosplan.show.figures.draw import KINDS
+    from aosplan.show.figures.style import printable
+    from aosplan.show.figures.sweep import results_of
 
     shown = results_of(results, x, y, value)
     write_all({plot: rendered(KINDS["sweep"], shown, form_of(plot))}, force=force)

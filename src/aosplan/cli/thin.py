@@ -16,7 +16,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, waiting_bar
 from aosplan.errors import RequestError
-from aosplan.options import SHOWING
+from aosplan.planning.options import SHOWING
 
 
 def run(
@@ -33,9 +33,12 @@ def run(
     **flags: Any,
 ) -> None:
     """Choose the views that share the fewest occluders."""
-    from aosplan.defaults import request_of
     from aosplan.files import check_output, write_all
-    from aosplan.quantities import one_of, whole
+    from aosplan.planning.user_defaults import request_of
+    from aosplan.units import (
+        one_of,
+        whole,
+    )
 
     if samples is None:
         raise RequestError("--samples N is needed", "say how many of the views are to be kept")
@@ -45,8 +48,11 @@ def run(
         check_output(out, force=force)
         if out == "-" and as_json:
             raise RequestError("--json and --out - both write to stdout", "give one of them")
-    from aosplan.recorded import read_views
-    from aosplan.thinning import QUANTITIES, thinned
+    from aosplan.postflight.thin import (
+        QUANTITIES,
+        thinned,
+    )
+    from aosplan.postflight.views import read_views
 
     quantity = one_of(QUANTITIES)(best or QUANTITIES[0], "--best")
 
@@ -66,7 +72,11 @@ def run(
     if as_json:
         print_json(found.document())
     elif not quiet and out != "-":
-        from aosplan.cli.tables import one_line, print_predictions, show
+        from aosplan.show.text.tables import (
+            one_line,
+            print_predictions,
+            show,
+        )
 
         print_predictions(
             {

@@ -16,9 +16,9 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
-from aosplan.defaults import request_of
 from aosplan.errors import RequestError
-from aosplan.summary import SCHEMA
+from aosplan.planning.document import SCHEMA
+from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +38,7 @@ def run(
 ) -> None:
     """Show what each number of samples takes and gives, for every kind of grid asked for."""
     from aosplan.files import check_output, write_all
-    from aosplan.planning import plan
+    from aosplan.planning.planner import plan
 
     wanted = request_of(request, flags, defaults=defaults)
     if out is not None:
@@ -83,7 +83,11 @@ def _cell(value: Any) -> str:
 
 def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     """The front and the chosen row as a table; where nothing meets the target, all rows."""
-    from aosplan.cli.tables import one_line, print_rows, show
+    from aosplan.show.text.tables import (
+        one_line,
+        print_rows,
+        show,
+    )
 
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows
     header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", "contrast", "")

@@ -6,14 +6,17 @@ import math
 from typing import Any
 
 from aosplan import __version__
-from aosplan import quantities as q
+from aosplan import units as q
 from aosplan.cli.options import command, json_option, text_option
 from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
-from aosplan.models import Prediction
 from aosplan.models.equations import integrated_density, line_shortfall, transparency
-from aosplan.models.sites import pattern_shortfall
-from aosplan.summary import SCHEMA, prediction_document
+from aosplan.models.model import Prediction
+from aosplan.models.positions import pattern_shortfall
+from aosplan.planning.document import (
+    SCHEMA,
+    prediction_document,
+)
 
 
 def run(
@@ -63,7 +66,7 @@ def run(
     if as_json:
         print_json(document)
         return
-    from aosplan.cli.tables import print_rows
+    from aosplan.show.text.tables import print_rows
 
     shown = {name: "-" if value is None else f"{value:.10g}" for name, value in numbers.items()}
     rows = [
@@ -114,7 +117,10 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
         return rows * columns, line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
     from math import isqrt
 
-    from aosplan.pattern import MOST_SITES, pattern_for
+    from aosplan.grid.patterns import (
+        MOST_SITES,
+        pattern_for,
+    )
 
     count = q.whole(samples, "--samples")
     side = isqrt(count)
@@ -131,7 +137,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
 
 
 def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, float]:
-    from aosplan.models.sites import positions_shortfall
+    from aosplan.models.positions import positions_shortfall
     from aosplan.positions import read_positions
 
     points = read_positions(path)

@@ -36,15 +36,15 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.models.elementwise import elementwise
-from aosplan.quantities import exact_share
+from aosplan.numerics import elementwise
 from aosplan.roots import smallest
+from aosplan.units import exact_share
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from decimal import Decimal
 
-    from aosplan.models.elementwise import Floats
+    from aosplan.numerics import Floats
 
 __all__ = [
     "aperture",

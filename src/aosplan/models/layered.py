@@ -11,8 +11,8 @@ and the shortfall its mean over all ordered pairs of samples, over p T.  One sli
 Eq. 2.  A lattice needs each distinct offset once; slices without occluders and offsets that
 no slice reaches are skipped.
 
-Rays off nadir (`aosplan.models.rays`) pass each slice with q_j^e instead, and noise of the positions
-(`aosplan.models.blur`) is an expectation of Cov over what it makes of the offset.
+Rays off nadir (`aosplan.models.oblique_rays`) pass each slice with q_j^e instead, and noise of the positions
+(`aosplan.models.layered_noise`) is an expectation of Cov over what it makes of the offset.
 """
 
 from __future__ import annotations
@@ -25,21 +25,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.models import Prediction
-from aosplan.models.blur import BlurredTable
-from aosplan.models.memory import remembered
-from aosplan.models.noise import NEGLIGIBLE
-from aosplan.models.sites import offset_counts
-from aosplan.pattern import Pattern, Sites
-from aosplan.spiral import Spiral
+from aosplan.grid.patterns import (
+    Pattern,
+    Sites,
+)
+from aosplan.grid.spiral import Spiral
+from aosplan.models.layered_noise import BlurredTable
+from aosplan.models.memo import remembered
+from aosplan.models.model import Prediction
+from aosplan.models.position_noise import NEGLIGIBLE
+from aosplan.models.positions import offset_counts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.models.memory import Known
-    from aosplan.scene import Layer
+    from aosplan.models.memo import Known
+    from aosplan.scenes.scene import Layer
 
     Floats = NDArray[np.float64]
 
@@ -79,7 +82,7 @@ class LayeredModel:
     hold_error_m
         Standard deviation of the positions about their sites, per axis.
     rays
-        ``nadir``, ``oblique`` or ``cubes`` (`aosplan.models.rays`).
+        ``nadir``, ``oblique`` or ``cubes`` (`aosplan.models.oblique_rays`).
     """
 
     name = "layered"
@@ -181,7 +184,7 @@ class LayeredModel:
     def _predict_oblique(
         self, pattern: Pattern, baseline_m: float, offsets_x: Floats, offsets_y: Floats
     ) -> Prediction:
-        from aosplan.models.rays import bundle
+        from aosplan.models.oblique_rays import bundle
 
         rays = bundle(pattern, baseline_m, self.altitude_m, self.rays, self._log_transparency)
         lengths, along = self._lengths(rays.longest)
@@ -237,7 +240,7 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, shortfall)
 
     def _predict_oblique_at(self, points: Floats) -> Prediction:
-        from aosplan.models.rays import predict_scattered
+        from aosplan.models.oblique_rays import predict_scattered
 
         return predict_scattered(
             points, self.altitude_m, self.rays, self._log_transparency, self._shared_pairs
@@ -256,7 +259,7 @@ class LayeredModel:
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
         """p of samples at known positions, shape (N,); rays off nadir pass more."""
-        from aosplan.models.rays import hidden_shares
+        from aosplan.models.oblique_rays import hidden_shares
 
         return hidden_shares(positions_m, self.altitude_m, self.rays, self._log_transparency)
 
@@ -412,7 +415,7 @@ def _prediction(
 
 
 def _model(layers: Iterable[Any], altitude: float) -> LayeredModel | None:
-    from aosplan.scene import Layer
+    from aosplan.scenes.scene import Layer
 
     slices = [Layer(**layer) if isinstance(layer, Mapping) else Layer(*layer) for layer in layers]
     inside = all(

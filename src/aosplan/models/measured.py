@@ -1,7 +1,7 @@
 """The measured model: the stand itself, voxel by voxel.
 
 Crowns and trunks are clumps: neither are slices independent, nor are occluders of one size.  But
-where every voxel is known, so is which targets each view hides (`aosplan.occlusion`), and the
+where every voxel is known, so is which targets each view hides (`aosplan.scenes.occlusion`), and the
 prediction is a count, exact for the plan's own sites and for any pattern.  With c the number of
 the N views that hide a target, over all n targets,
 
@@ -31,21 +31,28 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.mission import local_sites
-from aosplan.models import Prediction
-from aosplan.models.memory import remembered
-from aosplan.occlusion import Occlusion, Tally, joint_counts
+from aosplan.mission.mission import local_sites
+from aosplan.models.memo import remembered
+from aosplan.models.model import Prediction
+from aosplan.scenes.occlusion import (
+    Occlusion,
+    Tally,
+    joint_counts,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.models.correlogram import CorrelogramModel
-    from aosplan.models.memory import Known
-    from aosplan.occlusion import ViewKind, Words
-    from aosplan.pattern import Sites
-    from aosplan.voxels import VoxelVolume
+    from aosplan.grid.patterns import Sites
+    from aosplan.models.memo import Known
+    from aosplan.scenes.correlogram import CorrelogramModel
+    from aosplan.scenes.occlusion import (
+        ViewKind,
+        Words,
+    )
+    from aosplan.scenes.voxels import VoxelVolume
 
 CACHE_OCTETS = 1 << 28
 """Memory for views that a later prediction may use again."""
@@ -242,7 +249,10 @@ class MeasuredModel:
 
     @cached_property
     def _correlogram(self) -> CorrelogramModel:
-        from aosplan.models.correlogram import CorrelogramModel, correlogram
+        from aosplan.scenes.correlogram import (
+            CorrelogramModel,
+            correlogram,
+        )
 
         volume, altitude_m, focal_height_m = self._stand
         return CorrelogramModel(correlogram(volume, focal_height_m=focal_height_m), altitude_m)

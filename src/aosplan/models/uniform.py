@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.models import Prediction
-from aosplan.models.sites import pattern_shortfall, positions_shortfall
-from aosplan.spiral import Spiral
+from aosplan.grid.spiral import Spiral
+from aosplan.models.model import Prediction
+from aosplan.models.positions import (
+    pattern_shortfall,
+    positions_shortfall,
+)
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.pattern import Sites
+    from aosplan.grid.patterns import Sites
 
     Floats = NDArray[np.float64]
 
@@ -22,10 +25,10 @@ class UniformModel(NamedTuple):
     """Integrated density, and the baseline at which neighbours become independent.
 
     `unit_baseline_m` has d̂ = 1; by the paper's rule that is the smallest baseline at which
-    the wanted share of the occluders has d̂ >= 1 (`aosplan.geometry.coverage_baseline`).
+    the wanted share of the occluders has d̂ >= 1 (`aosplan.camera.disparity.coverage_baseline`).
     `hold_error_m` is the standard deviation of the positions about their sites, per axis
-    (`aosplan.models.noise`); `rays` other than ``nadir`` need the `altitude_m`
-    (`aosplan.models.rays`).
+    (`aosplan.models.position_noise`); `rays` other than ``nadir`` need the `altitude_m`
+    (`aosplan.models.oblique_rays`).
     """
 
     density: float
@@ -45,7 +48,7 @@ class UniformModel(NamedTuple):
         """Baseline from which K = 1/N; under noise, but for less than rounding."""
         if self.hold_error_m == 0.0:
             return self.unit_baseline_m
-        from aosplan.models.noise import NEGLIGIBLE
+        from aosplan.models.position_noise import NEGLIGIBLE
 
         return self.unit_baseline_m + NEGLIGIBLE * math.sqrt(2.0) * self.hold_error_m
 
@@ -91,7 +94,7 @@ class UniformModel(NamedTuple):
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
         """p of samples at known positions, shape (N,); rays off nadir pass more."""
-        from aosplan.models.rays import hidden_shares
+        from aosplan.models.oblique_rays import hidden_shares
 
         log_t = math.log(self.transparency)
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_t)
@@ -118,8 +121,8 @@ class UniformModel(NamedTuple):
     def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:
         import numpy as np
 
-        from aosplan.models.noise import overlaps
-        from aosplan.models.rays import bundle
+        from aosplan.models.oblique_rays import bundle
+        from aosplan.models.position_noise import overlaps
 
         if isinstance(pattern, Spiral):
             points = baseline_m * np.array(list(pattern.offsets()))
@@ -139,8 +142,8 @@ class UniformModel(NamedTuple):
     def _predict_oblique_at(self, positions_m: ArrayLike, spread: float) -> Prediction:
         import numpy as np
 
-        from aosplan.models.noise import blurred_overlap
-        from aosplan.models.rays import predict_scattered
+        from aosplan.models.oblique_rays import predict_scattered
+        from aosplan.models.position_noise import blurred_overlap
 
         log_t = math.log(self.transparency)
 

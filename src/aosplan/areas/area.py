@@ -1,0 +1,353 @@
+"""Areas: outlines on earth as polygons in local metres, checked and made handy.
+
+The local frame is azimuthal equidistant about the middle of the area (`aosplan.geodesy`):
+within `FARTHEST_M` of it, lengths between neighbours are off by at most r²/(6 R²) = 1.6e-6 of
+themselves.  An edge of an outline is straight in longitude and latitude, the short way
+around the earth; in metres it bends, so long edges are divided until they are within
+`BEND_M` of it.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from aosplan.areas.boundary_file import (
+    Outline,
+    listed,
+    read_outline,
+)
+from aosplan.errors import RequestError
+from aosplan.geodesy import to_local, to_wgs84
+from aosplan.planning.inputs import Message
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+FARTHEST_M = 20_000.0
+"""No point of an area is farther from its middle."""
+
+BEND_M = 0.01
+"""Edges are as near as this to straight lines in longitude and latitude."""
+
+MOST_VERTICES = 20_000
+"""Outlines with more are simplified."""
+
+TOLERANCES_M = (0.1, 0.3, 1.0, 3.0, 10.0)
+"""Tolerances that are tried, until few enough vertices are left."""
+
+EARTH_RADIUS_M = 6.371e6
+
+NEARBY_M = 5.0 * FARTHEST_M
+"""What is farther away may be a mistake."""
+
+MARGIN_M = 0.1
+"""Kept from no-fly zones beyond the buffer: formats round coordinates."""
+
+THINNEST_M = 0.001
+"""A polygon that is thinner has no area."""
+
+_ARC_SEGMENTS = 8
+_ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
+"""How much larger a buffer of GEOS has to be to contain the true one.
+
+Its arcs are chords, each for at most one and a half times the angle of a segment, and it leaves
+out corners of the outline up to 1 % of the distance deep.
+"""
+
+
+quiet = np.errstate(divide="ignore", invalid="ignore")
+"""GEOS leaves floating-point flags behind, which NumPy would take for its own and warn of."""
+
+
+class Area(NamedTuple):
+    """What to cover and where not to fly, in metres east and north of `origin`.
+
+    Attributes
+    ----------
+    origin
+        Latitude and longitude of the middle of the area's bounds.
+    whole
+        The area; shapely, as all shapes here.
+    canopy
+        Its part that N sites have to see.
+    clear
+        Its part that one site has to see.
+    keep_out
+        No-fly zones with their buffer.
+    simplified_m
+        How far the outlines were moved, at most, to have fewer vertices: the area and the
+        no-fly zones only outwards, clear parts only inwards.
+    notices
+        What the files had to say.
+    """
+
+    origin: tuple[float, float]
+    whole: Any
+    canopy: Any
+    clear: Any
+    keep_out: Any
+    simplified_m: float
+    notices: tuple[Message, ...]
+
+    @property
+    def radius_m(self) -> float:
+        """Distance of the farthest vertex from the origin."""
+        return float(np.hypot(*shapely.get_coordinates(self.whole).T).max())
+
+    @property
+    def projection_error(self) -> float:
+        """Largest relative error of lengths between neighbours in the local frame."""
+        return self.radius_m**2 / (6.0 * EARTH_RADIUS_M**2)
+
+
+@quiet
+def read_area(
+    path: str, *, clear: str | None = None, no_fly: str | None = None, buffer_m: float = 0.0
+) -> Area:
+    """An area from files: its outline, parts without canopy, and no-fly zones.
+
+    Parameters
+    ----------
+    path
+        GeoJSON, KML or KMZ with polygons; several are united.
+    clear
+        The same, of parts that nothing hides; only what lies in the area counts.
+    no_fly
+        The same, of zones that neither sites nor legs may touch.
+    buffer_m
+        Distance to keep from the zones.
+
+    Raises
+    ------
+    RequestError
+        Where a file is wrong, an outline crosses itself, or the area is too large.
+    """
+    outline = read_outline(path)
+    origin = _middle(outline)
+    whole, moved = _simplified(_united(outline, origin), outward=True)
+    _check_reach(shapely.get_coordinates(whole), outline, FARTHEST_M)
+    notices = list(_ignored(outline))
+    clear_part, keep_out = shapely.Polygon(), shapely.Polygon()
+    if clear is not None:
+        clear_outline = read_outline(clear)
+        notices += _ignored(clear_outline)
+        clear_whole, moved_clear = _simplified(_united(clear_outline, origin), outward=False)
+        clear_part = polygons_of(shapely.intersection(whole, clear_whole))
+        moved = max(moved, moved_clear)
+        if clear_part.is_empty:
+            notices.append(_elsewhere(clear_outline, clear_whole, "clear part", whole, origin))
+    if no_fly is not None:
+        zones = read_outline(no_fly)
+        notices += _ignored(zones)
+        keep_out, moved_zones = _simplified(_united(zones, origin), outward=True)
+        keep_out = grown(keep_out, buffer_m)
+        moved = max(moved, moved_zones)
+        if shapely.distance(keep_out, whole) > 1000.0:
+            notices.append(_elsewhere(zones, keep_out, "no-fly zone", whole, origin))
+    return Area(
+        origin=origin,
+        whole=whole,
+        canopy=polygons_of(shapely.difference(whole, clear_part)),
+        clear=clear_part,
+        keep_out=keep_out,
+        simplified_m=moved,
+        notices=tuple(notices),
+    )
+
+
+def grown(shape: Any, distance_m: float) -> Any:
+    """A shape and everything within a distance of it; up to 3 % of that more, never less."""
+    if distance_m == 0.0 or shape.is_empty:
+        return shape
+    return _widened(shape, distance_m)
+
+
+def _widened(shape: Any, distance_m: float) -> Any:
+    return shapely.buffer(shape, distance_m * _ARC_RATIO, quad_segs=_ARC_SEGMENTS)
+
+
+def polygons_of(shape: Any) -> Any:
+    """The polygons of a shape, without points and lines that an overlay may leave."""
+    parts = shapely.get_parts(shapely.get_parts(shape))
+    parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+    return shapely.multipolygons(parts)
+
+
+def long_side_deg(shape: Any) -> float:
+    """Direction of the longer side of the smallest rectangle around a shape.
+
+    Degrees clockwise from north, from 0 to below 180, to a hundredth: flight lines along it
+    are the fewest.
+    """
+    corners = shapely.get_coordinates(shapely.oriented_envelope(shape))
+    sides = np.diff(corners[:3], axis=0)
+    east, north = sides[np.argmax(np.hypot(*sides.T))]
+    return round(math.degrees(math.atan2(east, north)), 2) % 180.0
+
+
+def _ignored(outline: Outline) -> list[Message]:
+    if not outline.ignored:
+        return []
+    text = listed(outline.ignored)
+    return [
+        Message("ignored_geometry", f"{text} of '{outline.path}' have no area and are left out")
+    ]
+
+
+def _elsewhere(
+    outline: Outline, shape: Any, what: str, whole: Any, origin: tuple[float, float]
+) -> Message:
+    """The warning that a file's shape is away from the area.
+
+    Raises
+    ------
+    RequestError
+        Where it is far away, and would not be with its axes swapped.
+    """
+    apart = float(shapely.distance(shape, whole))
+    swapped = np.concatenate([ring[:, ::-1] for rings in outline.polygons for ring in rings])
+    if apart > NEARBY_M and np.abs(swapped[:, 1]).max() <= 90.0:
+        points = _local(swapped, origin)
+        if np.hypot(*points.T).min() < NEARBY_M:
+            raise RequestError(
+                f"'{outline.path}' is {apart / 1000.0:.4g} km from the area, and would be near it "
+                "with its axes swapped",
+                "longitude comes first, then latitude",
+            )
+    return Message("elsewhere", f"no {what} of '{outline.path}' is near the area")
+
+
+# From degrees to metres
+
+
+def _middle(outline: Outline) -> tuple[float, float]:
+    """The place about which an area's local frame lies: the middle of its bounds."""
+    positions = np.concatenate([rings[0] for rings in outline.polygons])
+    longitude, latitude = np.radians(positions).T
+    mean = (
+        (np.cos(latitude) * np.cos(longitude)).mean(),
+        (np.cos(latitude) * np.sin(longitude)).mean(),
+        np.sin(latitude).mean(),
+    )
+    place = (
+        math.degrees(math.atan2(mean[2], math.hypot(mean[0], mean[1]))),
+        math.degrees(math.atan2(mean[1], mean[0])),
+    )
+    points = _local(positions, place)
+    _check_reach(points, outline, 2.0 * FARTHEST_M)
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    latitudes, longitudes = to_wgs84(place, [float(middle[0])], [float(middle[1])])
+    return round(latitudes[0], 9), round(longitudes[0], 9)
+
+
+def _check_reach(points: NDArray[np.float64], outline: Outline, most_m: float) -> None:
+    farthest = np.hypot(*points.T).max()
+    if farthest > most_m:
+        raise RequestError(
+            f"area '{outline.path}' reaches {farthest / 1000.0:.4g} km from its middle, more than "
+            f"the {FARTHEST_M / 1000.0:g} km that one plan may",
+            "longitude comes first, then latitude; a large area takes several plans",
+        )
+
+
+def _local(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
+    return np.column_stack(to_local(origin, ring[:, 1].tolist(), ring[:, 0].tolist()))
+
+
+def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
+    """A ring in metres, with its edges divided until they are straight to `BEND_M`."""
+    steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0  # the short way around
+    degrees = np.column_stack([ring[0, 0] + np.append(0.0, np.cumsum(steps)), ring[:, 1]])
+    for _ in range(6):
+        points = _local(degrees, origin)
+        between = 0.5 * (degrees[:-1] + degrees[1:])
+        bend = np.hypot(*(_local(between, origin) - 0.5 * (points[:-1] + points[1:])).T)
+        if not (bend > BEND_M).any():
+            break
+        pieces = np.minimum(np.ceil(np.sqrt(np.maximum(bend / BEND_M, 1.0))), 4096).astype(int)
+        edge = np.repeat(np.arange(len(pieces)), pieces)
+        share = (np.arange(len(edge)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[
+            edge
+        ]
+        inner = degrees[edge] + share[:, None] * (degrees[edge + 1] - degrees[edge])
+        degrees = np.concatenate([inner, degrees[-1:]])
+    points[-1] = points[0]
+    return np.round(points, 7)
+
+
+def _united(outline: Outline, origin: tuple[float, float]) -> Any:
+    """The union of an outline's polygons in metres; each has to be a polygon by itself."""
+    polygons = []
+    for rings, place in zip(outline.polygons, outline.places, strict=True):
+        shell, *holes = (_bent(ring, origin) for ring in rings)
+        polygon = shapely.Polygon(shell, holes)
+        sound = polygon if polygon.is_valid else polygons_of(shapely.make_valid(polygon))
+        # Rings that touch may cross by a hair in other coordinates; that changes no area.
+        if abs(sound.area - polygon.area) > THINNEST_M * polygon.length:
+            raise RequestError(
+                f"'{outline.path}': {place}: {_reason(polygon, origin)}",
+                "mend the outline where it was drawn, or draw it as several polygons",
+            )
+        polygons.append(sound)
+    united = shapely.union_all(polygons)
+    if not united.area > 0.5 * THINNEST_M * united.length:
+        raise RequestError(f"'{outline.path}' has no area")
+    return polygons_of(united)
+
+
+def _reason(polygon: Any, origin: tuple[float, float]) -> str:
+    """Why a polygon is none, and where on earth."""
+    words, _, place = str(shapely.is_valid_reason(polygon)).partition("[")
+    words = words.strip().lower()
+    if "self-intersection" in words:
+        words = "the outline crosses itself"
+    found = re.findall(r"[-+\d.e]+", place)
+    if len(found) < 2:
+        return words
+    (latitude,), (longitude,) = to_wgs84(origin, [float(found[0])], [float(found[1])])
+    return f"{words} near latitude {latitude:.6f}, longitude {longitude:.6f}"
+
+
+def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
+    """A shape with few vertices that contains the given one, or lies in it; how far it moved.
+
+    A ring that is simplified by Douglas and Peucker can be pulled back into the given one
+    without leaving the tolerance around its new edges.  So what is farther from them lies inside
+    of both or of neither, even where the simpler rings cross.
+    """
+    if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
+        return shape, 0.0
+    rings = [
+        [shapely.LineString(ring.coords) for ring in (part.exterior, *part.interiors)]
+        for part in shapely.get_parts(shape)
+    ]
+    for tolerance in TOLERANCES_M:
+        simple = [shapely.simplify(lines, tolerance, preserve_topology=False) for lines in rings]
+        band = shapely.multilinestrings(np.concatenate(simple))
+        if 2 * shapely.get_num_coordinates(band) > MOST_VERTICES:
+            continue
+        inside = shapely.union_all([_even_odd(lines) for lines in simple])
+        band = _widened(band, tolerance)
+        safe = shapely.union(inside, band) if outward else shapely.difference(inside, band)
+        if shapely.get_num_coordinates(safe) <= MOST_VERTICES:
+            return polygons_of(safe), (1.0 + 1.03) * tolerance
+    raise RequestError(
+        f"an outline of {shapely.get_num_coordinates(shape)} vertices has more than "
+        f"{MOST_VERTICES} left when it is simplified to {TOLERANCES_M[-1]:g} m",
+        "draw it with fewer",
+    )
+
+
+def _even_odd(lines: NDArray[Any]) -> Any:
+    """The ground that closed lines surround an odd number of times."""
+    whole = shapely.MultiPolygon()
+    for line in lines:
+        if shapely.get_num_coordinates(line) >= 4:
+            ring = polygons_of(shapely.make_valid(shapely.Polygon(line)))
+            whole = shapely.symmetric_difference(whole, ring)
+    return whole

@@ -1,0 +1,344 @@
+"""Outlines on earth from GeoJSON, KML and KMZ files, read with limits.
+
+The content decides what a file is, not its name.  Only polygons count; points and lines are
+left out and counted.  Heights are ignored.  An XML document type is refused, and with it every
+entity; a KMZ is never unpacked: one member of it is read, up to a limit.
+"""
+
+from __future__ import annotations
+
+import io
+import lzma
+import struct
+import zipfile
+import zlib
+from collections import Counter
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.parsers import expat
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.files import MOST_BYTES, parse_table, read_bytes
+from aosplan.units import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+MOST_POSITIONS = 2_000_000
+"""Outlines have no more positions than this."""
+
+BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    RuntimeError,  # encrypted, or compressed in a way that is not known
+    EOFError,
+    LookupError,
+    OSError,
+    ValueError,
+)
+"""What reading a damaged archive may raise."""
+
+MOST_DIRECTORY_BYTES = 1_000_000
+"""A KMZ whose list of members is longer is refused."""
+
+DEEPEST = 60
+"""Levels of elements that a KML file may have."""
+
+
+class Outline(NamedTuple):
+    """Polygons as they stand in a file, each a shell and its holes.
+
+    A ring has shape (n, 2): longitude and latitude [deg], the last as the first.  `places` says where each stands, for messages; `ignored` counts what has no area, by kind.
+    """
+
+    path: str
+    polygons: list[list[NDArray[np.float64]]]
+    places: list[str]
+    ignored: Counter[str]
+
+
+def read_outline(path: str) -> Outline:
+    """The polygons of a GeoJSON, KML or KMZ file.
+
+    Raises
+    ------
+    RequestError
+        Where the file is none of these, holds no polygon, or one that is not closed, has too
+        few positions, or coordinates that are no longitude and latitude; the message names
+        the place.
+    """
+    content = read_bytes(path)
+    start = content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
+    outline = Outline(path, [], [], Counter())
+    if content[:2] == b"PK":
+        _KmlReader(outline).read(_member(content, path))
+    elif start == b"<" or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        _KmlReader(outline).read(content)
+    elif start in (b"{", b"["):
+        if content.count(b"[") > MOST_POSITIONS:
+            raise _too_many(path)
+        _read_geojson(parse_table(content, path), outline)
+    else:
+        raise RequestError(
+            f"'{path}' is neither GeoJSON, KML nor KMZ",
+            "other formats: ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
+        )
+    if not outline.polygons:
+        found = listed(outline.ignored)
+        raise RequestError(
+            f"'{path}' holds no polygon" + (f", only {found}, without area" if found else ""),
+            "draw the area as a polygon",
+        )
+    if sum(len(ring) for rings in outline.polygons for ring in rings) > MOST_POSITIONS:
+        raise _too_many(path)
+    return outline
+
+
+def listed(counts: Counter[str]) -> str:
+    """Kinds and how many there are of each, as text."""
+    return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
+
+
+def _too_many(path: str) -> RequestError:
+    return RequestError(
+        f"'{path}' has more than {MOST_POSITIONS} positions",
+        "simplify it first: ogr2ogr -simplify 0.000001 simple.geojson FILE",
+    )
+
+
+# GeoJSON
+
+
+def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
+    crs = str((table.get("crs") or {}) if isinstance(table.get("crs"), dict) else "")
+    if crs.strip("{}") and "CRS84" not in crs and "4326" not in crs:
+        raise RequestError(
+            f"'{outline.path}': crs {shown(crs)} is not WGS 84",
+            "ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
+        )
+    for place, rings in _polygons(table, "", outline):
+        if not isinstance(rings, list) or not rings:
+            raise RequestError(f"'{outline.path}': {place} is empty")
+        outline.polygons.append(
+            [_ring(ring, f"'{outline.path}': {place}.{index}") for index, ring in enumerate(rings)]
+        )
+        outline.places.append(place)
+
+
+def _polygons(node: Any, place: str, outline: Outline) -> Iterator[tuple[str, Any]]:
+    """Coordinates of every polygon of a GeoJSON object, with where they stand."""
+    kind = node.get("type") if isinstance(node, dict) else None
+    dot = f"{place}." if place else ""
+    if kind in ("FeatureCollection", "GeometryCollection"):
+        name = "features" if kind == "FeatureCollection" else "geometries"
+        members = node.get(name)
+        if not isinstance(members, list):
+            raise RequestError(f"'{outline.path}': {dot}{name} is not a list")
+        for index, member in enumerate(members):
+            yield from _polygons(member, f"{dot}{name}.{index}", outline)
+    elif kind == "Feature":
+        if node.get("geometry") is not None:
+            yield from _polygons(node["geometry"], f"{dot}geometry", outline)
+    elif kind == "Polygon":
+        yield f"{dot}coordinates", node.get("coordinates")
+    elif kind == "MultiPolygon":
+        parts = node.get("coordinates")
+        if not isinstance(parts, list) or not parts:
+            raise RequestError(f"'{outline.path}': {dot}coordinates is empty")
+        for index, part in enumerate(parts):
+            yield f"{dot}coordinates.{index}", part
+    elif kind in ("Point", "MultiPoint", "LineString", "MultiLineString"):
+        outline.ignored[kind] += 1
+    else:
+        raise RequestError(
+            f"'{outline.path}': {place or 'the file'} has type {shown(kind)}, "
+            "which GeoJSON does not know",
+            "an area is a Polygon, a MultiPolygon, or a Feature or collection of them",
+        )
+
+
+def _ring(positions: Any, place: str) -> NDArray[np.float64]:
+    """A ring from a list of positions, checked."""
+    if not isinstance(positions, list):
+        raise RequestError(f"{place} is not a list of positions")
+    for index, position in enumerate(positions):
+        if (
+            not isinstance(position, list)
+            or len(position) < 2
+            or type(position[0]) not in (int, float)
+            or type(position[1]) not in (int, float)
+        ):
+            raise RequestError(
+                f"{place}.{index}: {shown(position)} is not a longitude and a latitude"
+            )
+    try:
+        ring = np.array([position[:2] for position in positions], dtype=np.float64)
+    except OverflowError:
+        raise RequestError(f"{place}: a coordinate is no longitude or latitude") from None
+    return checked_ring(ring.reshape(-1, 2), place)
+
+
+def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+    """A ring of longitudes and latitudes, if it is one.
+
+    Raises
+    ------
+    RequestError
+        Where it is not closed, has fewer than four positions, or leaves the globe.
+    """
+    if len(ring) == 0:
+        raise RequestError(f"{place} is empty")
+    finite = np.isfinite(ring).all(axis=1)
+    inside = finite & (np.abs(ring[:, 0]) <= 180.0) & (np.abs(ring[:, 1]) <= 90.0)
+    if not inside.all():
+        index = int(np.argmin(inside))
+        longitude, latitude = ring[index].tolist()
+        raise _off_the_globe(longitude, latitude, f"{place}.{index}")
+    if not np.array_equal(ring[0], ring[-1]):
+        raise RequestError(
+            f"{place} is not closed: it ends at {_text(ring[-1])}, and began at {_text(ring[0])}",
+            "the first position of a ring comes again at its end",
+        )
+    if len(ring) < 4:
+        raise RequestError(f"{place} has {len(ring)} positions, and a closed ring at least 4")
+    return ring
+
+
+def _text(position: NDArray[np.float64]) -> str:
+    return f"{position[0]:.10g}, {position[1]:.10g}"
+
+
+def _off_the_globe(longitude: float, latitude: float, place: str) -> RequestError:
+    hint = ""
+    if max(abs(longitude), abs(latitude)) > 360.0:
+        hint = "degrees are expected, not metres: ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
+    elif abs(latitude) > 90.0 and abs(longitude) <= 90.0:
+        hint = "longitude comes first, then latitude"
+    elif abs(latitude) <= 90.0:
+        hint = f"across the antimeridian, {longitude:g} is {(longitude + 180) % 360 - 180:g}"
+    return RequestError(
+        f"{place}: {longitude:.10g}, {latitude:.10g} is not a longitude and a latitude", hint
+    )
+
+
+# KML
+
+
+class _KmlReader:
+    """Collects the polygons of a KML document while expat walks through it."""
+
+    def __init__(self, outline: Outline) -> None:
+        self.outline = outline
+        self.path: list[str] = []
+        self.text: list[str] | None = None
+        self.shells: list[NDArray[np.float64]] = []
+        self.holes: list[NDArray[np.float64]] = []
+        self.positions = 0
+
+    def read(self, content: bytes) -> None:
+        """Read a document into the outline."""
+        parser = expat.ParserCreate(namespace_separator=" ")
+        parser.buffer_text = True
+        parser.StartDoctypeDeclHandler = self._doctype
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._characters
+        try:
+            parser.Parse(content, True)
+        except expat.ExpatError as error:
+            raise RequestError(f"'{self.outline.path}' is not valid XML: {error}") from None
+
+    def _doctype(self, *_: Any) -> None:
+        raise RequestError(
+            f"'{self.outline.path}' has a document type, which may hide entities",
+            "remove its <!DOCTYPE …> line: KML has none",
+        )
+
+    def _start(self, name: str, _attributes: dict[str, str]) -> None:
+        tag = name.rpartition(" ")[2]
+        if not self.path and tag != "kml":
+            raise RequestError(f"'{self.outline.path}' is XML, but no KML: it begins with <{tag}>")
+        self.path.append(tag)
+        if len(self.path) > DEEPEST:
+            raise RequestError(f"'{self.outline.path}' is nested too deeply")
+        if tag == "Polygon":
+            self.shells, self.holes = [], []
+        elif tag == "coordinates" and "Polygon" in self.path:
+            self.text = []
+        elif tag in ("Point", "LineString"):
+            self.outline.ignored[tag] += 1
+
+    def _characters(self, text: str) -> None:
+        if self.text is not None:
+            self.text.append(text)
+
+    def _end(self, _name: str) -> None:
+        tag = self.path.pop()
+        if tag == "coordinates" and self.text is not None:
+            rings = self.holes if "innerBoundaryIs" in self.path else self.shells
+            rings.append(self._ring("".join(self.text)))
+            self.text = None
+        elif tag == "Polygon":
+            if len(self.shells) != 1:
+                raise RequestError(f"{self._place} has {len(self.shells)} outer boundaries, not 1")
+            self.outline.places.append(f"polygon {len(self.outline.polygons) + 1}")
+            self.outline.polygons.append(self.shells + self.holes)
+
+    @property
+    def _place(self) -> str:
+        return f"'{self.outline.path}': polygon {len(self.outline.polygons) + 1}"
+
+    def _ring(self, text: str) -> NDArray[np.float64]:
+        tuples = text.split()
+        self.positions += len(tuples)
+        if self.positions > MOST_POSITIONS:
+            raise _too_many(self.outline.path)
+        pairs = []
+        for item in tuples:
+            try:
+                longitude, latitude, *height = map(float, item.split(","))
+            except ValueError:
+                height = [0.0, 0.0]
+            if len(height) > 1:
+                raise RequestError(
+                    f"{self._place}: {shown(item)} is not a longitude and a latitude",
+                    "coordinates are lon,lat or lon,lat,alt, without blanks after the commas",
+                )
+            pairs.append((longitude, latitude))
+        return checked_ring(np.array(pairs).reshape(-1, 2), self._place)
+
+
+def _member(content: bytes, path: str) -> bytes:
+    """The KML document in a KMZ: ``doc.kml``, or else the first one."""
+    end = content.rfind(b"PK\x05\x06")
+    if end < 0 or len(content) < end + 22:
+        raise RequestError(f"'{path}' is a broken KMZ archive")
+    (directory,) = struct.unpack_from("<I", content, end + 12)
+    if directory > MOST_DIRECTORY_BYTES:
+        raise RequestError(f"'{path}' has more members than a KMZ archive should")
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            name = _document_name(archive.namelist(), path)
+            with archive.open(name) as member:
+                document = member.read(MOST_BYTES + 1)
+    except BROKEN as error:
+        raise RequestError(f"'{path}' is a broken KMZ archive: {error}") from None
+    if len(document) > MOST_BYTES:
+        raise RequestError(f"'{path}': '{name}' is larger than {MOST_BYTES // 2**20} MB unpacked")
+    return document
+
+
+def _document_name(names: list[str], path: str) -> str:
+    """The member of an archive that is its KML document."""
+    documents = [name for name in names if name.lower().endswith(".kml")]
+    if not documents:
+        raise RequestError(f"'{path}' is an archive without a KML document")
+    chosen = "doc.kml" if "doc.kml" in documents else documents[0]
+    if chosen.startswith(("/", "\\")) or ".." in chosen or ":" in chosen:
+        raise RequestError(f"'{path}': member {shown(chosen)} points out of the archive")
+    return chosen

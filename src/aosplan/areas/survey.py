@@ -1,0 +1,369 @@
+"""Surveys: from an area and the grid of a plan to waypoints, and what they cover."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from aosplan.areas.area import quiet
+from aosplan.areas.cell_runs import (
+    Spans,
+    spans_of,
+    united,
+)
+from aosplan.areas.coverage import (
+    Lattice,
+    Window,
+    centred_lattice,
+    entered,
+    image_cells,
+    looks,
+    seen_cells,
+    sites_for,
+    sites_seeing,
+    window_of,
+)
+from aosplan.areas.no_fly import Zones
+from aosplan.areas.tour import (
+    shortest_m,
+    total,
+    tour_of,
+)
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.flight.photo_trigger import Sites
+from aosplan.grid.patterns import (
+    MOST_SITES,
+    Pattern,
+)
+from aosplan.planning.inputs import Message
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.areas.area import Area
+    from aosplan.areas.cell_runs import Whole
+    from aosplan.flight.kinematics import Timing
+
+    Points = NDArray[np.float64]
+
+
+class Survey(NamedTuple):
+    """A flight over an area.
+
+    Attributes
+    ----------
+    sites_flown
+        Sites, and where there are no-fly zones the corners to turn at, in flight order.
+    origin
+        Latitude and longitude from which east and north count.
+    area_m2, clear_m2, no_fly_m2
+        The area, its part that one look is enough for, and its part in no-fly zones.
+    covered_share
+        Share of the area that is covered, by the rule of `aosplan.areas.coverage`, counted.
+    fewest_looks
+        The fewest sites in the rectangle around any point under canopy; None without canopy.
+    sites, sites_in_rectangle
+        Sites flown, and those of the whole rectangle around the area, without an area rule.
+    sites_in_no_fly, sites_enclosed
+        Sites that were dropped: in a no-fly zone, or shut in by one.
+    rectangle_m, pitch_m
+        The rectangle around a point that the rule is about, and the pitch of the sites, along
+        and across the heading.
+    length_m
+        Of the way from the first site to the last, around zones.
+    axis
+        Whether lines are flown along the heading or across it.
+    shortest_m
+        A length that no order of the sites falls below.
+    simplified_m, projection_error
+        See `aosplan.areas.area`.
+    notices
+        What the user should know.
+    """
+
+    sites_flown: Sites
+    origin: tuple[float, float]
+    area_m2: float
+    clear_m2: float
+    no_fly_m2: float
+    covered_share: float
+    fewest_looks: int | None
+    sites: int
+    sites_in_rectangle: int
+    sites_in_no_fly: int
+    sites_enclosed: int
+    rectangle_m: tuple[float, float]
+    pitch_m: tuple[float, float]
+    axis: str
+    length_m: float
+    shortest_m: float
+    simplified_m: float
+    projection_error: float
+    notices: tuple[Message, ...]
+
+    def document(self) -> dict[str, Any]:
+        """The survey as plain values: ``area`` of a plan's JSON."""
+        own = self._asdict()
+        for name in ("sites_flown", "notices", "length_m"):
+            del own[name]
+        plain = {n: list(v) if isinstance(v, tuple) else v for n, v in own.items()}
+        return plain | {
+            "over_shortest": self.length_m / self.shortest_m if self.shortest_m > 0.0 else None
+        }
+
+
+@quiet
+def survey_of(
+    area: Area,
+    pattern: Pattern,
+    *,
+    baseline_m: float,
+    heading_deg: float,
+    footprint_m: tuple[float, float],
+    max_sites: int,
+    timing: Timing,
+) -> Survey:
+    """The flight that covers an area with the grid of a plan.
+
+    Parameters
+    ----------
+    area
+        What to cover.
+    pattern, baseline_m
+        The grid that every point under canopy has to see.
+    heading_deg
+        Clockwise from true north.
+    footprint_m
+        Size of an image on the focal plane, along and across the heading.
+    max_sites
+        More sites are refused, before they are laid out.
+    timing
+        How the drone flies; decides the order.
+
+    Raises
+    ------
+    InfeasibleError
+        Where images are too small for the rule, or a no-fly zone leaves no site.
+    RequestError
+        Where the area needs more sites than `max_sites`.
+    """
+    turn = _Turn(heading_deg)
+    whole, canopy, clear = (turn.shape(part) for part in (area.whole, area.canopy, area.clear))
+    hidden = not canopy.is_empty and baseline_m > 0.0
+    if hidden:
+        window = _window(pattern, baseline_m, footprint_m)
+    else:  # one look is enough everywhere
+        window = window_of(Pattern(1, 1), footprint_m)
+        canopy, clear = whole, shapely.Polygon()
+    _check_size(canopy, window.pitch_m, window.samples, max_sites)
+    _check_size(clear, footprint_m, 1, max_sites)
+
+    image = image_cells(footprint_m, window.pitch_m)
+    lattice = centred_lattice(canopy, whole, window, max(window.columns, image[0]) + 1)
+    placements = entered(canopy, lattice)
+    at_sites = lattice.moved(-0.5 * (window.columns - 1), -0.5 * (window.rows - 1))
+    wanted = sites_for(placements, window, lattice.stride)
+    clear_cells = entered(clear, at_sites)
+    _refuse_more(wanted.size, max_sites, "")
+    extra = sites_seeing(
+        clear_cells.without(seen_cells(wanted, image, lattice.stride)), image, lattice.stride
+    )
+    wanted = united(np.append(wanted.start, extra), np.append(wanted.stop, extra + 1))
+    _refuse_more(wanted.size, max_sites, "")
+
+    zones = Zones(turn.shape(area.keep_out))
+    sites, in_zone, enclosed = _allowed(wanted.numbers(), at_sites, zones)
+    points = at_sites.middles(sites)
+    tour = tour_of(sites, lattice.stride, points, timing, zones)
+    way, photo = routed(points[tour.order], zones)
+    east, north = turn.back(way)
+
+    share, fewest = _covered(
+        sites, (canopy, clear), (placements, clear_cells), window, (lattice, at_sites), image
+    )
+    x_low, y_low, x_high, y_high = shapely.bounds(whole).tolist()
+    around = [
+        max(math.ceil(size / pitch - 1e-9), 1) + more - 1
+        for size, pitch, more in zip(
+            (x_high - x_low, y_high - y_low),
+            window.pitch_m,
+            (window.columns, window.rows),
+            strict=True,
+        )
+    ]
+    result = Survey(
+        sites_flown=Sites((east + 0.0).tolist(), (north + 0.0).tolist(), photo),
+        origin=area.origin,
+        area_m2=float(area.whole.area),
+        clear_m2=float(area.clear.area),
+        no_fly_m2=float(shapely.intersection(area.whole, area.keep_out).area),
+        covered_share=share,
+        fewest_looks=fewest if hidden else None,
+        sites=len(sites),
+        sites_in_rectangle=around[0] * around[1],
+        sites_in_no_fly=in_zone,
+        sites_enclosed=enclosed,
+        rectangle_m=window.size_m,
+        pitch_m=window.pitch_m,
+        axis=tour.axis,
+        length_m=total(way, float),
+        shortest_m=shortest_m(sites, lattice.stride, points),
+        simplified_m=area.simplified_m,
+        projection_error=area.projection_error,
+        notices=area.notices,
+    )
+    return result._replace(notices=result.notices + tuple(_losses(result, pattern.samples)))
+
+
+class _Turn:
+    """Between east and north, and x along the heading and y to its right."""
+
+    def __init__(self, heading_deg: float) -> None:
+        heading = math.radians(math.fmod(heading_deg, 360.0))
+        self.sine, self.cosine = math.sin(heading), math.cos(heading)
+
+    def shape(self, shape: Any) -> Any:
+        """A shape in x and y."""
+        return shapely.transform(shape, self._points)
+
+    def _points(self, points: Points) -> Points:
+        east, north = points.T
+        turned = [east * self.sine + north * self.cosine, east * self.cosine - north * self.sine]
+        return np.round(np.column_stack(turned), 7)
+
+    def back(self, points: Points) -> tuple[Points, Points]:
+        """Points in x and y as east and north."""
+        x, y = points.T
+        return x * self.sine + y * self.cosine, x * self.cosine - y * self.sine
+
+
+def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> Window:
+    """The window of a pattern, if a point sees all its sites from the middle cell."""
+    window = window_of(pattern, (baseline_m, baseline_m * pattern.row_pitch))
+    x, y = window.size_m
+    if x > footprint_m[0] * (1.0 + 1e-9) or y > footprint_m[1] * (1.0 + 1e-9):
+        most = min(
+            footprint_m[0] / window.columns,
+            footprint_m[1] / (window.rows * pattern.row_pitch),
+        ) * pattern.longer_side  # fmt: skip
+        raise InfeasibleError(
+            f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small for an area: "
+            f"the {pattern.samples} sites around a point lie in {x:.4g} x {y:.4g} m, and it has "
+            "to be in all their images",
+            f"--max-aperture {math.floor(most * 100.0) / 100.0:g} makes the grid fit, perhaps with a "
+            "lower target; or use a wider camera",
+        )
+    return window
+
+
+def _check_size(shape: Any, cell_m: tuple[float, float], samples: int, max_sites: int) -> None:
+    """Refuse what needs too many sites, from lengths and areas alone."""
+    x_pitch, y_pitch = cell_m
+    least = shape.area / (x_pitch * y_pitch)
+    for part in shapely.get_parts(shape):
+        x_low, y_low, x_high, y_high = shapely.bounds(part)
+        least = max(least, (x_high - x_low) / x_pitch, (y_high - y_low) / y_pitch)
+    # Sums of two sets of lattice points have at least as many as both, less one.
+    _refuse_more(math.ceil(least * (1.0 - 1e-9)) + samples - 1, max_sites, "at least ")
+
+
+def _refuse_more(sites: int, max_sites: int, about: str) -> None:
+    if sites > min(max_sites, MOST_SITES):
+        bound = (
+            f"{max_sites} that --max-sites allows"
+            if max_sites <= MOST_SITES
+            else f"{MOST_SITES} that one plan may have"
+        )
+        raise RequestError(
+            f"the area needs {about}{sites} sites, more than the {bound}",
+            f"give --max-sites {sites}, a smaller area, or --clear FILE for its open parts"
+            if sites <= MOST_SITES
+            else f"one plan may have {MOST_SITES}: cover it in parts, or from higher up",
+        )
+
+
+def _allowed(wanted: Whole, at_sites: Lattice, zones: Zones) -> tuple[Whole, int, int]:
+    """Sites that may be flown; how many lie in zones, and how many are shut in by them."""
+    if not zones:
+        return wanted, 0, 0
+    points = at_sites.middles(wanted)
+    outside = ~zones.inside(points)
+    sites = wanted[outside]
+    if len(sites) == 0:
+        raise InfeasibleError(
+            f"all {len(wanted)} sites lie in no-fly zones", "a smaller --buffer, or another area"
+        )
+    places = zones.enclosures(points[outside])
+    names, counts = np.unique(places, return_counts=True)
+    kept = sites[places == names[np.argmax(counts)]]
+    return kept, len(wanted) - len(sites), len(sites) - len(kept)
+
+
+def routed(points: Points, zones: Zones) -> tuple[Points, list[bool]]:
+    """The way through points around zones, and which of its points take photos."""
+    if not zones:
+        return points, [True] * len(points)
+    way: list[Points] = [points[:1]]
+    photo = [True]
+    crossing = np.flatnonzero(zones.cross(points[:-1], points[1:]))
+    done = 1
+    for leg in crossing.tolist():
+        turns = zones.around(points[leg], points[leg + 1])
+        assert turns is not None  # sites shut in by zones were dropped
+        way += [points[done : leg + 1], np.array(turns).reshape(-1, 2)]
+        photo += [True] * (leg + 1 - done) + [False] * len(turns)
+        done = leg + 1
+    way.append(points[done:])
+    photo += [True] * (len(points) - done)
+    return np.concatenate(way), photo
+
+
+def _covered(
+    sites: Whole,
+    shapes: tuple[Any, Any],
+    cells: tuple[Spans, Spans],
+    window: Window,
+    lattices: tuple[Lattice, Lattice],
+    image: tuple[int, int],
+) -> tuple[float, int]:
+    """Share of the area that the sites cover, and the fewest looks under canopy, counted."""
+    canopy, clear = shapes
+    stride = lattices[0].stride
+    placements = cells[0].numbers()
+    count = looks(sites, placements, window, stride)
+    lost = [
+        (canopy, lattices[0], spans_of(placements[count < window.samples])),
+        (clear, lattices[1], cells[1].without(seen_cells(spans_of(sites), image, stride))),
+    ]
+    missing = math.fsum(
+        float(shapely.area(shapely.intersection(shape, lattice.boxes(unseen))).sum())
+        for shape, lattice, unseen in lost
+        if len(unseen.start)
+    )
+    whole = float(canopy.area + clear.area)
+    return max(1.0 - missing / whole, 0.0), int(count.min())
+
+
+def _losses(survey: Survey, samples: int) -> list[Message]:
+    """Warnings of what no-fly zones take away."""
+    if survey.covered_share == 1.0:
+        return []
+    lost = (1.0 - survey.covered_share) * survey.area_m2
+    fewest = "" if survey.fewest_looks is None else f", at worst from {survey.fewest_looks}"
+    enclosed = f" and shut in {survey.sites_enclosed}" if survey.sites_enclosed else ""
+    return [
+        Message(
+            "coverage_lost",
+            f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
+            f"seen from fewer than {samples} sites{fewest}: no-fly zones take away "
+            f"{survey.sites_in_no_fly} sites{enclosed}",
+        )
+    ]
+
+
+def _area(area_m2: float) -> str:
+    """Square metres without an exponent."""
+    return f"{area_m2:,.0f}" if area_m2 >= 10.0 else f"{area_m2:.2g}"

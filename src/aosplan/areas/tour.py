@@ -1,0 +1,362 @@
+"""The order of sites: lines there and back along the better axis, linked and improved.
+
+Sites of a lattice fall into *lines*: stretches of neighbours along one axis that no zone
+cuts.  Lines are flown from one end to the other, and always the nearest end of a line not yet
+flown comes next; where every row is one line that is the boustrophedon.  Both axes are tried, and
+the one that takes less time is flown.  Up to `MOST_IMPROVED` sites the order is then improved by
+2-opt and Or-opt moves.  A minimum spanning tree bounds every order from below.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+from scipy.spatial import Delaunay, cKDTree
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from aosplan.areas.cell_runs import Whole
+    from aosplan.areas.no_fly import Zones
+    from aosplan.flight.kinematics import Timing
+
+    Points = NDArray[np.float64]
+
+MOST_IMPROVED = 5_000
+"""Longer tours keep to their lines."""
+
+NEIGHBOURS = 8
+"""Nearest sites that an improvement may fly to."""
+
+LONGEST_PIECE = 3
+"""Sites that an Or-opt move takes elsewhere, at most."""
+
+
+class Tour(NamedTuple):
+    """An order of sites: their indices, and the axis along which lines were flown."""
+
+    order: NDArray[np.intp]
+    axis: str
+
+
+def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: Zones) -> Tour:
+    """An order in which all sites are flown once.
+
+    Parameters
+    ----------
+    cells
+        Shape (n,): number row · stride + column of each site, rising.
+    stride
+        Of the numbers.
+    points
+        Shape (n, 2): where the sites are [m].
+    timing
+        How the drone flies.  Where it flies through its sites, lines along the heading stay
+        whole.
+    zones
+        No-fly zones, in the same metres; no site lies in one.
+
+    Returns
+    -------
+    Tour
+        The quicker of lines along the heading and across it, improved where it is short.
+    """
+    rows, columns = np.divmod(cells, stride)
+    found = []
+    leg_s = timing.leg_s
+    axes = [("along", rows, columns), ("across", columns, rows)]
+    for axis, line, place in axes[:1] if timing.fly_through else axes:
+        order = _by_lines(line, place, points, zones)
+        found.append((total(points[order], leg_s, zones), axis, order))
+    _, axis, order = min(found, key=lambda candidate: candidate[0])
+    if 3 < len(order) <= MOST_IMPROVED and not timing.fly_through:
+        order = _improved(order, points, leg_s, zones)
+    return Tour(order, axis)
+
+
+def total(points: Points, measure: Callable[[float], float], zones: Zones | None = None) -> float:
+    """Sum of a measure of the lengths of all legs through points, around zones."""
+    lengths = np.hypot(*np.diff(points, axis=0).T)
+    if zones:
+        for leg in np.flatnonzero(zones.cross(points[:-1], points[1:])):
+            lengths[leg] = zones.length_m(points[leg], points[leg + 1])
+    # Most legs of a lattice are of a few lengths: each is measured once.
+    _, group, counts = np.unique(np.round(lengths, 9), return_inverse=True, return_counts=True)
+    means = np.bincount(group, lengths) / counts if len(lengths) else lengths
+    return math.fsum(
+        measure(mean) * count for mean, count in zip(means.tolist(), counts.tolist(), strict=True)
+    )
+
+
+def shortest_m(cells: Whole, stride: int, points: Points) -> float:
+    """A length that no order of the sites falls below: their minimum spanning tree's.
+
+    Its edges join neighbours of the lattice, or sites at the border of the set, among which
+    a Delaunay triangulation has them all.
+    """
+    if len(cells) < 2:
+        return 0.0
+    start, stop, border = [], [], np.zeros(len(cells), bool)
+    for step in (1, stride, stride + 1, stride - 1):
+        at = np.searchsorted(cells, cells + step)
+        there = cells[np.minimum(at, len(cells) - 1)] == cells + step
+        start.append(np.flatnonzero(there))
+        stop.append(at[there])
+        border |= ~there
+        border[np.setdiff1d(np.arange(len(cells)), at[there], assume_unique=True)] = True
+    outer = np.flatnonzero(border)
+    for one, other in _triangulated(points[outer]):
+        start.append(outer[one])
+        stop.append(outer[other])
+    one, other = np.concatenate(start), np.concatenate(stop)
+    lengths = np.hypot(*(points[one] - points[other]).T)
+    # Edges of the least length are most of a lattice's, and any that join are in some tree.
+    least = float(lengths.min())
+    short = lengths <= least * (1.0 + 1e-9)
+    pieces, labels = connected_components(_graph(lengths, one, other, short, len(cells)))
+    piece = labels.astype(np.int64)
+    rest = ~short & (piece[one] != piece[other])
+    joined = _graph(lengths, piece[one], piece[other], rest, pieces)
+    return least * (len(cells) - pieces) + float(minimum_spanning_tree(joined).sum())
+
+
+def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], size: int) -> Any:
+    """The graph of the edges that are kept, each pair of nodes once, by its shortest."""
+    low, high = np.minimum(one, other)[kept], np.maximum(one, other)[kept]
+    order = np.lexsort((lengths[kept], high, low))
+    low, high, length = low[order], high[order], lengths[kept][order]
+    first = np.append(True, (low[1:] != low[:-1]) | (high[1:] != high[:-1]))[: len(low)]
+    places = low[first].astype(np.int32), high[first].astype(np.int32)  # all that old SciPy takes
+    return coo_array((length[first], places), shape=(size, size)).tocsr()
+
+
+def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Ends of the edges of a Delaunay triangulation; of a line's pieces, where all lie on one."""
+    middle = points.mean(axis=0)
+    spread = np.linalg.svd(points - middle, full_matrices=False)
+    if len(points) < 4 or spread[1][1] <= 1e-9 * spread[1][0]:
+        along = np.argsort((points - middle) @ spread[2][0])
+        if len(points) == 3 and spread[1][1] > 1e-9 * spread[1][0]:
+            return [(along[[0, 1, 0]], along[[1, 2, 2]])]
+        return [(along[:-1], along[1:])]
+    corners = Delaunay(points).simplices.astype(np.int64)
+    return [(corners[:, k], corners[:, k - 1]) for k in range(3)]
+
+
+# Lines
+
+
+def _by_lines(line: Whole, place: Whole, points: Points, zones: Zones) -> NDArray[np.intp]:
+    """Sites line by line, each from one end to the other, nearest end next."""
+    order = np.lexsort((place, line))
+    apart = (np.diff(line[order]) != 0) | (np.diff(place[order]) != 1)
+    if zones:
+        joined = np.flatnonzero(~apart)
+        apart[joined] = zones.cross(points[order[joined]], points[order[joined + 1]])
+    first = np.append(0, np.flatnonzero(apart) + 1)
+    last = np.append(first[1:], len(order)) - 1
+    ends = np.concatenate([points[order[first]], points[order[last]]])
+    pieces = [
+        order[first[index] : last[index] + 1][:: 1 if forwards else -1]
+        for index, forwards in _linked(ends, zones)
+    ]
+    return np.concatenate(pieces)
+
+
+def _linked(ends: Points, zones: Zones) -> list[tuple[int, bool]]:
+    """Lines in the order of their nearest ends, and whether each is flown forwards.
+
+    `ends` has the first points of all lines, then the last ones.
+    """
+    count = len(ends) // 2
+    left = np.ones(2 * count, bool)
+    way: list[tuple[int, bool]] = []
+    entry = 0
+    names = np.arange(2 * count)
+    tree = cKDTree(ends)
+    while True:
+        line = entry % count
+        way.append((line, entry < count))
+        left[[line, line + count]] = False
+        if len(way) == count:
+            return way
+        if 2 * (count - len(way)) < 0.5 * len(names):
+            names = np.flatnonzero(left)
+            tree = cKDTree(ends[names])
+        entry = _nearest(ends[line + count if entry < count else line], tree, names, left, zones)
+
+
+def _nearest(
+    here: Points, tree: cKDTree, names: NDArray[np.intp], left: NDArray[np.bool_], zones: Zones
+) -> int:
+    """The nearest end that is left; of the nearest few, one that no zone hides comes first."""
+    wanted = 16
+    while True:
+        found = np.atleast_1d(tree.query(here, min(wanted, len(names)))[1])
+        free = names[found][left[names[found]]]
+        if len(free) or wanted >= len(names):
+            break
+        wanted *= 4
+    if zones and len(free) > 1:
+        targets = tree.data[np.searchsorted(names, free)]
+        clear = free[~zones.cross(np.broadcast_to(here, targets.shape), targets)]
+        free = clear if len(clear) else free
+    return int(free[0])
+
+
+# Improvement
+
+
+class _Circle:
+    """A tour closed by a nowhere at no distance, its costs, and the moves that improve it."""
+
+    def __init__(
+        self,
+        order: NDArray[np.intp],
+        points: Points,
+        leg_s: Callable[[float], float],
+        zones: Zones,
+    ) -> None:
+        self.points = points
+        self.nowhere = len(order)
+        self.tour: list[int] = [*order.tolist(), self.nowhere]
+        self.place = [0] * len(self.tour)
+        for place, site in enumerate(self.tour):
+            self.place[site] = place
+        self.xy = points.tolist()
+        self.leg_s = leg_s
+        self.zones = zones
+        self.known: dict[tuple[int, int], float] = {}
+
+    def cost(self, one: int, other: int) -> float:
+        """Time from one site to another, around zones; to nowhere none."""
+        if self.nowhere in (one, other):
+            return 0.0
+        if self.zones:
+            key = (one, other) if one < other else (other, one)
+            if key not in self.known:
+                start, stop = self.points[key[0]], self.points[key[1]]
+                crossing = bool(self.zones.cross(start[None], stop[None])[0])
+                length = self.zones.length_m(start, stop) if crossing else math.dist(start, stop)
+                self.known[key] = self.leg_s(length)
+            return self.known[key]
+        return self.leg_s(math.dist(self.xy[one], self.xy[other]))
+
+    def after(self, site: int) -> int:
+        """The next site."""
+        return self.tour[(self.place[site] + 1) % len(self.tour)]
+
+    def before(self, site: int) -> int:
+        """The one before."""
+        return self.tour[self.place[site] - 1]
+
+    def reverse(self, first: int, last: int) -> None:
+        """Turn the stretch from one site to another around, or, which is the same, the rest."""
+        size = len(self.tour)
+        i, j = self.place[first], self.place[last]
+        inner = (j - i) % size + 1
+        if 2 * inner > size:
+            i, j, inner = (j + 1) % size, (i - 1) % size, size - inner
+        for _ in range(inner // 2):
+            one, other = self.tour[i], self.tour[j]
+            self.tour[i], self.place[other] = other, i
+            self.tour[j], self.place[one] = one, j
+            i, j = (i + 1) % size, (j - 1) % size
+
+    def two_opt(self, site: int, near: list[int]) -> list[int]:
+        """Replace two legs by two quicker ones, one of them from `site`; the sites touched."""
+        for step in (self.after, self.before):
+            following = step(site)
+            old = self.cost(site, following)
+            for other in near:
+                new = self.cost(site, other)
+                if new >= old:
+                    break
+                beyond = step(other)
+                if other == following or beyond == site:
+                    continue
+                gain = old + self.cost(other, beyond) - new - self.cost(following, beyond)
+                if gain > 1e-9:
+                    if step == self.after:
+                        self.reverse(following, other)
+                    else:
+                        self.reverse(other, following)
+                    return [site, following, other, beyond]
+        return []
+
+    def or_opt(self, site: int, near: list[int]) -> list[int]:
+        """Take up to three sites that begin at `site` to a quicker place; the sites touched."""
+        for step, back in ((self.after, self.before), (self.before, self.after)):
+            last = site
+            outside = back(site)
+            for _ in range(LONGEST_PIECE):
+                if last == self.nowhere:
+                    break
+                beyond = step(last)
+                if beyond == outside:
+                    break
+                closing = self.cost(outside, site) + self.cost(last, beyond)
+                closing -= self.cost(outside, beyond)
+                piece = self._piece(site, last, step)
+                for other in near:
+                    joined = self.cost(site, other)
+                    if joined >= closing:
+                        break
+                    if other in piece:
+                        continue
+                    # `site` goes beside `other`, `last` beside either neighbour of it.
+                    for side in (self.after, self.before):
+                        next_to = side(other)
+                        if next_to in piece:
+                            continue
+                        gain = closing + self.cost(other, next_to)
+                        gain -= joined + self.cost(last, next_to)
+                        if gain > 1e-9:
+                            self._move(piece, other, next_to)
+                            return [site, last, outside, beyond, other, next_to]
+                last = beyond
+        return []
+
+    def _piece(self, site: int, last: int, step: Callable[[int], int]) -> list[int]:
+        piece = [site]
+        while piece[-1] != last:
+            piece.append(step(piece[-1]))
+        return piece
+
+    def _move(self, piece: list[int], other: int, next_to: int) -> None:
+        """Put a piece between two neighbours, its first site beside `other`."""
+        taken = set(piece)
+        rest = [site for site in self.tour if site not in taken]
+        row = piece if self.after(other) == next_to else piece[::-1]
+        at = rest.index(other if row is piece else next_to) + 1
+        self.tour = rest[:at] + row + rest[at:]
+        for place, site in enumerate(self.tour):
+            self.place[site] = place
+
+
+def _improved(
+    order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: Zones
+) -> NDArray[np.intp]:
+    """A tour after 2-opt and Or-opt moves among near neighbours, until none gains."""
+    circle = _Circle(order, points, leg_s, zones)
+    found = np.asarray(cKDTree(points).query(points, min(NEIGHBOURS + 1, len(points)))[1])
+    near = [[other for other in row if other != site] for site, row in enumerate(found.tolist())]
+    waiting = deque(order.tolist())
+    queued = set(waiting)
+    while waiting:
+        site = waiting.popleft()
+        queued.discard(site)
+        touched = circle.two_opt(site, near[site]) or circle.or_opt(site, near[site])
+        for other in touched:
+            if other != circle.nowhere and other not in queued:
+                waiting.append(other)
+                queued.add(other)
+    start = circle.place[circle.nowhere] + 1
+    return np.array(circle.tour[start:] + circle.tour[: start - 1], np.intp)

@@ -1,0 +1,6 @@
+"""The camera: its intrinsics, the cameras known by name, and disparity.
+
+- `aosplan.camera.camera`: intrinsics, ground resolution and footprint.
+- `aosplan.camera.presets`: the built-in cameras, each with its source.
+- `aosplan.camera.disparity`: disparity of occluders, and the baseline of the coverage rule.
+"""

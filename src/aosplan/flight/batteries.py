@@ -1,0 +1,123 @@
+"""Flights: what one battery reaches, each from the take-off and back to it.
+
+A flight climbs to the height of its first waypoint, flies there on the level, and comes back from
+its last one the same way.  Where the take-off is not known it is taken to lie below the first
+waypoint of the plan.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.errors import InfeasibleError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.flight.kinematics import Timing
+    from aosplan.flight.track import Track
+
+
+class Flight(NamedTuple):
+    """Waypoints of one battery, from `first` to `last`, and the way there and back.
+
+    `samples` photos are taken.  Length and time count from the take-off to the landing.
+    """
+
+    first: int
+    last: int
+    samples: int
+    length_m: float
+    time_s: float
+
+
+class Home(NamedTuple):
+    """The take-off: metres east, north and up, in the axes of the track."""
+
+    east_m: float
+    north_m: float
+    up_m: float
+
+    def way_m(self, track: Track, place: int) -> tuple[float, float]:
+        """Level and vertical length of the way between the take-off and a waypoint."""
+        level = math.hypot(track.east_m[place] - self.east_m, track.north_m[place] - self.north_m)
+        return level, abs(track.up_m[place] - self.up_m)
+
+    def way_s(self, track: Track, place: int, timing: Timing, *, back: bool = False) -> float:
+        """Time of that way, there or back: it matters to the wind."""
+        east, north = track.east_m[place] - self.east_m, track.north_m[place] - self.north_m
+        sign = -1.0 if back else 1.0
+        climb = timing.leg_s(0.0, 0.0, track.up_m[place] - self.up_m)
+        return climb + timing.leg_s(sign * east, sign * north)
+
+
+class _Part(NamedTuple):
+    """Waypoints that one flight takes together: a site, or a line that is flown through."""
+
+    first: int
+    last: int
+
+
+def _parts(track: Track, timing: Timing) -> Iterator[_Part]:
+    if not timing.fly_through:
+        yield from (_Part(place, place) for place, photo in enumerate(track.photo) if photo)
+        return
+    for start, stop in pairwise(track.stops(timing)):
+        if any(track.photo[start : stop + 1]):
+            yield _Part(start, stop)
+
+
+def flights_of(
+    track: Track, timing: Timing, home: Home, longest_s: float = math.inf
+) -> tuple[Flight, ...]:
+    """The fewest flights, taken in order, of which none is longer than a battery lasts.
+
+    Sites stay in order, and each belongs to one flight; waypoints between the last site of a
+    flight and the first of the next belong to none.
+
+    Raises
+    ------
+    InfeasibleError
+        Where one site, or one line that is flown through, takes longer than that.
+    """
+    times, lengths = track.times_s(timing), track.lengths_m
+    taken = [0, *accumulate(track.photo)]
+
+    def flight(first: int, last: int) -> Flight:
+        ways = [*home.way_m(track, first), lengths[last] - lengths[first], *home.way_m(track, last)]
+        there, back = home.way_s(track, first, timing), home.way_s(track, last, timing, back=True)
+        time = there + left(last) - times[first] + back
+        return Flight(first, last, taken[last + 1] - taken[first], math.fsum(ways), time)
+
+    def left(place: int) -> float:
+        holds = track.photo[place] and not timing.fly_through
+        return times[place] + (timing.hold_s if holds else 0.0)
+
+    whole = flight(0, len(track.photo) - 1)
+    if whole.time_s <= longest_s:
+        return (whole,)
+    parts = list(_parts(track, timing))
+    # When a flight would have had to take off to be at a part in time, and when it lands after it.
+    begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
+    landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
+    worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])
+    if landed[worst] - begun[worst] > longest_s:
+        what = "line" if timing.fly_through else "site"
+        raise InfeasibleError(
+            f"to fly to one {what}, at waypoint {parts[worst].first}, and back takes "
+            f"{(landed[worst] - begun[worst]) / 60.0:.4g} min, more than --flight-time "
+            f"{longest_s / 60.0:.4g}",
+            "take off nearer, fly faster, or use a battery that lasts longer"
+            + (", or --trigger stop" if timing.fly_through else ""),
+        )
+    firsts = [0]
+    for place in range(1, len(parts)):
+        if landed[place] - begun[firsts[-1]] > longest_s:
+            firsts.append(place)
+    lasts = [*(first - 1 for first in firsts[1:]), len(parts) - 1]
+    return tuple(
+        flight(parts[first].first, parts[last].last)
+        for first, last in zip(firsts, lasts, strict=True)
+    )

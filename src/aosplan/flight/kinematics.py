@@ -1,0 +1,271 @@
+"""Flight time: straight legs from stop to stop with bounded speed, climb and acceleration.
+
+Between two stops the speed along a straight line is a trapezoid, or a triangle where the line is
+short.  With stops at every site each leg is such a line.  A drone that flies through its sites
+stops only where its course turns: it runs in over `Timing.run_in_m`, passes the sites at a steady
+speed, and runs out over the same length.
+
+An autopilot holds ground speed as long as the air lets it: wind lowers the speed of a leg where
+the airspeed it would take is more than the drone has.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.errors import InfeasibleError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from aosplan.grid.patterns import Sites
+
+STRAIGHT = 1e-6
+"""Sine of the smallest turn; what turns less flies straight on."""
+
+
+SLOWEST_MPS = 1e-9
+"""Sites on top of each other would take no speed at all."""
+
+
+def stop_to_stop_s(length_m: float, speed_mps: float, acceleration_mps2: float) -> float:
+    """Time from stop to stop: a trapezoid of speed, or a triangle where the leg is short."""
+    if length_m >= speed_mps**2 / acceleration_mps2:
+        return length_m / speed_mps + speed_mps / acceleration_mps2
+    return 2.0 * math.sqrt(length_m / acceleration_mps2)
+
+
+def passing_s(
+    distance_m: float, length_m: float, speed_mps: float, acceleration_mps2: float
+) -> float:
+    """Time from the stop at which a line begins until a distance along it is passed."""
+    left = length_m - distance_m
+    if left < distance_m:  # slowing down is speeding up, backwards
+        whole = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
+        return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)
+    ramp = 0.5 * speed_mps**2 / acceleration_mps2
+    if distance_m <= ramp:
+        return math.sqrt(2.0 * max(distance_m, 0.0) / acceleration_mps2)
+    return speed_mps / acceleration_mps2 + (distance_m - ramp) / speed_mps
+
+
+def wind_mps(speed_mps: float, from_deg: float, heading_deg: float = 0.0) -> tuple[float, float]:
+    """Where the wind blows to, along a heading and to its right [m/s].
+
+    `from_deg` is where it comes from, clockwise from true north, as meteorologists say it.
+    """
+    angle = math.radians(math.fmod(from_deg - heading_deg, 360.0))
+    return -speed_mps * math.cos(angle) + 0.0, -speed_mps * math.sin(angle) + 0.0
+
+
+class Timing(NamedTuple):
+    """How a drone flies between photos.
+
+    `wind` is where the wind blows to in the axes of the path, `airspeed_mps` the fastest the
+    drone flies through the air.  `climb_mps` bounds climbs and descents.  Flying through, a photo
+    is taken at most each `interval_s`, which bounds the speed by the baseline, and no run-in is
+    shorter than `least_run_in_m`.
+    """
+
+    speed_mps: float = 5.0
+    acceleration_mps2: float = 2.0
+    hold_s: float = 1.0
+    climb_mps: float = 3.0
+    fly_through: bool = False
+    interval_s: float = 0.0
+    wind: tuple[float, float] = (0.0, 0.0)
+    airspeed_mps: float = math.inf
+    least_run_in_m: float = 0.0
+
+    @property
+    def run_in_m(self) -> float:
+        """Length before a line in which the drone reaches its speed; nothing where it stops."""
+        ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
+        return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
+
+    def at(self, baseline_m: float) -> Timing:
+        """The same with the speed that photos a baseline apart leave to the camera."""
+        if not (self.fly_through and self.interval_s):
+            return self
+        paced = max(baseline_m / self.interval_s, SLOWEST_MPS)
+        return self._replace(speed_mps=min(self.speed_mps, paced), interval_s=0.0)
+
+    def ground_speed_mps(self, x: float, y: float) -> float:
+        """Speed over ground in a direction, a unit vector.
+
+        The airspeed g u - w is as long as the drone is fast: g = u w + √(A² - (u x w)²).
+
+        Raises
+        ------
+        InfeasibleError
+            Where the wind is stronger than the drone.
+        """
+        along, across = x * self.wind[0] + y * self.wind[1], x * self.wind[1] - y * self.wind[0]
+        left = self.airspeed_mps**2 - across**2
+        fastest = along + math.sqrt(left) if left > 0.0 else 0.0
+        if fastest <= 0.0 or math.hypot(*self.wind) >= self.airspeed_mps:
+            raise InfeasibleError(
+                f"wind of {math.hypot(*self.wind):.4g} m/s leaves no speed to a drone that flies "
+                f"{self.airspeed_mps:.4g} m/s through the air",
+                "wait for less wind, or give the --airspeed that the drone has",
+            )
+        return min(self.speed_mps, fastest)
+
+    def leg_speed_mps(self, x_m: float, y_m: float, up_m: float) -> float:
+        """Speed along a straight leg: level speed and climb both stay within their bounds."""
+        level = math.hypot(x_m, y_m)
+        length = math.hypot(level, up_m)
+        speed = math.inf
+        if level:
+            speed = self.speed_mps
+            if self.wind != (0.0, 0.0):
+                speed = self.ground_speed_mps(x_m / level, y_m / level)
+            speed *= length / level
+        return min(speed, self.climb_mps * length / abs(up_m)) if up_m else speed
+
+    def leg_s(self, x_m: float, y_m: float = 0.0, up_m: float = 0.0) -> float:
+        """Time of a straight leg from stop to stop."""
+        length = math.hypot(x_m, y_m, up_m)
+        if not length:
+            return 0.0
+        return stop_to_stop_s(length, self.leg_speed_mps(x_m, y_m, up_m), self.acceleration_mps2)
+
+
+class Leg(NamedTuple):
+    """A leg in baselines, and how much shorter run-in and run-out leave it, in run-ins."""
+
+    x: float
+    y: float = 0.0
+    run_x: float = 0.0
+    run_y: float = 0.0
+
+
+class Path(NamedTuple):
+    """A flight over a pattern: how often each leg occurs, and each line that is flown through.
+
+    Lengths are in baselines, in the axes of the pattern.  `courses` are the directions, as unit
+    vectors, in which photos are taken in passing.
+    """
+
+    legs: tuple[tuple[Leg, int], ...]
+    samples: int
+    lines: tuple[tuple[float, int], ...] = ()
+    courses: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def shortest(cls, samples: int, timing: Timing) -> Path:
+        """One straight line: without wind no pattern of so many sites is flown faster."""
+        if timing.fly_through:
+            return cls((), samples, ((samples - 1.0, 1),))
+        return cls(((Leg(1.0), samples - 1),), samples)
+
+    def _legs_m(self, baseline_m: float, run_in_m: float) -> Iterator[tuple[float, float, int]]:
+        for (x, y, run_x, run_y), count in self.legs:
+            yield x * baseline_m - run_x * run_in_m, y * baseline_m - run_y * run_in_m, count
+
+    def length_m(self, baseline_m: float, timing: Timing | None = None) -> float:
+        """Length of the path from the first site to the last."""
+        run = (timing or Timing()).at(baseline_m).run_in_m
+        turns = sum(count for _, count in self.legs) if run else 0
+        legs = (math.hypot(x, y) * count for x, y, count in self._legs_m(baseline_m, run))
+        lines = (length * baseline_m * count for length, count in self.lines)
+        return math.fsum([*legs, *lines, 2.0 * turns * run])
+
+    def time_s(self, baseline_m: float, timing: Timing) -> float:
+        """Time from the first site to the last, with a hold at each, or in passing."""
+        flown = steady(timing.at(baseline_m), self.courses)
+        run = flown.run_in_m
+        legs = [flown.leg_s(x, y) * count for x, y, count in self._legs_m(baseline_m, run)]
+        if not timing.fly_through:
+            return self.samples * flown.hold_s + math.fsum(legs)
+        turns = sum(count for _, count in self.legs)
+        # From a stop to its speed a drone takes v/2a longer than at that speed all the way.
+        ramp = run / flown.speed_mps + 0.5 * flown.speed_mps / flown.acceleration_mps2
+        lines = (length * baseline_m / flown.speed_mps * count for length, count in self.lines)
+        return math.fsum([*legs, *lines, 2.0 * turns * ramp])
+
+
+def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
+    """The same at the one speed that the wind leaves in every direction in which photos are taken."""
+    if not (timing.fly_through and courses) or timing.wind == (0.0, 0.0):
+        return timing
+    return timing._replace(speed_mps=min(timing.ground_speed_mps(*course) for course in courses))
+
+
+def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
+    """The legs of a pattern in flight order, as they are flown."""
+    timing = timing or Timing()
+    if timing.fly_through:
+        return _flown_through(list(pattern.offsets()))
+    # Without wind only the length of a leg counts.
+    calm = timing.wind == (0.0, 0.0)
+    legs: Counter[Leg] = Counter()
+    for (x, y), count in pattern.steps().items():
+        legs[Leg(math.hypot(x, y)) if calm else Leg(x, y)] += count
+    return Path(tuple(sorted(legs.items())), pattern.samples)
+
+
+def _flown_through(sites: list[tuple[float, float]]) -> Path:
+    lines = list(lines_of(sites, 1.0))
+    lengths: Counter[float] = Counter()
+    legs: Counter[Leg] = Counter()
+    for line in lines:
+        (x, y), (to_x, to_y) = sites[line.first], sites[line.last]
+        lengths[math.hypot(to_x - x, to_y - y)] += 1
+    for line, following in pairwise(lines):
+        (x, y), (to_x, to_y) = sites[line.last], sites[following.first]
+        run_x, run_y = line.x + following.x, line.y + following.y
+        legs[Leg(to_x - x, to_y - y, run_x, run_y)] += 1
+    return Path(
+        tuple(sorted(legs.items())),
+        len(sites),
+        tuple(sorted(lengths.items())),
+        tuple(sorted({(line.x, line.y) for line in lines})),
+    )
+
+
+class Line(NamedTuple):
+    """Sites that are flown through on one course: places of the first and the last, and the course.
+
+    The course is a unit vector in the axes of the sites.
+    """
+
+    first: int
+    last: int
+    x: float
+    y: float
+
+
+def lines_of(
+    sites: Sequence[tuple[float, float]], spacing: float, along: tuple[float, float] = (1.0, 0.0)
+) -> Iterator[Line]:
+    """Lines of sites along the heading, a whole number of spacings apart, in flight order.
+
+    A trigger by distance meets all sites of such a line.  `along` is the heading as a unit
+    vector; lines run along it or back, and a site alone is flown through along it.
+    """
+    first = 0
+    while first < len(sites):
+        last, course = first, None
+        while last + 1 < len(sites):
+            x, y = (to - at for to, at in zip(sites[last + 1], sites[last], strict=True))
+            steps = math.hypot(x, y) / spacing if spacing else 0.0
+            if round(steps) < 1 or abs(steps - round(steps)) > STRAIGHT * steps:
+                break
+            forth = x * along[0] + y * along[1] > 0.0
+            way = along if forth else (0.0 - along[0], 0.0 - along[1])
+            length = math.hypot(x, y)
+            if course not in (None, way) or not same_course(way, (x / length, y / length)):
+                break
+            last, course = last + 1, way
+        yield Line(first, last, *(course or along))
+        first = last + 1
+
+
+def same_course(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether two unit vectors point the same way."""
+    across = one[0] * other[1] - one[1] * other[0]
+    return abs(across) < STRAIGHT and one[0] * other[0] + one[1] * other[1] > 0.0

@@ -1,0 +1,317 @@
+"""Terrain: the ground's height from a GeoTIFF, and a flight that keeps its height above it.
+
+Heights are read where they are needed, in windows of bounded size, and interpolated bilinearly
+between the centres of pixels.  Only differences of height matter to a mission that counts from
+its take-off, so any vertical datum will do as long as the file has one.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from aosplan.errors import RequestError, needs_extra
+from aosplan.files import check_input
+from aosplan.flight.photo_trigger import (
+    Ground,
+    Sites,
+)
+from aosplan.geodesy import to_wgs84
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+    from typing import Self
+
+    from numpy.typing import NDArray
+    from pyproj import CRS
+
+
+WINDOW_PX = 4_000_000
+"""Pixels read at a time (32 MB); more scattered points are read in parts."""
+
+METRES_PER_DEGREE = 111_320.0
+
+MOST_LOOKS = 5_000_000
+"""Places between the sites of a plan whose height is looked up at most."""
+
+
+class Terrain:
+    """Heights of the ground from a raster; a context manager that holds the file open.
+
+    Parameters
+    ----------
+    path
+        A GeoTIFF; its first band counts.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such raster, or it does not say where it lies or in which unit.
+    MissingExtraError
+        Where rasterio is not installed.
+    """
+
+    def __init__(self, path: str) -> None:
+        with needs_extra(f"terrain '{path}'", "raster"):
+            import rasterio
+        from pyproj import Transformer
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
+
+        self.path = path
+        # A raster must not send GDAL over the network or into archives.
+        if "://" in path or path.startswith("/vsi") or "\0" in path:
+            raise RequestError(f"terrain {path!r} is not a file")
+        check_input(path)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)
+                self._raster = rasterio.open(path, driver="GTiff")
+        except (RasterioError, RasterioIOError):
+            raise RequestError(
+                f"terrain '{path}' is not a GeoTIFF that can be read",
+                "a raster of ground heights is meant",
+            ) from None
+        try:
+            crs = self._coordinate_system()
+            self._unit_m = self._height_unit_m(crs)
+            self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+            self._transform = self._raster.transform[:6]
+            a, b, left, d, e, _ = self._transform
+            self._turn = 360.0 if crs.is_geographic else 0.0
+            self._middle = left + 0.5 * (a * self._raster.width + b * self._raster.height)
+            self._area = a * e - b * d
+            if not (math.isfinite(self._area) and self._area):
+                raise_unplaced(path)
+        except BaseException:
+            self._raster.close()
+            raise
+        self.datum = _datum(crs)
+        # The smaller side of a pixel on the ground.
+        scale = METRES_PER_DEGREE if crs.is_geographic else crs.axis_info[0].unit_conversion_factor
+        self.pixel_m = max(min(math.hypot(a, d), math.hypot(b, e)) * scale, 1e-3)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._raster.close()
+
+    def _coordinate_system(self) -> CRS:
+        from pyproj import CRS
+
+        if self._raster.crs is None:
+            raise_unplaced(self.path)
+        return CRS.from_wkt(self._raster.crs.to_wkt())
+
+    def _height_unit_m(self, crs: CRS) -> float:
+        """Metres in the unit of the heights: from the band, or the vertical axis, or metres."""
+        if self._raster.dtypes[0].startswith("complex"):
+            raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
+        named = (self._raster.units[0] or "").strip().lower()
+        if named in {"ft", "foot", "feet", "international foot"}:
+            return 0.3048
+        if named in {"us survey foot", "us-ft", "ftus", "us_ft"}:
+            return 1200.0 / 3937.0
+        if named and named not in {"m", "metre", "meter", "metres", "meters"}:
+            raise RequestError(
+                f"terrain '{self.path}': heights in '{named[:40]}'", "metres or feet are known"
+            )
+        vertical = [axis for axis in crs.axis_info if axis.direction == "up"]
+        return float(vertical[0].unit_conversion_factor) if vertical and not named else 1.0
+
+    def heights_m(self, latitudes: Sequence[float], longitudes: Sequence[float]) -> NDArray[Any]:
+        """Height of the ground at each point [m], shape (N,), bilinear between pixel centres.
+
+        Raises
+        ------
+        RequestError
+            Where a point lies outside the raster, or in a hole of it.
+        """
+        import numpy as np
+
+        lat, lon = np.asarray(latitudes, dtype=float), np.asarray(longitudes, dtype=float)
+        x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
+        a, b, left, d, e, top = self._transform
+        x = np.asarray(x)
+        if self._turn:  # longitudes may count from 0 or from -180, and the raster may lie across
+            x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
+        along, down = x - left, np.asarray(y) - top
+        columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
+        inside = (columns >= 0) & (columns <= self._raster.width)
+        inside &= (rows >= 0) & (rows <= self._raster.height)  # a nan is not inside
+        if not inside.all():
+            self._refuse("does not cover", lat, lon, ~inside)
+        found = np.empty(len(lat))
+        self._read(columns - 0.5, rows - 0.5, found, slice(0, len(lat)))
+        if np.isnan(found).any():
+            self._refuse("has no height at", lat, lon, np.isnan(found))
+        return found * self._unit_m
+
+    def _refuse(self, what: str, lat: NDArray[Any], lon: NDArray[Any], where: NDArray[Any]) -> None:
+        first = int(where.argmax())
+        raise RequestError(
+            f"terrain '{self.path}' {what} {lat[first]:.6f},{lon[first]:.6f} "
+            f"({int(where.sum())} of {len(lat)} points)",
+            "use one that covers the sites, the ways between them and the take-off, without holes",
+        )
+
+    def _read(
+        self, columns: NDArray[Any], rows: NDArray[Any], found: NDArray[Any], part: slice
+    ) -> None:
+        """Heights of a part of the points; parts that spread too far are halved."""
+        import numpy as np
+        from rasterio.errors import RasterioError, RasterioIOError
+        from rasterio.windows import Window
+
+        x = np.clip(columns[part], 0, self._raster.width - 1)
+        y = np.clip(rows[part], 0, self._raster.height - 1)
+        left, top = int(x.min()), int(y.min())
+        width = min(int(x.max()) + 2, self._raster.width) - left
+        height = min(int(y.max()) + 2, self._raster.height) - top
+        if width * height > WINDOW_PX and len(x) > 1:
+            middle = (part.start + part.stop) // 2
+            self._read(columns, rows, found, slice(part.start, middle))
+            self._read(columns, rows, found, slice(middle, part.stop))
+            return
+        try:
+            band = self._raster.read(1, window=Window(left, top, width, height), masked=True)
+        except (RasterioError, RasterioIOError):
+            raise RequestError(f"terrain '{self.path}' is damaged") from None
+        pixels = np.ma.filled(band.astype(float), np.nan)
+        pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
+        pixels[~np.isfinite(pixels)] = np.nan
+        column, row = x.astype(int) - left, y.astype(int) - top
+        u, v = x - x.astype(int), y - y.astype(int)
+        # A neighbour without weight may be a hole, or lie beyond the edge.
+        right, below = (
+            np.minimum(column + (u > 0), width - 1),
+            np.minimum(row + (v > 0), height - 1),
+        )
+        upper = _between(pixels[row, column], pixels[row, right], u)
+        lower = _between(pixels[below, column], pixels[below, right], u)
+        found[part] = _between(upper, lower, v)
+
+
+def raise_unplaced(path: str) -> NoReturn:
+    """Refuse a raster without a place on earth."""
+    raise RequestError(
+        f"terrain '{path}' does not say where on earth it lies",
+        "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
+    )
+
+
+def _between(start: Any, stop: Any, share: Any) -> Any:
+    return start + share * (stop - start)
+
+
+def _datum(crs: CRS) -> str:
+    """What the heights count from, as far as the raster says."""
+    vertical = [sub.name for sub in crs.sub_crs_list if sub.is_vertical]
+    if vertical:
+        return str(vertical[0])
+    return "ellipsoid" if len(crs.axis_info) == 3 else "the terrain file's own zero"
+
+
+def follow(
+    terrain: Terrain, sites: Sites, origin: tuple[float, float], *, tolerance_m: float
+) -> Ground:
+    """Points that are to keep one height above the ground, and more where the way is too low.
+
+    The ground between two points is looked at each half pixel; where it rises above the straight
+    line from end to end by more than `tolerance_m`, a point is put over the worst place, and both
+    halves are looked at again.  Of a path longer than `MOST_LOOKS` half pixels so many places are
+    looked at.
+    """
+    import numpy as np
+
+    ground = heights_at(terrain, origin, sites.east_m, sites.north_m)
+    east, north = np.array(sites.east_m), np.array(sites.north_m)
+    lengths = np.hypot(np.diff(east), np.diff(north))
+    step = max(0.5 * terrain.pixel_m, float(lengths.sum()) / MOST_LOOKS)
+    counts = np.maximum(np.ceil(lengths / step).astype(int) - 1, 0)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    leg = np.repeat(np.arange(len(counts)), counts)
+    shares = (np.arange(len(leg)) - starts[leg] + 1) / (counts[leg] + 1)
+    at_east = _between(east[leg], east[leg + 1], shares)
+    at_north = _between(north[leg], north[leg + 1], shares)
+    below = heights_at(terrain, origin, at_east, at_north)
+
+    rises = below - _between(ground[leg], ground[leg + 1], shares)
+    humped = np.zeros(len(counts), dtype=bool)
+    humped[leg[rises > tolerance_m]] = True
+    plain = rises[~humped[leg]]
+    hump, dip = float(plain.max(initial=0.0)), float((-plain).max(initial=0.0))
+    found: list[tuple[float, float, bool, float]] = []
+    points = zip(sites.east_m, sites.north_m, sites.photo, ground.tolist(), strict=True)
+    for place, point in enumerate(points):
+        found.append(point)
+        if place == len(counts) or not humped[place]:
+            continue
+        part = slice(starts[place], starts[place + 1])
+        profile = np.concatenate([[ground[place]], below[part], [ground[place + 1]]])
+        along = np.concatenate([[0.0], shares[part], [1.0]])
+        knots = raised(along, profile, tolerance_m)
+        rise = profile - np.interp(along, along[knots], profile[knots])
+        hump, dip = max(hump, float(rise.max())), max(dip, float(-rise.min()))
+        for knot in knots[1:-1]:
+            k = starts[place] - 1 + knot
+            found.append((float(at_east[k]), float(at_north[k]), False, float(below[k])))
+    columns = [list(column) for column in zip(*found, strict=True)]
+    return Ground(Sites(columns[0], columns[1], columns[2]), columns[3], hump, dip)
+
+
+def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:
+    """Places of a profile, its ends among them, between which it stays near the straight line.
+
+    It rises above the lines from place to place by at most `tolerance_m`.
+    """
+    import numpy as np
+
+    last = len(profile) - 1
+    chosen, waiting = [0, last], [(0, last)]
+    while waiting:
+        start, stop = waiting.pop()
+        inner = slice(start + 1, stop)
+        share = (along[inner] - along[start]) / (along[stop] - along[start])
+        hump = profile[inner] - _between(profile[start], profile[stop], share)
+        if len(hump) and hump.max() > tolerance_m:
+            worst = start + 1 + int(np.argmax(hump))
+            chosen.append(worst)
+            waiting += [(start, worst), (worst, stop)]
+    return sorted(chosen)
+
+
+def heights_at(
+    terrain: Terrain,
+    origin: tuple[float, float],
+    east_m: Sequence[float] | NDArray[Any],
+    north_m: Sequence[float] | NDArray[Any],
+) -> NDArray[Any]:
+    """Height of the ground at points east and north of an origin [m]."""
+    if not len(east_m):
+        import numpy as np
+
+        return np.empty(0)
+    return terrain.heights_m(*to_wgs84(origin, list(east_m), list(north_m)))
+
+
+def highest_m(
+    terrain: Terrain,
+    origin: tuple[float, float],
+    start: tuple[float, float],
+    stop: tuple[float, float],
+) -> float:
+    """Highest ground on a straight way, east and north of an origin, looked at each half pixel."""
+    import numpy as np
+
+    steps = math.ceil(math.dist(start, stop) / (0.5 * terrain.pixel_m))
+    shares = np.linspace(0.0, 1.0, min(steps, MOST_LOOKS) + 1)
+    east, north = (a + shares * (b - a) for a, b in zip(start, stop, strict=True))
+    return float(heights_at(terrain, origin, east, north).max())

@@ -1,0 +1,88 @@
+"""Tracks: the points of a flight, and when each is reached."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate, pairwise, starmap
+from typing import TYPE_CHECKING
+
+from aosplan.flight.kinematics import (
+    passing_s,
+    same_course,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aosplan.flight.kinematics import Timing
+
+
+@dataclass(frozen=True)
+class Track:
+    """Points of a flight in order: metres east, north and up, and whether a photo is taken.
+
+    Where it does not fly through, the drone stops at every point, and holds where it takes a
+    photo.
+    """
+
+    east_m: Sequence[float]
+    north_m: Sequence[float]
+    up_m: Sequence[float]
+    photo: Sequence[bool]
+
+    @cached_property
+    def legs(self) -> list[tuple[float, float, float]]:
+        """Vectors from point to point."""
+        points = zip(self.east_m, self.north_m, self.up_m, strict=True)
+        return [(b[0] - a[0], b[1] - a[1], b[2] - a[2]) for a, b in pairwise(points)]
+
+    @cached_property
+    def lengths_m(self) -> list[float]:
+        """Length of the path from the first point to each."""
+        return list(accumulate(starmap(math.hypot, self.legs), initial=0.0))
+
+    def stops(self, timing: Timing) -> list[int]:
+        """Points at which the drone stands still: all, or those where its course turns."""
+        count = len(self.east_m)
+        if not timing.fly_through or count < 2:
+            return list(range(count))
+        courses = [_course(leg) for leg in self.legs]
+        turns = (
+            place
+            for place, (one, other) in enumerate(pairwise(courses), 1)
+            if one is None or other is None or not same_course(one, other)
+        )
+        return [0, *turns, count - 1]
+
+    def times_s(self, timing: Timing) -> list[float]:
+        """When each point is reached, from a stop at the first; holds come after.
+
+        Flying through, a line is flown as fast as its steepest leg allows.
+        """
+        if not timing.fly_through:
+            # A grid has many legs and few that differ.
+            known = {leg: timing.leg_s(*leg) for leg in set(self.legs)}
+            holds = (timing.hold_s if photo else 0.0 for photo in self.photo)
+            legs = (held + known[leg] for held, leg in zip(holds, self.legs, strict=False))
+            return list(accumulate(legs, initial=0.0))
+        times = [0.0]
+        for start, stop in pairwise(self.stops(timing)):
+            line = self.legs[start:stop]
+            reached = list(accumulate(starmap(math.hypot, line)))
+            speed = min(starmap(timing.leg_speed_mps, line))
+            begun, length = times[-1], reached[-1]
+            times += [
+                begun + passing_s(distance, length, speed, timing.acceleration_mps2)
+                if length
+                else begun
+                for distance in reached
+            ]
+        return times
+
+
+def _course(leg: tuple[float, float, float]) -> tuple[float, float] | None:
+    """Direction of a leg over ground; None where it goes straight up."""
+    level = math.hypot(leg[0], leg[1])
+    return (leg[0] / level, leg[1] / level) if level else None

@@ -1,0 +1,289 @@
+"""Patterns: which sites a plan uses, before metres enter.
+
+A pattern is a rectangle of rows and columns, less a few sites, or a spiral
+(`aosplan.grid.spiral`).  Columns run along the heading (x), rows across it (y); the pitch between
+columns is 1 baseline, between rows `row_pitch` baselines.  A *frame* is a rectangle together
+with the range of sample counts that a kind of grid fits into it; frames come in rising order of
+samples, so a solver walks them instead of every count.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter
+from functools import lru_cache
+from itertools import count, pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.grid.spiral import Spiral
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+LATTICES = ("trimmed", "rectangle", "square", "line", "lanes")
+"""Kinds of grid whose sites lie in rows and columns."""
+
+GRIDS = (*LATTICES, "spiral")
+"""Kinds of grid by name."""
+
+NARROWEST_TURNS = 2.0
+"""Least pitch of a spiral's turns: from there on each sample more lowers the shortfall."""
+
+MOST_SITES = 5_000_000
+"""More sites than this are refused: a plan keeps every waypoint in memory."""
+
+
+class Pattern(NamedTuple):
+    """A rectangle of sites, less `removed` ones, each a (row, column)."""
+
+    rows: int
+    columns: int
+    row_pitch: float = 1.0
+    removed: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """Number N of sites."""
+        return self.rows * self.columns - len(self.removed)
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Size along x and y, in baselines."""
+        return self.columns - 1.0, (self.rows - 1) * self.row_pitch
+
+    @property
+    def longer_side(self) -> float:
+        """The larger of the two extents, in baselines."""
+        return max(self.extent)
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Distances between neighbours along x and y, in baselines."""
+        return 1.0, self.row_pitch
+
+    @property
+    def nearest(self) -> float:
+        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        return min(1.0, self.row_pitch)
+
+    def sites(self) -> Iterator[tuple[int, int]]:
+        """The sites as (row, column) in flight order: line by line, every other one back."""
+        gone = set(self.removed)
+        for row in range(self.rows):
+            columns = range(self.columns) if row % 2 == 0 else range(self.columns - 1, -1, -1)
+            for column in columns:
+                if (row, column) not in gone:
+                    yield row, column
+
+    def offsets(self) -> Iterator[tuple[float, float]]:
+        """The sites as (x, y) from the middle of the rectangle, in baselines and flight order."""
+        middle_x, middle_y = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
+        for row, column in self.sites():
+            yield column - middle_x, (row - middle_y) * self.row_pitch
+
+    def steps(self) -> Counter[tuple[float, float]]:
+        """Ways along x and y from site to site in flight order, in baselines, and how often each.
+
+        A line that lacks no site is counted at once.
+        """
+        gone: dict[int, set[int]] = {}
+        for row, column in self.removed:
+            gone.setdefault(row, set()).add(column)
+        counts: Counter[tuple[float, float]] = Counter()
+        last: tuple[int, int] | None = None
+        for row in range(self.rows):
+            way = 1 if row % 2 == 0 else -1
+            if row not in gone:
+                first, to = (0, self.columns - 1)[::way]
+                if self.columns > 1:
+                    counts[float(way), 0.0] += self.columns - 1
+            else:
+                kept = [column for column in range(self.columns) if column not in gone[row]][::way]
+                if not kept:
+                    continue
+                first, to = kept[0], kept[-1]
+                counts.update((float(b - a), 0.0) for a, b in pairwise(kept))
+            if last is not None:
+                counts[float(first - last[1]), (row - last[0]) * self.row_pitch] += 1
+            last = row, to
+        return counts
+
+
+Sites = Pattern | Spiral
+"""A pattern of either kind."""
+
+
+class Frame(NamedTuple):
+    """A rectangle, and the counts from `fewest` to `most` that a kind of grid fits into it."""
+
+    rows: int
+    columns: int
+    row_pitch: float
+    fewest: int
+    most: int
+
+    def pattern(self, samples: int) -> Pattern:
+        """The pattern of this many samples in the frame."""
+        surplus = self.rows * self.columns - samples
+        return Pattern(self.rows, self.columns, self.row_pitch, _trimmed(self, surplus))
+
+    @property
+    def longer_side(self) -> float:
+        """The longer side of its patterns, in baselines."""
+        return max(self.columns - 1.0, (self.rows - 1) * self.row_pitch)
+
+    @property
+    def nearest(self) -> float:
+        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        return min(1.0, self.row_pitch)
+
+    @property
+    def whole(self) -> Pattern:
+        """The pattern of the most samples that the frame takes."""
+        return self.pattern(self.most)
+
+
+class SpiralFrame(NamedTuple):
+    """A single spiral, as a frame of the one count that it has."""
+
+    fewest: int
+    turn_pitch: float
+
+    @property
+    def most(self) -> int:
+        """The same count."""
+        return self.fewest
+
+    @property
+    def longer_side(self) -> float:
+        """The longer side, in baselines."""
+        return self.whole.longer_side
+
+    @property
+    def nearest(self) -> float:
+        """As of the spiral."""
+        return self.whole.nearest
+
+    @property
+    def whole(self) -> Spiral:
+        """The spiral."""
+        return Spiral(self.fewest, self.turn_pitch)
+
+    def pattern(self, samples: int) -> Spiral:
+        """The spiral, of the one count there is."""
+        assert samples == self.fewest
+        return self.whole
+
+
+AnyFrame = Frame | SpiralFrame
+
+
+def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[AnyFrame]:
+    """Frames of a kind of grid in rising order of samples, without end.
+
+    ``trimmed`` takes every count, the smallest r x r or r x (r+1) rectangle that holds it;
+    ``rectangle`` those rectangles whole; ``square`` n x n; ``line`` one row; ``lanes`` a
+    number of rows `lane_pitch` baselines apart; ``spiral`` every count, with turns `lane_pitch`
+    baselines apart.
+    """
+    for index in count(1):
+        yield frame_at(grid, index, lanes=lanes, lane_pitch=lane_pitch)
+
+
+def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> AnyFrame:
+    """The frame of a kind of grid at a place of the sequence, from 1."""
+    if grid == "spiral":
+        return SpiralFrame(index, lane_pitch)
+    if grid == "line":
+        return Frame(1, index, 1.0, index, index)
+    if grid == "square":
+        return Frame(index, index, 1.0, index * index, index * index)
+    if grid == "lanes":
+        return Frame(lanes, index, lane_pitch, lanes * index, lanes * index)
+    rows, columns = (index + 1) // 2, index // 2 + 1
+    most = rows * columns
+    fewest = most if grid == "rectangle" else (index // 2) * ((index - 1) // 2 + 1) + 1
+    return Frame(rows, columns, 1.0, fewest, most)
+
+
+def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Sites:
+    """The smallest pattern of a kind with at least this many samples (trimmed, spiral: exactly).
+
+    Raises
+    ------
+    RequestError
+        Where that is more than `MOST_SITES`.
+    """
+    check_size(samples)
+    index = index_for(grid, samples, lanes=lanes)
+    frame = frame_at(grid, index, lanes=lanes, lane_pitch=lane_pitch)
+    return frame.pattern(max(samples, frame.fewest))
+
+
+def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
+    """Place of the first frame of a kind of grid that takes so many samples."""
+    if grid in ("line", "spiral"):
+        return samples
+    if grid == "square":
+        return math.isqrt(samples - 1) + 1
+    if grid == "lanes":
+        return -(-samples // lanes)
+    side = math.isqrt(samples)
+    return 2 * side - 1 if side * side == samples else 2 * side + (samples > side * (side + 1))
+
+
+def check_size(samples: int, wanted: str = "the grid has") -> None:
+    """Refuse a plan whose waypoints would not fit in memory."""
+    if samples > MOST_SITES:
+        raise RequestError(
+            f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have",
+            "ask for less, or for fewer samples",
+        )
+
+
+@lru_cache(maxsize=512)
+def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
+    """Sites to leave out: farthest from the centre first, as point-mirrored pairs.
+
+    Ties go by (row, column); an odd last one goes alone.  Working from the corners inward
+    touches only what is removed.
+    """
+    if surplus <= 0:
+        return ()
+    rows, columns = frame.rows, frame.columns
+    removed: dict[tuple[int, int], None] = {}
+    for site in _outermost_first(rows, columns):
+        if site in removed:
+            continue
+        removed[site] = None
+        if len(removed) < surplus:
+            removed[rows - 1 - site[0], columns - 1 - site[1]] = None
+        if len(removed) >= surplus:
+            break
+    return tuple(sorted(removed))
+
+
+def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
+    """Sites by falling distance from the centre, ties by (row, column).
+
+    Distances are squares of whole numbers in half pitches, so ties are exact.  A site and
+    its mirror images across both axes share one entry of the heap, named by its distances
+    (u, v) to the axes; (u, v) is followed by (u, v - 2), and at v's maximum by (u - 2, v).
+    """
+    u_most, v_most = rows - 1, columns - 1
+    heap = [(-(u_most**2 + v_most**2), u_most, v_most)]
+    while heap:
+        distance = heap[0][0]
+        tied: set[tuple[int, int]] = set()
+        while heap and heap[0][0] == distance:
+            _, u, v = heapq.heappop(heap)
+            for row in ((rows - 1 - u) // 2, (rows - 1 + u) // 2):
+                for column in ((columns - 1 - v) // 2, (columns - 1 + v) // 2):
+                    tied.add((row, column))
+            if v >= 2:
+                heapq.heappush(heap, (-(u**2 + (v - 2) ** 2), u, v - 2))
+            if v == v_most and u >= 2:
+                heapq.heappush(heap, (-((u - 2) ** 2 + v**2), u - 2, v))
+        yield from sorted(tied)

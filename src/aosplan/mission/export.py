@@ -1,0 +1,144 @@
+"""Missions as files: the formats by name, and the bytes of each file.
+
+A format is a module of `aosplan.mission.formats` with a `FORMAT` and a
+``render(mission) -> bytes``, a pure function that gives the same bytes for the same mission.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.mission.limits import (
+    Limits,
+    parts,
+)
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from aosplan.mission.mission import Mission
+
+
+class Format(NamedTuple):
+    """What a format is called, which endings it serves, and what it needs.
+
+    `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
+    that reads it, the usual one first.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    title: str
+    needs_place: bool
+    altitudes: str = "ground"
+    limits: tuple[Limits, ...] = (Limits(),)
+
+
+MODULES = {
+    "csv": "csv",
+    "geojson": "geojson",
+    "kml": "kml",
+    "litchi": "litchi",
+    "qgc_plan": "qgc_plan",
+    "waypoints": "ardupilot",
+    "wpml": "wpml",
+}
+"""Modules of `aosplan.mission.formats` by the name of the format."""
+
+
+def formats() -> dict[str, Format]:
+    """All formats by name, in alphabetical order."""
+    return {name: _module(name).FORMAT for name in MODULES}
+
+
+def choose(path: str, name: str | None = None) -> tuple[Format, str]:
+    """The format and path of an output: by name, by ``NAME:PATH``, or by the path's ending.
+
+    Raises
+    ------
+    RequestError
+        Where no format of that name or ending is known.
+    """
+    known = formats()
+    prefix, colon, rest = path.partition(":")
+    if colon and prefix in known:
+        if name not in (None, prefix):
+            raise RequestError(f"output '{path}' and --format {name} contradict each other")
+        name, path = prefix, rest
+    if not path:
+        raise RequestError("output '' is not a file name")
+    if name is not None:
+        if name not in known:
+            raise RequestError(
+                f"unknown format '{name}'", nearest_hint(name, known) or _listing(known)
+            )
+        return known[name], path
+    suffix = os.path.splitext(path)[1].lower()
+    for candidate in known.values():
+        if suffix in candidate.suffixes:
+            return candidate, path
+    if path == "-":
+        raise RequestError("output '-' (stdout) has no ending", "give its --format, or NAME:-")
+    hint = f"a page of the plan: --report {path}" if suffix == ".html" else _listing(known)
+    raise RequestError(f"output '{path}': no format ends in '{suffix}'", hint)
+
+
+def render(mission: Mission, chosen: Format) -> bytes:
+    """The bytes of a mission in a format, whatever the limits of its target.
+
+    Raises
+    ------
+    RequestError
+        Where the format needs a place and the mission has none, or cannot say how it is flown.
+    """
+    if chosen.needs_place and not mission.has_place:
+        raise RequestError(
+            f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
+        )
+    write: Callable[[Mission], bytes] = _module(chosen.name).render
+    return write(mission)
+
+
+def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
+    """Contents of the files that missions need, by path: one file, or numbered ones.
+
+    ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on where there are several
+    missions, or where one is more than its target takes.
+
+    Raises
+    ------
+    RequestError
+        Where a mission is beyond a limit that splitting does not cure, or stdout would have to
+        take several files.
+    """
+    pieces = [
+        piece
+        for mission in missions
+        for piece in (parts(mission, chosen) if mission.has_place else [mission])
+    ]
+    if len(pieces) == 1:
+        return {path: render(pieces[0], chosen)}
+    if path == "-":
+        raise RequestError(
+            f"the mission needs {len(pieces)} {chosen.title} files, and stdout takes one",
+            "write to a file: its name is numbered",
+        )
+    stem, suffix = os.path.splitext(path)
+    return {
+        f"{stem}-{number}{suffix}": render(piece, chosen) for number, piece in enumerate(pieces, 1)
+    }
+
+
+def _module(name: str) -> Any:
+    return import_module(f"aosplan.mission.formats.{MODULES[name]}")
+
+
+def _listing(known: dict[str, Format]) -> str:
+    endings = ", ".join(
+        f"{f.name} ({' '.join(f.suffixes) or f'{f.name}:FILE'})" for f in known.values()
+    )
+    return f"known formats: {endings}"

@@ -1,0 +1,51 @@
+"""ArduPilot's ``.waypoints`` (QGC WPL 110): a line per command, fields between tabs.
+
+The format has no room for words: the frame of each line says what its altitude is above.
+Rules: Mission Planner's MissionFile.cs, pymavlink's mavwp.py, QGroundControl's MissionItem.cc.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError
+from aosplan.mission.export import Format
+from aosplan.mission.mavlink import (
+    ABSOLUTE,
+    ARDUPILOT,
+    WAYPOINT,
+    Command,
+    commands,
+)
+
+if TYPE_CHECKING:
+    from aosplan.mission.mission import Mission
+
+FORMAT = Format(
+    "waypoints",
+    (".waypoints",),
+    "ArduPilot waypoints (QGC WPL 110)",
+    needs_place=True,
+    altitudes="take-off, or ground",
+    limits=(ARDUPILOT,),
+)
+
+
+def render(mission: Mission) -> bytes:
+    """Row 0 is home, without which ArduPilot would take the take-off for it."""
+    if mission.conduct.autopilot not in (None, "ardupilot"):
+        raise RequestError(
+            f"{FORMAT.title} is not for --autopilot {mission.conduct.autopilot}",
+            "PX4 would fly its home row as a waypoint: write a .plan",
+        )
+    ground = mission.conduct.takeoff_ground_m or 0.0
+    home = Command(WAYPOINT, ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *mission.home(), ground))
+    lines = [
+        f"{number}\t{int(number == 0)}\t{frame}\t{command}\t"
+        + "\t".join([f"{param or 0.0:.8f}" for param in params])
+        + "\t1"
+        for number, (command, frame, params) in enumerate(
+            (home, *commands(mission, "ardupilot")),
+        )
+    ]
+    return "\n".join(["QGC WPL 110", *lines, ""]).encode()

@@ -1,0 +1,359 @@
+"""DJI WPML: a ``.kmz`` for DJI Pilot 2 and FlightHub 2.
+
+Elements, their order and their values are those of DJI's Cloud API documentation (DJI WPML:
+template.kml, waylines.wpml, common elements).
+"""
+
+from __future__ import annotations
+
+import io
+from functools import lru_cache
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+from aosplan.errors import RequestError
+from aosplan.mission.dji_models import (
+    DRONES,
+    PAYLOADS,
+)
+from aosplan.mission.export import Format
+from aosplan.mission.limits import Limits
+from aosplan.mission.mission import (
+    photo_lines,
+    runs_out,
+)
+from aosplan.xml_text import xml_text
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from aosplan.mission.dji_models import Drone
+    from aosplan.mission.mission import Mission
+
+_Value = TypeVar("_Value")
+
+FORMAT = Format(
+    "wpml",
+    (".kmz",),
+    "DJI WPML",
+    needs_place=True,
+    altitudes="take-off",
+    limits=(
+        Limits(
+            "dji-pilot-2",
+            waypoints=(2, 65_535),
+            leg_m=(0.5, 2000.0),
+            speed_mps=(0.1, 15.0),
+            height_m=(None, 1500.0),
+            source="indices and takeOffSecurityHeight of the specification; speeds and legs "
+            "those of DJI's Mobile SDK 4, as the specification bounds neither",
+        ),
+    ),
+)
+
+_STOP = (
+    "<wpml:waypointTurnMode>toPointAndStopWithDiscontinuityCurvature</wpml:waypointTurnMode>"
+    "<wpml:waypointTurnDampingDist>0</wpml:waypointTurnDampingDist>"
+)
+_THROUGH = (
+    "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
+    # Two curves of so many metres fit into the shortest leg.
+    "<wpml:waypointTurnDampingDist>0.2</wpml:waypointTurnDampingDist>"
+)
+
+
+def render(mission: Mission) -> bytes:
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
+
+    Raises
+    ------
+    RequestError
+        Where the drone or its payload is not known, or heights are held above the ground.
+    """
+    import zipfile
+
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, pieces in documents(mission).items():
+            member = zipfile.ZipInfo(f"wpmz/{name}", date_time=(1980, 1, 1, 0, 0, 0))
+            member.compress_type = zipfile.ZIP_DEFLATED
+            member.create_system = 3
+            member.external_attr = 0o644 << 16
+            with archive.open(member, "w") as file:
+                while some := "".join(islice(pieces, 1000)):
+                    file.write(some.encode())
+    return buffer.getvalue()
+
+
+def documents(mission: Mission) -> dict[str, Iterator[str]]:
+    """The two documents by name, in pieces: what Pilot 2 shows, and what the drone flies."""
+    if mission.conduct.altitude_frame != "takeoff":
+        raise RequestError(
+            f"{FORMAT.title} holds no height above the ground over trees",
+            "plan heights above the take-off",
+        )
+    conduct = mission.conduct
+    speed = f"{conduct.speed_mps:.2f}"
+    config = _config(mission)
+    name, *_ = machine(mission)
+    turn = "toPointAndStopWithDiscontinuityCurvature"
+    heading = _heading(conduct.yaw_deg)
+    template = f"""
+{_wrap("author", "aosplan")}
+{config}
+<Folder>
+<name>{xml_text(mission.title)}, for {name}, altitudes above the take-off</name>
+<wpml:templateType>waypoint</wpml:templateType>
+<wpml:templateId>0</wpml:templateId>
+<wpml:waylineCoordinateSysParam>
+<wpml:coordinateMode>WGS84</wpml:coordinateMode>
+<wpml:heightMode>relativeToStartPoint</wpml:heightMode>
+</wpml:waylineCoordinateSysParam>
+<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
+<wpml:globalHeight>{mission.flown_m()[0]:.4f}</wpml:globalHeight>
+<wpml:gimbalPitchMode>usePointSetting</wpml:gimbalPitchMode>
+{_wrap("globalWaypointHeadingParam", heading)}
+<wpml:globalWaypointTurnMode>{turn}</wpml:globalWaypointTurnMode>
+<wpml:globalUseStraightLine>1</wpml:globalUseStraightLine>
+<wpml:payloadParam>
+<wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>
+<wpml:imageFormat>{_lens(mission)}</wpml:imageFormat>
+</wpml:payloadParam>
+"""
+    waylines = f"""
+{config}
+<Folder>
+<wpml:templateId>0</wpml:templateId>
+<wpml:executeHeightMode>relativeToStartPoint</wpml:executeHeightMode>
+<wpml:waylineId>0</wpml:waylineId>
+<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
+"""
+    pitch = f"<wpml:gimbalPitchAngle>{conduct.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
+    shown = (
+        "<wpml:ellipsoidHeight>%s</wpml:ellipsoidHeight><wpml:height>%s</wpml:height>\n"
+        "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
+        "<wpml:useGlobalSpeed>1</wpml:useGlobalSpeed>"
+        "<wpml:useGlobalHeadingParam>0</wpml:useGlobalHeadingParam>"
+        f"<wpml:useGlobalTurnParam>0</wpml:useGlobalTurnParam>\n{pitch}"
+    )
+    flown = (
+        "<wpml:executeHeight>%s</wpml:executeHeight>"
+        f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
+    )
+    return {
+        "template.kml": _kml(template, _placemarks(mission, heading, shown)),
+        "waylines.wpml": _kml(waylines, _placemarks(mission, heading, flown)),
+    }
+
+
+def _kml(head: str, placemarks: Iterator[str]) -> Iterator[str]:
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
+        f'xmlns:wpml="http://www.dji.com/wpmz/1.0.2">\n<Document>{head}'
+    )
+    yield from placemarks
+    yield "</Folder>\n</Document>\n</kml>\n"
+
+
+def _wrap(name: str, *inner: object) -> str:
+    return f"<wpml:{name}>{''.join(map(str, inner))}</wpml:{name}>"
+
+
+def _config(mission: Mission) -> str:
+    """Where the drone goes before and after, and what it is."""
+    conduct = mission.conduct
+    _, drone, payload = machine(mission)
+    height = f"{mission.climb_m():.2f}"
+    reference = ""
+    if conduct.takeoff_latitude is not None:
+        latitude, longitude = mission.home()
+        place = f"{latitude:.10f},{longitude:.10f},{conduct.takeoff_ground_m or 0.0:.2f}"
+        reference = _wrap("takeOffRefPoint", place) + "\n"
+    return f"""<wpml:missionConfig>
+<wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>
+<wpml:finishAction>goHome</wpml:finishAction>
+<wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>
+<wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>
+<wpml:takeOffSecurityHeight>{height}</wpml:takeOffSecurityHeight>
+{reference}<wpml:globalTransitionalSpeed>{conduct.speed_mps:.2f}</wpml:globalTransitionalSpeed>
+<wpml:globalRTHHeight>{height}</wpml:globalRTHHeight>
+<wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
+{_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
+<wpml:payloadInfo>{_wrap("payloadEnumValue", payload)}{_wrap("payloadSubEnumValue", 0)}\
+{_wrap("payloadPositionIndex", 0)}</wpml:payloadInfo>
+</wpml:missionConfig>"""
+
+
+def machine(mission: Mission) -> tuple[str, Drone, int]:
+    """The drone's name and numbers, and the number of the camera that it carries.
+
+    A drone or payload that is not named is the one that the planned camera belongs to.
+    """
+    conduct = mission.conduct
+    maker, _, rest = _camera_name(mission).partition("-")
+    built_in = f"{maker}-{rest.partition('-')[0]}"
+    name = conduct.drone or (built_in if built_in in DRONES else None)
+    if name is None:
+        raise RequestError(
+            f"{FORMAT.title} needs to know the drone", f"give --drone {', '.join(DRONES)}"
+        )
+    drone = _known(name, DRONES, "drone")
+    carried = built_in if built_in in PAYLOADS and built_in not in DRONES else None
+    payload = conduct.payload or drone.payload or carried
+    if payload is None:
+        raise RequestError(
+            f"{FORMAT.title} needs to know what the drone {name} carries",
+            f"give --payload {', '.join(PAYLOADS)}",
+        )
+    if payload != drone.payload and (drone.payload is not None or payload in DRONES):
+        raise RequestError(
+            f"the drone {name} does not carry {payload}",
+            "give another --payload"
+            if drone.payload is None
+            else "leave --payload out, or give another --drone",
+        )
+    return name, drone, _known(payload, PAYLOADS, "payload")
+
+
+def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
+    if name not in known:
+        raise RequestError(
+            f"{FORMAT.title} has no number for the {kind} '{name}'",
+            f"it has those of {', '.join(known)}; for other drones write litchi:grid.csv",
+        )
+    return known[name]
+
+
+def _camera_name(mission: Mission) -> str:
+    camera = mission.summary.get("camera")
+    return str(camera.get("name", "")) if isinstance(camera, dict) else ""
+
+
+def _lens(mission: Mission) -> str:
+    return "ir" if _camera_name(mission).endswith("thermal") else "wide"
+
+
+def _heading(yaw_deg: float) -> str:
+    """The nose kept in one direction: a whole number of degrees from -180 to 180."""
+    angle = round((yaw_deg + 180.0) % 360.0 - 180.0)
+    return (
+        "<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode>"
+        f"<wpml:waypointHeadingAngle>{angle}</wpml:waypointHeadingAngle>"
+        "<wpml:waypointHeadingPathMode>followBadArc</wpml:waypointHeadingPathMode>"
+    )
+
+
+def _placemarks(mission: Mission, heading: str, own: str) -> Iterator[str]:
+    """Each waypoint; `own` is what one of the documents alone says, with %s for heights."""
+    ways = mission.waypoints
+    assert ways.latitude is not None  # the format needs a place
+    assert ways.longitude is not None
+    groups, passed = _actions(mission)
+    places = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
+    for index, (latitude, longitude, height) in enumerate(places):
+        yield (
+            f"<Placemark>\n<Point><coordinates>{longitude:.10f},{latitude:.10f}</coordinates>"
+            f"</Point>\n<wpml:index>{index}</wpml:index>\n{own.replace('%s', f'{height:.4f}')}"
+            f"<wpml:waypointHeadingParam>{heading}</wpml:waypointHeadingParam>\n"
+            f"<wpml:waypointTurnParam>{_THROUGH if index in passed else _STOP}"
+            "</wpml:waypointTurnParam>\n<wpml:useStraightLine>1</wpml:useStraightLine>\n"
+        )
+        yield from (_group(*group) for group in groups.get(index, ()))
+        yield "</Placemark>\n"
+
+
+class Group(NamedTuple):
+    """Actions at a waypoint, or by distance from it to another one."""
+
+    number: int
+    first: int
+    last: int
+    spacing_m: float | None
+    actions: tuple[str, ...]
+
+
+def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
+    """Action groups by waypoint, and the waypoints that are flown through without a stop."""
+    conduct, photo = mission.conduct, mission.waypoints.photo
+    aim = _gimbal(conduct.gimbal_pitch_deg)
+    wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
+    passed: set[int] = set()
+    if conduct.trigger == "stop":
+        hold = f"{conduct.hold_s:.3f}"
+        hover = (_action("hover", _wrap("hoverTime", hold)),) if float(hold) else ()
+        site = (*hover, _SHOOT)
+        sites = [i for i in range(len(mission.waypoints)) if photo is None or photo[i]]
+        if sites[:1] == [0]:
+            wanted = [(0, 0, None, (aim, *site))]
+            del sites[0]
+        wanted += [(index, index, None, site) for index in sites]
+    else:
+        for first, last in photo_lines(mission):
+            wanted.append((first, last, conduct.spacing_m if last > first else None, (_SHOOT,)))
+            run_in = int(first > 0 and photo is not None and not photo[first - 1])
+            if last > first:
+                passed |= set(range(first + 1 - run_in, last + runs_out(mission, last)))
+    groups: dict[int, list[Group]] = {}
+    for number, group in enumerate(wanted):
+        groups.setdefault(group[0], []).append(Group(number, *group))
+    return groups, passed
+
+
+def _group(
+    number: int, first: int, last: int, spacing_m: float | None, actions: tuple[str, ...]
+) -> str:
+    return (
+        f"<wpml:actionGroup><wpml:actionGroupId>{number}</wpml:actionGroupId>"
+        f"<wpml:actionGroupStartIndex>{first}</wpml:actionGroupStartIndex>"
+        f"<wpml:actionGroupEndIndex>{last}</wpml:actionGroupEndIndex>{_work(spacing_m, actions)}"
+    )
+
+
+@lru_cache(maxsize=8)
+def _work(spacing_m: float | None, actions: tuple[str, ...]) -> str:
+    """What a group does, and when; a mission has few kinds of groups."""
+    trigger = _wrap("actionTriggerType", "reachPoint")
+    if spacing_m is not None:
+        trigger = _wrap("actionTriggerType", "multipleDistance")
+        trigger += _wrap("actionTriggerParam", f"{spacing_m:.3f}")
+    numbered = [
+        action.replace("<wpml:action>", f"<wpml:action>{_wrap('actionId', place)}", 1)
+        for place, action in enumerate(actions)
+    ]
+    return (
+        f"{_wrap('actionGroupMode', 'sequence')}{_wrap('actionTrigger', trigger)}\n"
+        + "\n".join(numbered)
+        + "</wpml:actionGroup>\n"
+    )
+
+
+def _action(function: str, *parameters: str) -> str:
+    return _wrap(
+        "action",
+        _wrap("actionActuatorFunc", function),
+        _wrap("actionActuatorFuncParam", *parameters),
+    )
+
+
+_SHOOT = _action(
+    "takePhoto",
+    _wrap("payloadPositionIndex", 0),
+    _wrap("fileSuffix", "aos"),
+    _wrap("useGlobalPayloadLensIndex", 1),
+)
+
+
+def _gimbal(pitch_deg: float) -> str:
+    axes = {"Pitch": (1, f"{pitch_deg:g}"), "Roll": (0, "0"), "Yaw": (0, "0")}
+    return _action(
+        "gimbalRotate",
+        _wrap("payloadPositionIndex", 0),
+        _wrap("gimbalHeadingYawBase", "north"),
+        _wrap("gimbalRotateMode", "absoluteAngle"),
+        *(
+            _wrap(f"gimbal{axis}RotateEnable", enabled) + _wrap(f"gimbal{axis}RotateAngle", angle)
+            for axis, (enabled, angle) in axes.items()
+        ),
+        _wrap("gimbalRotateTimeEnable", 0),
+        _wrap("gimbalRotateTime", 0),
+    )

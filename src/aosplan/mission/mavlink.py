@@ -1,0 +1,123 @@
+"""A mission as MAVLink commands, which ArduPilot's and QGroundControl's files list.
+
+Numbers of commands and frames are those of MAVLink's common message set.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.mission.limits import Limits
+from aosplan.mission.mission import (
+    photo_lines,
+    runs_out,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.mission.mission import Mission
+
+ABSOLUTE, COMMAND, RELATIVE, TERRAIN = 0, 2, 3, 10
+"""Frames: above sea level, none, above home, above the ground."""
+
+WAYPOINT, RETURN, TAKEOFF, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
+    16, 20, 22, 115, 178, 203, 205, 206, 2000,
+)  # fmt: skip
+"""Commands, in their order of number."""
+
+REACHED_M = 0.5
+"""PX4 takes a site as reached only this near, not at its default of metres."""
+
+ARDUPILOT = Limits(
+    "ardupilot",
+    # Home, take-off, speed, gimbal and return; and at most seven commands for two waypoints:
+    # yaw and site for each, and by distance the camera on, off and a photo.
+    waypoints=(1, (718 - 5) * 2 // 7),
+    height_m=(-83_886.0, 83_886.0),
+    hold_s=(0.0, 65_535.0),
+    source="718 commands on small boards; heights are stored as 24 bits of centimetres",
+)
+
+PX4 = Limits(
+    "px4",
+    # Take-off, speed, gimbal and return, and at most five commands for two waypoints.
+    waypoints=(1, (500 - 4) * 2 // 5),
+    source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
+)
+
+
+class Command(NamedTuple):
+    """One item of a mission; parameters that mean nothing, or leave as it is, are None."""
+
+    command: int
+    frame: int
+    params: tuple[float | None, float | None, float | None, float | None, float, float, float]
+
+
+def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
+    """What the autopilot does, from take-off to return.
+
+    The drone climbs to its highest waypoint, flies all of them with its nose and its gimbal
+    fixed, and returns.
+    """
+    ways, conduct = mission.waypoints, mission.conduct
+    assert ways.latitude is not None  # the formats need a place
+    assert ways.longitude is not None
+    own_yaw = autopilot == "px4"
+    frame = TERRAIN if conduct.altitude_frame == "terrain" else RELATIVE
+    # ArduPilot stores whole seconds and cuts the rest off.
+    hold = conduct.hold_s if own_yaw else float(math.ceil(conduct.hold_s))
+    shoot = _plain(CAPTURE, 0.0, 0.0, 1.0, None) if own_yaw else _plain(SHOOT, fifth=1.0)
+    follow = _camera(mission, shoot)
+    yield Command(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *mission.home(), mission.climb_m()))
+    yield _plain(SPEED, 1.0, conduct.speed_mps, -1.0)
+    yield Command(GIMBAL, COMMAND, (conduct.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0))
+    sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
+    for index, (latitude, longitude, height) in enumerate(sites):
+        if own_yaw:
+            lead = (REACHED_M, 0.0, conduct.yaw_deg % 360.0)
+        else:
+            # ArduPilot turns to the next waypoint at each one, unless it is told again.
+            yield _plain(YAW, conduct.yaw_deg % 360.0)
+            lead = (0.0, 0.0, 0.0)
+        shot = follow.get(index, ())
+        stay = hold if shoot in shot else 0.0
+        yield Command(WAYPOINT, frame, (stay, *lead, latitude, longitude, height))
+        yield from shot
+    yield _plain(RETURN)
+
+
+def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:
+    """What the camera does at waypoints, by their place."""
+    conduct, photo = mission.conduct, mission.waypoints.photo
+    count = len(mission.waypoints)
+    if conduct.trigger == "stop":
+        return {index: (shoot,) for index in range(count) if photo is None or photo[index]}
+    actions: dict[int, tuple[Command, ...]] = {}
+    for first, last in photo_lines(mission):
+        if first == last:
+            actions[first] = (shoot,)
+        else:
+            # Its third parameter takes the first photo at once.
+            actions[first] = (_plain(BY_DISTANCE, conduct.spacing_m, 0.0, 1.0),)
+            off = _plain(BY_DISTANCE, 0.0)
+            if runs_out(mission, last):
+                actions[last + 1] = (off,)
+            else:
+                # The last site is reached a little early, before its photo is due.
+                actions[last] = (off, shoot)
+    return actions
+
+
+def _plain(
+    command: int,
+    first: float = 0.0,
+    second: float = 0.0,
+    third: float = 0.0,
+    fourth: float | None = 0.0,
+    fifth: float = 0.0,
+) -> Command:
+    """A command that is no place."""
+    return Command(command, COMMAND, (first, second, third, fourth, fifth, 0.0, 0.0))

@@ -1,0 +1,255 @@
+"""Missions: waypoints in flight order and how they are flown, ready to be written by any format."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, overload
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+
+    from aosplan.grid.patterns import Sites
+
+
+FRAMES = ("takeoff", "terrain")
+"""What the heights in a file are above: the take-off, or the ground below as the autopilot knows it."""
+
+
+class Waypoint(NamedTuple):
+    """One position of a flight.
+
+    East and north count from the centre of the grid, true north; the altitude from the ground
+    there.  Latitude and longitude are WGS 84 degrees, or None without a place; `ground_m` is the
+    ground's height above sea level, or None where it is not known.  Where `photo` is False the
+    drone only turns.
+    """
+
+    index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
+    east_m: float
+    north_m: float
+    altitude_m: float
+    latitude: float | None = None
+    longitude: float | None = None
+    ground_m: float | None = None
+    photo: bool = True
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """Waypoints in flight order, a column each of what `Waypoint` has; None: the same for all.
+
+    Columns, since a mission may have a million of them.  Iterating gives `Waypoint` values.
+    """
+
+    east_m: Sequence[float]
+    north_m: Sequence[float]
+    altitude_m: Sequence[float]
+    latitude: Sequence[float] | None = None
+    longitude: Sequence[float] | None = None
+    ground_m: Sequence[float] | None = None
+    photo: Sequence[bool] | None = None
+
+    def __len__(self) -> int:
+        return len(self.east_m)
+
+    def __iter__(self) -> Iterator[Waypoint]:
+        return (self[index] for index in range(len(self)))
+
+    @overload
+    def __getitem__(self, place: int) -> Waypoint: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> Waypoints: ...
+
+    def __getitem__(self, place: int | slice) -> Waypoint | Waypoints:
+        """One waypoint, or the columns of several."""
+        if isinstance(place, slice):
+            return Waypoints(**{name: column[place] for name, column in self.columns().items()})
+        index = range(len(self))[place]
+        return Waypoint(index, **{name: column[index] for name, column in self.columns().items()})
+
+    def columns(self) -> dict[str, Sequence[Any]]:
+        """The columns there are, by name."""
+        named = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: column for name, column in named.items() if column is not None}
+
+    @classmethod
+    def of(cls, rows: Iterable[Waypoint]) -> Waypoints:
+        """The columns of single waypoints; what the first one lacks is left out."""
+        names = Waypoint._fields[1:]
+        columns = dict(
+            zip(names, map(list, zip(*(row[1:] for row in rows), strict=True)), strict=True)
+        )
+        kept = {name: column for name, column in columns.items() if column[0] is not None}
+        if all(kept["photo"]):
+            del kept["photo"]
+        return cls(**kept)
+
+
+class Conduct(NamedTuple):
+    """How a mission is flown: what each format says beside the waypoints.
+
+    The heading of the drone is fixed over the whole flight, clockwise from true north.  With
+    trigger ``stop`` the drone holds at each site and takes a photo; with ``distance`` it flies
+    on and the camera fires each `spacing_m`.  Latitude, longitude and height above sea level
+    of the take-off are None where they are not known.  Heights are held above the take-off, or
+    with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
+    takes `most_waypoints` in one file, where that is known.
+    """
+
+    trigger: str = "stop"
+    speed_mps: float = 5.0
+    hold_s: float = 1.0
+    spacing_m: float = 0.0
+    yaw_deg: float = 0.0
+    gimbal_pitch_deg: float = -90.0
+    autopilot: str | None = None
+    drone: str | None = None
+    payload: str | None = None
+    takeoff_latitude: float | None = None
+    takeoff_longitude: float | None = None
+    takeoff_ground_m: float | None = None
+    altitude_frame: str = "takeoff"
+    most_waypoints: int | None = None
+
+
+class Mission(NamedTuple):
+    """What a format writes: waypoints in flight order, a summary of the plan, and the conduct.
+
+    `flight` counts from 1, of `flights` into which a plan is split; `part` from 1, of `parts`
+    into which a flight is split where a file cannot hold all of it.
+    """
+
+    waypoints: Waypoints
+    summary: dict[str, Any]
+    conduct: Conduct = Conduct()
+    flight: int = 1
+    flights: int = 1
+    part: int = 1
+    parts: int = 1
+
+    @property
+    def title(self) -> str:
+        """What the mission is, in one line; it may hold any letters."""
+        scene = self.summary.get("scene")
+        name = scene.get("name") if isinstance(scene, dict) else None
+        photos = len(self.waypoints) if self.waypoints.photo is None else sum(self.waypoints.photo)
+        return (
+            f"{photos} photos"
+            + (f" over {name}" if name else "")
+            + (f", flight {self.flight} of {self.flights}" if self.flights > 1 else "")
+            + (f", part {self.part} of {self.parts}" if self.parts > 1 else "")
+        )
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the waypoints have latitudes and longitudes."""
+        return self.waypoints.latitude is not None
+
+    def above_takeoff_m(self) -> Sequence[float]:
+        """Height of each waypoint above the take-off.
+
+        Where the ground's height is not known, it is taken for as high as the take-off.
+        """
+        ground, takeoff = self.waypoints.ground_m, self.conduct.takeoff_ground_m
+        altitudes = self.waypoints.altitude_m
+        if ground is None or takeoff is None:
+            return altitudes
+        return [up + below - takeoff for up, below in zip(altitudes, ground, strict=True)]
+
+    def flown_m(self) -> Sequence[float]:
+        """Height of each waypoint above what `Conduct.altitude_frame` says."""
+        terrain = self.conduct.altitude_frame == "terrain"
+        return self.waypoints.altitude_m if terrain else self.above_takeoff_m()
+
+    def climb_m(self) -> float:
+        """Height above the take-off at which the drone flies out and home: its highest waypoint."""
+        return max(*self.above_takeoff_m(), LEAST_CLIMB_M)
+
+    def home(self) -> tuple[float, float]:
+        """Latitude and longitude of the take-off, or of the first waypoint where it is not known."""
+        conduct, ways = self.conduct, self.waypoints
+        assert ways.latitude is not None  # formats that ask have a place
+        assert ways.longitude is not None
+        if conduct.takeoff_latitude is None or conduct.takeoff_longitude is None:
+            return ways.latitude[0], ways.longitude[0]
+        return conduct.takeoff_latitude, conduct.takeoff_longitude
+
+
+LEAST_CLIMB_M = 5.0
+"""A drone climbs at least so high before it flies anywhere."""
+
+STRAIGHT = 0.02
+"""Share by which a leg may miss the direction and the spacing of its line."""
+
+
+def photo_lines(mission: Mission) -> list[tuple[int, int]]:
+    """First and last waypoint of each straight line along which the camera fires by distance.
+
+    Every waypoint with a photo is on one line: neighbours are one spacing apart, and legs that
+    turn or are of another length are on none.  A line may be a single waypoint.
+    """
+    ways, spacing = mission.waypoints, mission.conduct.spacing_m
+    photo = ways.photo or [True] * len(ways)
+    found: list[tuple[int, int]] = []
+    along: tuple[float, float] | None = None
+    for index, (east, north) in enumerate(zip(ways.east_m, ways.north_m, strict=True)):
+        if not photo[index]:
+            continue
+        if found and found[-1][1] == index - 1:
+            step = (east - ways.east_m[index - 1], north - ways.north_m[index - 1])
+            length = math.hypot(*step)
+            if abs(length - spacing) < STRAIGHT * spacing:
+                course = (step[0] / length, step[1] / length)
+                if along is None or math.dist(course, along) < STRAIGHT:
+                    found[-1] = (found[-1][0], index)
+                    along = along or course
+                    continue
+        found.append((index, index))
+        along = None
+    return found
+
+
+def runs_out(mission: Mission, last: int) -> bool:
+    """Whether a line goes on beyond its last photo, to a waypoint where the drone only turns."""
+    photo = mission.waypoints.photo
+    return photo is not None and last + 1 < len(photo) and not photo[last + 1]
+
+
+def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, ...]:
+    """A mission a flight, from the first and the last waypoint of each."""
+    return tuple(
+        whole._replace(
+            waypoints=whole.waypoints[first : last + 1], flight=number, flights=len(ranges)
+        )
+        for number, (first, last) in enumerate(ranges, 1)
+    )
+
+
+def local_sites(
+    pattern: Sites, baseline_m: float, heading_deg: float
+) -> tuple[list[float], list[float]]:
+    """Sites of a pattern in flight order, east and north of the rectangle's centre [m].
+
+    x runs along the heading, y to its right; columns lie along x and rows along y.
+    """
+    heading = math.radians(math.fmod(heading_deg, 360.0))
+    sine, cosine = math.sin(heading), math.cos(heading)
+    east, north = [], []
+    for along, across in pattern.offsets():
+        x, y = along * baseline_m, across * baseline_m
+        # Adding zero turns a negative zero into a plain one.
+        east.append(x * sine + y * cosine + 0.0)
+        north.append(x * cosine - y * sine + 0.0)
+    return east, north
+
+
+def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:
+    """Waypoints with latitudes and longitudes where a place is given for their east and north."""
+    if origin is None:
+        return waypoints
+    from aosplan.geodesy import to_wgs84
+
+    latitudes, longitudes = to_wgs84(origin, waypoints.east_m, waypoints.north_m)
+    return replace(waypoints, latitude=latitudes, longitude=longitudes)

@@ -1,0 +1,46 @@
+"""Predictions that a model has made before: searches ask again, and so do scenarios that share it."""
+
+from __future__ import annotations
+
+from functools import wraps
+from typing import TYPE_CHECKING, Protocol, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from aosplan.grid.patterns import Sites
+    from aosplan.models.model import Prediction
+
+    Known = dict[tuple[Sites, float, float, float], Prediction]
+
+MOST_KEPT = 4096
+"""Predictions that one model keeps."""
+
+
+class Remembering(Protocol):
+    """A model that keeps its predictions; copies of it, at other headings, share them."""
+
+    hold_error_m: float
+    _predictions: Known
+
+
+Model = TypeVar("Model", bound=Remembering)
+
+
+def remembered(
+    predict: Callable[[Model, Sites, float], Prediction],
+) -> Callable[[Model, Sites, float], Prediction]:
+    """A method ``predict`` that looks first among the model's earlier predictions."""
+
+    @wraps(predict)
+    def recalled(self: Model, pattern: Sites, baseline_m: float) -> Prediction:
+        heading_deg = getattr(self, "heading_deg", 0.0)  # a model without one sees all alike
+        key = pattern, baseline_m, heading_deg, self.hold_error_m
+        known = self._predictions
+        if key not in known:
+            if len(known) >= MOST_KEPT:
+                known.clear()
+            known[key] = predict(self, pattern, baseline_m)
+        return known[key]
+
+    return recalled

@@ -1,0 +1,166 @@
+"""Rays off nadir: how much more wood they pass, and what that does to a prediction.
+
+The target lies below the middle of the aperture, so the sample at (x, y) sees it along a ray with
+tan θx = x/h and tan θy = y/h.  Where a nadir ray passes a slice with probability q, this one passes
+it with q^e.  The length e of the ray within the slice, over the slice's thickness, is
+
+- *oblique*: sec θ = √(1 + tan² θ), for occluders that look the same from all sides (Beer-Lambert);
+- *cubes*: 1 + |tan θx| + |tan θy|, for cubes along both axes, which show their side faces: voxels.
+
+So T_i = Π q^e_i differs from sample to sample, p̄ = 1 - mean T_i, and as for the measured model
+V = 1 - mean J_ik, K = (mean J_ik - p̄²)/(p̄ (1 - p̄)), J_ik being the share that both hide.
+
+**Assumption** for two rays of different lengths: in a slice they have the share τ of the shorter
+one's occluders in common, and beyond that nothing, so both are clear with probability
+q^(e_i + e_k) (1 + τ (q^-min(e_i, e_k) - 1)).  Equal rays have all in common (τ = 1), distant ones
+nothing, and nadir rays give back q² + D q τ.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.models.model import Prediction
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from aosplan.grid.patterns import Pattern
+
+    Floats = NDArray[np.float64]
+
+
+def ray_lengths(x_m: Any, y_m: Any, altitude_m: float, kind: str) -> Any:
+    """Length e of the rays to samples at (x, y) from the middle, over that of a nadir ray.
+
+    Parameters
+    ----------
+    x_m, y_m
+        Along both axes of the pattern.
+    altitude_m
+        h above the focal plane.
+    kind
+        ``nadir``, ``oblique`` or ``cubes``.
+    """
+    tan_x, tan_y = np.abs(x_m) / altitude_m, np.abs(y_m) / altitude_m
+    if kind == "cubes":
+        return 1.0 + tan_x + tan_y
+    slope = np.hypot(tan_x, tan_y)
+    return np.sqrt(1.0 + slope * slope) if kind == "oblique" else np.ones_like(slope)
+
+
+def hidden_shares(
+    positions_m: ArrayLike, altitude_m: float, kind: str, log_transparency: float
+) -> Floats:
+    """Share that each sample does not see, shape (N,), of positions from the middle, shape (N, 2).
+
+    Parameters as in `bundle`.
+    """
+    x, y = np.asarray(positions_m, dtype=np.float64).T
+    hidden: Floats = -np.expm1(ray_lengths(x, y, altitude_m, kind) * log_transparency)
+    return hidden
+
+
+class Bundle(NamedTuple):
+    """The rays from a target to all sites of a pattern, on the pattern's lattice.
+
+    `lengths` and `transparency` have shape (rows, columns); the transparency is 0 where the
+    pattern has no site.
+    """
+
+    lengths: Floats
+    transparency: Floats
+    density: float
+    samples: int
+
+    @property
+    def longest(self) -> float:
+        """Length of the longest ray."""
+        return float(self.lengths.max())
+
+    def predict(
+        self, reach: tuple[int, int], shared: Callable[[int, int, Floats], Any]
+    ) -> Prediction:
+        """Prediction from what pairs of rays have in common.
+
+        Parameters
+        ----------
+        reach
+            Largest offsets in rows and columns at which anything is shared.
+        shared
+            ``shared(rows apart, columns apart, lengths)``: P(both clear)/(T_i T_k) - 1 of pairs,
+            whose shorter rays have these lengths.
+        """
+        t, e = self.transparency, self.lengths
+        rows, columns = t.shape
+        total = float((t * t * shared(0, 0, e)).sum())
+        for dy in range(reach[0] + 1):
+            for dx in range(-reach[1] if dy else 1, reach[1] + 1):
+                here = np.s_[: rows - dy, max(0, -dx) : columns - max(0, dx)]
+                there = np.s_[dy:, max(0, dx) : columns + min(0, dx)]
+                both = t[here] * t[there]
+                if both.any():
+                    common = shared(dy, abs(dx), np.minimum(e[here], e[there]))
+                    total += 2.0 * float((both * common).sum())
+        clear = float(t.sum()) / self.samples
+        spread = self.density * clear
+        # Where nothing or everything is hidden, views count as independent.
+        shortfall = total / (self.samples**2 * spread) if spread > 0.0 else 1.0 / self.samples
+        return Prediction(self.density, clear, shortfall)
+
+
+def predict_scattered(
+    points_m: Floats,
+    altitude_m: float,
+    kind: str,
+    log_transparency: float,
+    shared: Callable[[Floats, Floats, Floats], Floats],
+) -> Prediction:
+    """Prediction for samples that lie on no lattice; costs N².
+
+    Parameters
+    ----------
+    points_m
+        Shape (N, 2), from the middle.
+    altitude_m, kind, log_transparency
+        As in `bundle`.
+    shared
+        As of `Bundle.predict`, of pairs by their distances along both axes and the lengths of
+        their shorter rays.
+    """
+    lengths = ray_lengths(points_m[:, 0], points_m[:, 1], altitude_m, kind)
+    t = np.exp(lengths * log_transparency)
+    later, earlier = np.tril_indices(len(t), -1)
+    x, y = np.abs(points_m[later] - points_m[earlier]).T
+    common = shared(x, y, np.minimum(lengths[later], lengths[earlier]))
+    hidden = -np.expm1(lengths * log_transparency)
+    total = float((t * hidden).sum()) + 2.0 * float((t[later] * t[earlier] * common).sum())
+    p, clear, count = float(hidden.mean()), float(t.mean()), len(t)
+    return Prediction(p, clear, total / (count**2 * p * clear) if p * clear > 0.0 else 1.0 / count)
+
+
+def bundle(
+    pattern: Pattern, baseline_m: float, altitude_m: float, kind: str, log_transparency: float
+) -> Bundle:
+    """The rays of a pattern flown at a baseline.
+
+    Parameters
+    ----------
+    pattern, baseline_m
+        What is flown, and its distance between columns.
+    altitude_m, kind
+        As in `ray_lengths`.
+    log_transparency
+        Logarithm of a nadir ray's transparency.
+    """
+    x = (np.arange(pattern.columns) - 0.5 * (pattern.columns - 1)) * baseline_m
+    y = (np.arange(pattern.rows) - 0.5 * (pattern.rows - 1)) * (baseline_m * pattern.row_pitch)
+    lengths = ray_lengths(x[np.newaxis, :], y[:, np.newaxis], altitude_m, kind)
+    there = np.ones(lengths.shape)
+    there[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = 0.0
+    hidden = float((there * -np.expm1(lengths * log_transparency)).sum()) / pattern.samples
+    return Bundle(lengths, there * np.exp(lengths * log_transparency), hidden, pattern.samples)

@@ -1,0 +1,259 @@
+"""Shortfall of any set of sample positions under the uniform model.
+
+Two samples Δx, Δy apart share the occluders that overlap in both views, the product of two
+triangles: τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), with Δ = o h/H the offset at which an
+occluder has moved by its own size.  The shortfall of N samples is the mean of τ over all N²
+ordered pairs, K = ΣΣ τ / N² (Kurmi et al. 2019, appendix, for any positions instead of a
+grid).  Only pairs closer than Δ on both axes count, and nothing else is computed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan.grid.spiral import Spiral
+from aosplan.models.equations import line_shortfall
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    from aosplan.grid.patterns import Sites
+
+PAIRS_AT_ONCE = 2_000_000
+"""Neighbour pairs held in memory at a time (24 bytes each)."""
+
+DIRECT_PAIRS = 4_000_000
+"""Lattice offsets times sites up to which counting pairs directly beats a transform."""
+
+
+def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
+    """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
+
+    A rectangle factorises into its axes; each removed site takes away the product of its two
+    row sums, and pairs of removed sites are put back once.  Of a spiral all pairs count.
+
+    Parameters
+    ----------
+    pattern
+        The sites.
+    dhat
+        d̂ between neighbouring columns, or sites of a spiral; between rows of a lattice it is
+        `pattern.row_pitch` times that.
+    spread
+        ς of `aosplan.models.position_noise.blurred_overlap`, where positions are uncertain.
+    """
+    if spread > 0.0:
+        from aosplan.models.position_noise import (
+            blurred_shortfall,
+            scattered_shortfall,
+        )
+
+        if isinstance(pattern, Spiral):
+            return scattered_shortfall(pattern.offsets(), dhat, spread)
+        return blurred_shortfall(pattern, dhat, spread)
+    samples = pattern.samples
+    if isinstance(pattern, Spiral):
+        if dhat * pattern.nearest > 1.0 - 1e-15:  # the quotient was rounded
+            return 1.0 / samples
+        upward = sorted((y, x) for x, y in pattern.offsets())
+        return _pair_sum(tuple(upward), dhat, dhat) / samples**2
+    dhat_y = dhat * pattern.row_pitch
+    if (dhat >= 1.0 or pattern.columns == 1) and (dhat_y >= 1.0 or pattern.rows == 1):
+        return 1.0 / samples
+    whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
+    if not pattern.removed:
+        return float(whole)
+    if len(pattern.removed) > samples:  # taking most of a rectangle away would cost the digits
+        return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
+    total = whole * (pattern.rows * pattern.columns) ** 2
+    lost = math.fsum(
+        _overlaps(row, pattern.rows, dhat_y) * _overlaps(column, pattern.columns, dhat)
+        for row, column in pattern.removed
+    )
+    counted_twice = _pair_sum(pattern.removed, dhat_y, dhat)
+    return float(total - 2.0 * lost + counted_twice) / samples**2
+
+
+def _overlaps(index: int, count: int, dhat: float) -> float:
+    """Sum of max(0, 1 - |i - index| d̂) over the sites i = 0 … count - 1 of a line."""
+    return 1.0 + _one_side(index, dhat) + _one_side(count - 1 - index, dhat)
+
+
+def _one_side(neighbours: int, dhat: float) -> float:
+    reach = neighbours if neighbours * dhat <= 1.0 else math.floor(1.0 / dhat)
+    return reach * (1.0 - 0.5 * dhat * (reach + 1))
+
+
+def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float) -> float:
+    """ΣΣ τ over all ordered pairs of a sorted set of sites."""
+    if len(sites) > 2000:
+        import numpy as np
+
+        spaced = np.asarray(sites, dtype=float) * (dhat_y, dhat_x)
+        return positions_shortfall(spaced, 1.0) * len(sites) ** 2
+    return len(sites) + 2.0 * math.fsum(_shares(sites, dhat_y, dhat_x))
+
+
+def _shares(
+    sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float
+) -> Iterator[float]:
+    """τ of the pairs of a sorted set of sites, each once, where it is not 0."""
+    for index, (row, column) in enumerate(sites):
+        for other_row, other_column in sites[index + 1 :]:
+            y = 1.0 - (other_row - row) * dhat_y
+            if y <= 0.0:  # sorted by row: none of the rest is nearer
+                break
+            x = 1.0 - abs(other_column - column) * dhat_x
+            if x > 0.0:
+                yield x * y
+
+
+def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
+    """Shortfall 1 - V̂ of samples at any positions: a curved flight, flown positions, a subset.
+
+    Parameters
+    ----------
+    positions
+        Shape (N, 2): positions along the two axes of the occluders [m].
+    spacing
+        Δ = o h/H, the offset [m] at which an occluder has moved by its own size; above 0.
+
+    Returns
+    -------
+    float
+        K, between 1/N and 1; ``nan`` for no positions, a spacing that is not positive, or
+        positions that are not finite.
+
+    Notes
+    -----
+    A k-d tree finds the pairs in reach, in blocks of bounded memory: 10⁵ positions with 500
+    neighbours each take seconds.
+
+    Examples
+    --------
+    >>> positions_shortfall([[0.0, 0.0], [3.0, 0.0]], 2.0)
+    0.5
+    """
+    import numpy as np
+
+    points = np.asarray(positions, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"positions have shape {points.shape}, not (N, 2)")
+    count = len(points)
+    if count == 0 or not spacing > 0.0 or not np.isfinite(points).all():
+        return math.nan
+    if math.isinf(spacing):
+        return 1.0
+    from scipy.spatial import cKDTree
+
+    # Distances are taken from the origin of the set: far positions would lose digits.
+    with np.errstate(over="ignore"):
+        points = (points - points.mean(axis=0)) / spacing
+    points = np.clip(points, -1e300, 1e300)
+    tree = cKDTree(points)
+    neighbours = tree.query_ball_point(points, 1.0, p=np.inf, return_length=True)
+    # Neighbours in space are neighbours in memory, so a block's own tree stays compact.
+    order = np.asarray(tree.indices)
+    pending = np.cumsum(neighbours[order])
+    total = 0.0
+    start = 0
+    while start < count:
+        done = pending[start - 1] if start else 0
+        stop = max(int(np.searchsorted(pending, done + PAIRS_AT_ONCE, "right")), start + 1)
+        block = points[order[start:stop]]
+        total += _block_sum(block, tree, points)
+        start = stop
+    return total / count**2
+
+
+def _block_sum(block: NDArray[np.float64], tree: Any, points: NDArray[np.float64]) -> float:
+    """Sum of τ between a block of positions and all of them, spacing 1."""
+    import numpy as np
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(block).sparse_distance_matrix(tree, 1.0, p=np.inf, output_type="ndarray")
+    apart = np.abs(block[pairs["i"]] - points[pairs["j"]])
+    return float(np.prod(1.0 - apart, axis=1).sum())
+
+
+def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = None) -> float:
+    """Shortfall 1 - V̂ of the sites of a lattice that a mask selects.
+
+    Parameters
+    ----------
+    mask
+        Shape (rows, columns), true where there is a sample.
+    dhat_x, dhat_y
+        d̂ between neighbouring columns and rows, above 0; `dhat_y` is `dhat_x` unless given.
+
+    Returns
+    -------
+    float
+        K; ``nan`` for an empty mask or a d̂ that is not positive.
+    """
+    import numpy as np
+
+    dhat_y = dhat_x if dhat_y is None else dhat_y
+    chosen = np.asarray(mask, dtype=bool)
+    if chosen.ndim != 2:
+        raise ValueError(f"mask has shape {chosen.shape}, not (rows, columns)")
+    count = int(np.count_nonzero(chosen))
+    if count == 0 or not (dhat_x > 0.0 and dhat_y > 0.0):
+        return math.nan
+    dhat_x, dhat_y = min(dhat_x, 1.0), min(dhat_y, 1.0)  # beyond 1 nothing overlaps
+    reach_y = _reach(chosen.shape[0], dhat_y)
+    reach_x = _reach(chosen.shape[1], dhat_x)
+    pairs = offset_counts(chosen, reach_y, reach_x)
+    weights_y = 1.0 - dhat_y * np.abs(np.arange(-reach_y, reach_y + 1))
+    weights_x = 1.0 - dhat_x * np.abs(np.arange(-reach_x, reach_x + 1))
+    return float(np.maximum(weights_y, 0.0) @ pairs @ np.maximum(weights_x, 0.0)) / count**2
+
+
+def _reach(count: int, dhat: float) -> int:
+    return count - 1 if (count - 1) * dhat < 1.0 else max(math.ceil(1.0 / dhat) - 1, 0)
+
+
+def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArray[np.float64]:
+    """Number of ordered pairs of sites at each offset of a lattice.
+
+    Parameters
+    ----------
+    mask
+        Shape (rows, columns), true where there is a site.
+    reach_y, reach_x
+        Largest offsets wanted, below the number of rows and columns.
+
+    Returns
+    -------
+    ndarray
+        Shape (2 reach_y + 1, 2 reach_x + 1), whole numbers; offset (0, 0) in the middle.
+    """
+    import numpy as np
+
+    rows, columns = mask.shape
+    offsets = (reach_y + 1) * (2 * reach_x + 1)
+    if offsets * mask.size <= DIRECT_PAIRS or offsets <= 4:
+        counts = np.zeros((2 * reach_y + 1, 2 * reach_x + 1))
+        for dy in range(reach_y + 1):
+            for dx in range(-reach_x, reach_x + 1):
+                here = mask[: rows - dy, max(0, -dx) : columns - max(0, dx)]
+                there = mask[dy:, max(0, dx) : columns + min(0, dx)]
+                found = np.count_nonzero(here & there)
+                counts[reach_y + dy, reach_x + dx] = found
+                counts[reach_y - dy, reach_x - dx] = found
+        return counts
+    from scipy import fft
+
+    shape = (
+        fft.next_fast_len(rows + reach_y, real=True),
+        fft.next_fast_len(columns + reach_x, real=True),
+    )
+    spectrum = fft.rfft2(mask.astype(np.float64), shape)
+    pairs: NDArray[np.float64] = np.rint(fft.irfft2(np.abs(spectrum) ** 2, shape))
+    wanted_y = np.arange(-reach_y, reach_y + 1) % shape[0]
+    wanted_x = np.arange(-reach_x, reach_x + 1) % shape[1]
+    return pairs[np.ix_(wanted_y, wanted_x)]

@@ -1,0 +1,105 @@
+"""A line flown on and on: any N photos in a row are an integral, which moves along with the drone.
+
+The camera fires each baseline b, that is each b/v seconds at speed v.  Where that is less than its
+shortest interval τ, photos come v τ apart instead.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.grid.patterns import Pattern
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.models.model import VisibilityModel
+
+SPEEDS_MPS = (1.0, 2.0, 5.0, 10.0, 15.0)
+"""Speeds for which an integral is predicted, beside the plan's own."""
+
+
+class Integral(NamedTuple):
+    """The last N photos of a line, from first to last, and what they show."""
+
+    samples: int
+    spacing_m: float
+    length_m: float
+    speed_mps: float
+    interval_s: float
+    duration_s: float
+    expected: float
+    normalized: float
+
+
+class Continuous(NamedTuple):
+    """Integrals along a line, by number of photos at the plan's speed, and by speed.
+
+    `fastest_mps` is the speed b/τ up to which photos come each baseline; None where the camera's
+    shortest interval is not known.
+    """
+
+    by_samples: tuple[Integral, ...]
+    by_speed: tuple[Integral, ...]
+    fastest_mps: float | None
+
+    def document(self) -> dict[str, Any]:
+        """The table as plain values: ``continuous`` of a plan's JSON."""
+        return {
+            "fastest_mps": self.fastest_mps,
+            "by_samples": [integral._asdict() for integral in self.by_samples],
+            "by_speed": [integral._asdict() for integral in self.by_speed],
+        }
+
+
+def continuous_of(
+    model: VisibilityModel,
+    samples: int,
+    baseline_m: float,
+    *,
+    speed_mps: float,
+    shortest_interval_s: float | None = None,
+    photos: int | None = None,
+) -> Continuous:
+    """What a line shows that is flown without end.
+
+    Parameters
+    ----------
+    model
+        Predicts a line of samples.
+    samples, baseline_m
+        N and b of the plan.
+    speed_mps
+        Of the plan.
+    shortest_interval_s
+        τ of the camera, where it is known.
+    photos
+        Photos of the whole line; longer integrals are left out.
+    """
+
+    def integral(count: int, speed: float) -> Integral:
+        interval = max(baseline_m / speed, shortest_interval_s or 0.0)
+        spacing = interval * speed
+        predicted = model.predict(Pattern(1, count), spacing)
+        return Integral(
+            samples=count,
+            spacing_m=spacing,
+            length_m=(count - 1) * spacing,
+            speed_mps=speed,
+            interval_s=interval,
+            duration_s=(count - 1) * interval,
+            expected=predicted.expected,
+            normalized=predicted.normalized,
+        )
+
+    def told(integrals: Iterator[Integral]) -> tuple[Integral, ...]:
+        widest = model.widest_aperture_m * (1.0 + 1e-9)
+        return tuple(found for found in integrals if found.length_m <= widest)
+
+    counts = {1, max(samples // 4, 1), max(samples // 2, 1), samples, 2 * samples}
+    counts = {count for count in counts if photos is None or count <= photos}
+    return Continuous(
+        by_samples=told(integral(count, speed_mps) for count in sorted(counts)),
+        by_speed=told(integral(samples, v) for v in sorted({*SPEEDS_MPS, speed_mps})),
+        fastest_mps=None if shortest_interval_s is None else baseline_m / shortest_interval_s,
+    )

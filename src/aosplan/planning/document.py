@@ -1,0 +1,187 @@
+"""The plan as plain values: the JSON document that scripts rely on (schema 1)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.camera.disparity import (
+    disparity_px,
+    occluder_px,
+)
+
+if TYPE_CHECKING:
+    from aosplan.mission.mission import Waypoints
+    from aosplan.models.measured import Flown
+    from aosplan.models.model import Prediction
+    from aosplan.planning.planner import Plan
+    from aosplan.scenes.scene import Scene
+
+SCHEMA = 1
+"""Version of the JSON documents."""
+
+
+def plan_document(plan: Plan) -> dict[str, Any]:
+    """Everything of a plan as dicts, lists, text and finite numbers."""
+    from aosplan.planning.setup import requirement_of
+
+    solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
+    pattern, baseline = solution.pattern, solution.baseline_m
+    requirement = requirement_of(plan.request)
+    return {
+        "schema": SCHEMA,
+        "version": __version__,
+        "request": plan.request.document(),
+        "scene": scene_document(plan.scene),
+        "altitude_m": altitude,
+        "baseline_m": baseline,
+        "samples": pattern.samples,
+        "samples_required": solution.samples_required,
+        "aperture_m": plan.aperture_m,
+        "grid": {
+            "kind": plan.grid.name,
+            "rows": pattern.rows,
+            "columns": pattern.columns,
+            "extent_m": list(plan.extent_m),
+            "heading_deg": plan.heading_deg,
+            "pitch_m": [baseline * pitch for pitch in pattern.pitch],
+        },
+        "visibility": prediction_document(solution.prediction)
+        | {
+            "target": float(requirement.target),
+            "target_quantity": requirement.quantity,
+            "model": plan.model,
+            "view": plan.request.view,
+            "approximation": plan.approximation,
+            "rays": plan.request.rays,
+            "edges": "wrapped" if plan.model == "measured" else None,
+            "uncertainty": None if plan.uncertainty is None else plan.uncertainty._asdict(),
+            "uncertainty_reason": plan.uncertainty_reason or None,
+            "noise": None if plan.flown is None else _noise_document(plan.flown),
+        },
+        "disparity": disparity_document(plan),
+        "camera": {
+            "name": camera.name,
+            "gsd_m": camera.gsd_m(altitude),
+            "footprint_m": list(camera.footprint_m(altitude)),
+            "common_footprint_m": list(plan.common_footprint_m),
+        },
+        "flight": flight_document(plan),
+        "height": height_document(plan),
+        **({} if plan.layout.survey is None else {"area": plan.layout.survey.document()}),
+        **(
+            {}
+            if plan.layout.continuous is None
+            else {"continuous": plan.layout.continuous.document()}
+        ),
+        "limits": [limit._asdict() for limit in plan.limits],
+        "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
+        "warnings": [warning._asdict() for warning in plan.warnings],
+        "waypoints": waypoints_document(plan.waypoints),
+    }
+
+
+def flight_document(plan: Plan) -> dict[str, Any]:
+    """Length and time from the first photo to the last, how it is flown, and each flight.
+
+    Length and time of a flight, and the total, count from the take-off to the landing.
+    """
+    route = plan.route
+    return {
+        "length_m": route.length_m,
+        "time_s": route.time_s,
+        **_given(plan.conduct._asdict()),
+        "acceleration_mps2": route.timing.acceleration_mps2,
+        "climb_mps": route.timing.climb_mps,
+        "run_in_m": route.timing.run_in_m,
+        "total_time_s": route.total_time_s,
+        "flights": [flight._asdict() for flight in route.flights],
+    }
+
+
+def height_document(plan: Plan) -> dict[str, Any]:
+    """What every height of the plan is above."""
+    route = plan.route
+    document: dict[str, Any] = {
+        "altitude_m": f"above the focal plane, {plan.request.focal_height:g} m above ground",
+        "waypoints.altitude_m": "above the ground below the waypoint",
+        "canopy_top_m": "above ground",
+        "clearance_m": plan.altitude_m + plan.request.focal_height - plan.scene.canopy_top_m,
+    }
+    if route.datum is None:
+        return document | {"ground": "taken to be level, as high as the take-off"}
+    return document | {
+        "ground": "from the terrain file",
+        "waypoints.ground_m": f"above {route.datum}",
+        "flight.takeoff_ground_m": f"above {route.datum}",
+        "nearest_m": plan.altitude_m + plan.request.focal_height - route.hump_m,
+        "farthest_m": plan.altitude_m + plan.request.focal_height + route.dip_m,
+    }
+
+
+def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
+    """A row per waypoint, in flight order."""
+    names, columns = zip(*waypoints.columns().items(), strict=True)
+    return [
+        {"index": index} | dict(zip(names, row, strict=True))
+        for index, row in enumerate(zip(*columns, strict=True))
+    ]
+
+
+def _noise_document(flown: Flown) -> dict[str, float]:
+    """The expectation over position noise: how many flights were drawn, and its errors."""
+    values = flown._asdict()
+    del values["prediction"]
+    return values
+
+
+def prediction_document(prediction: Prediction) -> dict[str, float | None]:
+    """A prediction's numbers; what nothing hides has no normalised visibility."""
+    clear = prediction.density == 0.0
+    return {
+        "density": prediction.density,
+        "minimum": prediction.minimum,
+        "maximum": prediction.maximum,
+        "expected": prediction.expected,
+        "normalized": None if clear else prediction.normalized,
+        "shortfall": None if clear else prediction.shortfall,
+        "effective_samples": None if clear else _finite(prediction.effective_samples),
+        "contrast": None if clear else _finite(prediction.contrast),
+    }
+
+
+def scene_document(scene: Scene) -> dict[str, Any]:
+    """A scene in a few words and numbers."""
+    return {
+        "name": scene.name,
+        "kind": scene.kind,
+        "title": scene.title,
+        "source": scene.source,
+        "assumed": scene.assumed,
+        "integrated_density": scene.integrated_density,
+        "canopy_top_m": scene.canopy_top_m,
+    }
+
+
+def disparity_document(plan: Plan) -> dict[str, float | None]:
+    """Disparity and size of the occluder that decides the coverage rule, at least one pixel."""
+    coverage = plan.coverage
+    if coverage is None:
+        return {"normalized": None, "pixels": None, "occluder_pixels": None}
+    focal, altitude = plan.camera.focal_length_px, plan.altitude_m
+    return {
+        "normalized": plan.solution.baseline_m / coverage.baseline_m,
+        "pixels": disparity_px(plan.solution.baseline_m, coverage.height_m, altitude, focal),
+        "occluder_pixels": occluder_px(
+            coverage.occluder_size_m, coverage.height_m, altitude, focal
+        ),
+    }
+
+
+def _given(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

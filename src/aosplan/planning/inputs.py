@@ -1,0 +1,369 @@
+"""From names and files to things: the camera, the scene and the altitude of a request."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.camera.camera import Camera
+from aosplan.errors import RequestError
+from aosplan.scenes.scene import (
+    Scene,
+    UniformScene,
+)
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from aosplan.planning.request import PlanRequest
+    from aosplan.scenes.correlogram import Correlogram
+    from aosplan.scenes.files.voxel_file import Stand
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Progress = Callable[[int, int], None]
+
+CLOUD_SUFFIXES = (".las", ".laz")
+VOXEL_SUFFIX = ".npz"
+RASTER_SUFFIXES = (".tif", ".tiff")
+TABLE_SUFFIX = ".csv"
+READING = ("voxel", "ground", "min_height", "crown_base")
+"""Options that say how a point cloud or a canopy height raster is read."""
+
+
+class Message(NamedTuple):
+    """A warning: a short code for programs, a sentence for people."""
+
+    code: str
+    message: str
+
+
+class ResolvedScene(NamedTuple):
+    """A scene, what kind of source it came from, and what else that source holds.
+
+    Attributes
+    ----------
+    scene
+        Uniform or layered.
+    kind
+        ``uniform``, ``layered`` or ``cloud``; it decides the default model.
+    warnings
+        What its reading had to say.
+    volume
+        Its voxels, if it has any.
+    correlogram
+        Its correlogram, where the source holds one.
+    reading
+        The options by which it was read, with their defaults.
+    kept
+        Whether its voxels come from an earlier reading of the same files.
+    """
+
+    scene: Scene
+    kind: str
+    warnings: tuple[Message, ...] = ()
+    volume: VoxelVolume | None = None
+    correlogram: Correlogram | None = None
+    reading: Mapping[str, Any] = {}
+    kept: bool = False
+
+
+def find_camera(name: str) -> Camera:
+    """A camera by its preset's name, or from a file.
+
+    Raises
+    ------
+    RequestError
+        Where there is neither; the hint names the nearest preset.
+    """
+    from aosplan.camera.presets import CAMERAS
+
+    if name in CAMERAS:
+        preset = CAMERAS[name]
+        return Camera(
+            name=name,
+            focal_length_mm=preset.focal_length_mm,
+            sensor_width_mm=preset.sensor_width_mm,
+            sensor_height_mm=preset.sensor_height_mm,
+            image_width_px=preset.image_width_px,
+            image_height_px=preset.image_height_px,
+            title=preset.title,
+            source=preset.source,
+            assumed=preset.assumed,
+        )
+    if _is_file_name(name):
+        from aosplan.planning.request_file import read_camera
+
+        return read_camera(name)
+    raise RequestError(
+        f"unknown camera '{name}'",
+        nearest_hint(name, CAMERAS) or "aosplan cameras lists them; a file name ends in .toml",
+    )
+
+
+def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
+    """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
+    if request.camera is not None:
+        return find_camera(located(request.camera, folder))
+    width, height = request.image_width, request.image_height
+    assert width is not None  # the request has checked that a camera is complete
+    assert height is not None
+    if request.fov is not None:
+        return Camera.from_field_of_view(request.fov, width, height)
+    assert request.focal_length is not None
+    assert request.sensor_width is not None
+    sensor_height = request.sensor_height or request.sensor_width * height / width
+    return Camera(
+        "custom", request.focal_length, request.sensor_width, sensor_height, width, height
+    )
+
+
+def altitude_of(request: PlanRequest, camera: Camera) -> float:
+    """Altitude above the focal plane [m], given or solved from the wanted resolution."""
+    if request.altitude is not None:
+        return request.altitude
+    if request.gsd is not None:
+        return camera.altitude_for_gsd_m(request.gsd)
+    assert request.target_size is not None  # the request has checked that one way is given
+    assert request.target_pixels is not None
+    return camera.altitude_for_gsd_m(request.target_size / request.target_pixels)
+
+
+def find_preset_scene(name: str) -> UniformScene | None:
+    """A scene by its preset's name, or None."""
+    from aosplan.scenes.presets import SCENES
+
+    preset = SCENES.get(name)
+    if preset is None:
+        return None
+    return UniformScene(
+        name=name,
+        density=None,
+        occluder_size_m=preset.occluder_size_m,
+        volume_base_m=preset.volume_base_m,
+        volume_height_m=preset.volume_height_m,
+        given_integrated_density=preset.integrated_density,
+        title=preset.title,
+        source=preset.source,
+        assumed=preset.assumed,
+    )
+
+
+def scene_of(
+    request: PlanRequest,
+    *,
+    folder: str = "",
+    progress: Progress | None = None,
+    also: Iterable[str] = (),
+) -> ResolvedScene:
+    """The scene of a request: numbers, a preset, a scene file or a point cloud.
+
+    Parameters
+    ----------
+    request
+        The request.
+    folder
+        Folder of the request file, where its file names are looked for first.
+    progress
+        Called with points read and points in all, for point clouds.
+    also
+        More point clouds of the same stand.
+    """
+    if request.scene is None:
+        return _of_numbers(request)
+    preset = find_preset_scene(request.scene)
+    name = request.scene if preset is not None else located(request.scene, folder)
+    suffix = os.path.splitext(name)[1].lower()
+    clouds = () if preset is not None else cloud_files(name)
+    more = [file for other in also for file in cloud_files(other) or (other,)]
+    strange = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
+    if more and strange:
+        raise RequestError(
+            f"'{strange[0]}' is no point cloud, and only the files of a point cloud go together",
+            "name one scene, or .las and .laz files",
+        )
+    if clouds:
+        files = (*clouds, *more)
+        twice = {file for file in files if files.count(file) > 1}
+        if twice:
+            raise RequestError(f"point cloud '{min(twice)}' is given twice")
+        return _cloud(request, name, files, progress)
+    if preset is None and suffix in RASTER_SUFFIXES:
+        return _raster(request, name)
+    _check_unread(request, READING if suffix == VOXEL_SUFFIX else (*READING, "occluder_size"))
+    if preset is not None:
+        return ResolvedScene(preset, "uniform")
+    if suffix == VOXEL_SUFFIX:
+        from aosplan.scenes.files.voxel_file import read_stand
+
+        return _of_stand(read_stand(name), os.path.basename(name), request)
+    if suffix == TABLE_SUFFIX:
+        from aosplan.scenes.files.slice_table import read_slices
+
+        return ResolvedScene(read_slices(name), "layered")
+    if _is_file_name(name):
+        from aosplan.scenes.files.toml_file import read_scene_file
+
+        file = read_scene_file(name)
+        if file.table is None or request.model not in (None, "measured"):
+            return ResolvedScene(file.scene, file.scene.kind)
+        return ResolvedScene(file.scene, "cloud", correlogram=file.correlogram())
+    from aosplan.scenes.presets import SCENES
+
+    raise RequestError(
+        f"unknown scene '{request.scene}'",
+        nearest_hint(request.scene, SCENES)
+        or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .csv, .las, .laz or .tif",
+    )
+
+
+def _of_numbers(request: PlanRequest) -> ResolvedScene:
+    """The scene that a request describes itself."""
+    height, base = request.volume_height, request.volume_base
+    assert height is not None  # the request has checked that its scene is complete
+    assert base is not None
+    if request.stems_per_hectare is not None:
+        from aosplan.scenes.inventory import inventory_scene
+
+        assert request.crown_diameter is not None
+        assert request.leaf_area_index is not None
+        stand = inventory_scene(
+            "custom",
+            stems_per_hectare=request.stems_per_hectare,
+            crown_diameter_m=request.crown_diameter,
+            leaf_area_index=request.leaf_area_index,
+            volume_base_m=base,
+            volume_height_m=height,
+            occluder_size_m=request.occluder_size,
+        )
+        return ResolvedScene(stand, "layered")
+    assert request.occluder_size is not None
+    scene = UniformScene(
+        name="custom",
+        density=request.density,
+        occluder_size_m=request.occluder_size,
+        volume_base_m=base,
+        volume_height_m=height,
+        given_integrated_density=request.integrated_density,
+    )
+    return ResolvedScene(scene, "uniform")
+
+
+def cloud_files(name: str) -> tuple[str, ...]:
+    """Files of the point cloud that a name stands for, sorted; none where it stands for none.
+
+    A name is a file, a folder of tiles, or a pattern such as ``tiles/*.laz``.
+
+    Raises
+    ------
+    RequestError
+        Where a folder or a pattern holds no point cloud.
+    """
+    if os.path.isdir(name):
+        found = [os.path.join(name, file) for file in os.listdir(name)]
+    elif _is_pattern(name):
+        import glob
+
+        found = glob.glob(name)
+    else:
+        return (name,) if _is_cloud(name) else ()
+    files = tuple(sorted(file for file in found if _is_cloud(file)))
+    if not files:
+        raise RequestError(f"'{name}' holds no .las or .laz file", "name the files of one stand")
+    return files
+
+
+def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
+    """Refuse options about the reading of what is not read that way."""
+    for option in options:
+        if getattr(request, option) is not None:
+            kind = "canopy height raster" if option == "crown_base" else "point cloud"
+            raise RequestError(
+                f"--{option.replace('_', '-')} goes with a {kind}, and scene '{request.scene}' "
+                "is none"
+            )
+
+
+def _cloud(
+    request: PlanRequest, name: str, files: tuple[str, ...], progress: Progress | None
+) -> ResolvedScene:
+    from aosplan.scenes.files import cache
+
+    _check_unread(request, ("crown_base",))
+    reading: dict[str, Any] = {
+        "voxel": request.voxel or 0.25,
+        "ground": request.ground or "auto",
+        "min_height": 2.0 if request.min_height is None else request.min_height,
+    }
+
+    def read() -> VoxelVolume:
+        from aosplan.scenes.files.point_cloud import read_voxels
+
+        return read_voxels(
+            files,
+            voxel_m=reading["voxel"],
+            ground=reading["ground"],
+            min_height_m=reading["min_height"],
+            progress=progress,
+        )
+
+    stand, kept = cache.stand(files, reading, read)
+    shown = os.path.basename(os.path.normpath(name))
+    resolved = _of_stand(stand, shown, request)
+    return resolved._replace(reading=reading, kept=kept)
+
+
+def _raster(request: PlanRequest, name: str) -> ResolvedScene:
+    from aosplan.scenes.files.canopy_raster import (
+        CROWN_BASE,
+        read_canopy,
+    )
+    from aosplan.scenes.files.voxel_file import Stand
+
+    _check_unread(request, ("ground",))
+    reading = {
+        "min_height": 2.0 if request.min_height is None else request.min_height,
+        "crown_base": CROWN_BASE if request.crown_base is None else request.crown_base,
+    }
+    volume = read_canopy(
+        name,
+        voxel_m=request.voxel,
+        min_height_m=reading["min_height"],
+        crown_base=reading["crown_base"],
+    )
+    resolved = _of_stand(Stand.of(volume), os.path.basename(name), request)
+    return resolved._replace(reading=reading | {"voxel": volume.voxel_m})
+
+
+def _of_stand(stand: Stand, name: str, request: PlanRequest) -> ResolvedScene:
+    scene = stand.scene(name)
+    if request.occluder_size is not None:
+        scene = replace(scene, voxel_m=request.occluder_size)
+    warnings = tuple(Message(*warning) for warning in stand.volume.warnings)
+    return ResolvedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
+
+
+def located(name: str, folder: str) -> str:
+    """A file name from a request file, looked for beside that file first."""
+    beside = os.path.join(folder, name)
+    if not folder:
+        return name
+    if _is_pattern(beside):
+        import glob
+
+        return beside if glob.glob(beside) else name
+    named = _is_file_name(name) or os.path.isdir(beside)
+    return beside if named and os.path.exists(beside) else name
+
+
+def _is_file_name(name: str) -> bool:
+    return os.path.splitext(name)[1] != "" or os.sep in name
+
+
+def _is_cloud(name: str) -> bool:
+    return name.lower().endswith(CLOUD_SUFFIXES)
+
+
+def _is_pattern(name: str) -> bool:
+    return any(mark in name for mark in "*?[") and not os.path.lexists(name)

@@ -1,0 +1,462 @@
+"""The options of a plan, each described once.
+
+The command line, request files, the JSON Schema and sweeps are made from `OPTIONS`.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan import units as q
+from aosplan.errors import RequestError
+from aosplan.flight.photo_trigger import TRIGGERS
+from aosplan.grid.patterns import GRIDS
+from aosplan.mission.mission import FRAMES
+from aosplan.models.model import (
+    MODELS,
+    RAYS,
+)
+from aosplan.solver.problem import OBJECTIVES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+VIEWS = ("telecentric", "perspective")
+"""Targets of the measured model: each below its own aperture, or all below one."""
+
+GROUND = ("auto", "class", "filter", "normalized")
+"""How the ground of a point cloud is found."""
+
+AUTOPILOTS = ("px4", "ardupilot")
+"""Firmware that flies QGroundControl's plans."""
+
+
+def target_share(value: Any, name: str) -> float | str:
+    """A target below 1, kept as it was written where a float would change it."""
+    exact = q.exact_share(value, name)
+    if not 0 <= exact < 1:
+        hint = (
+            "no finite number of samples reaches 1; ask for 0.98"
+            if exact == 1
+            else q.percent_hint(value) or "a target lies between 0 and 1, such as 0.98 or 98%"
+        )
+        raise RequestError(f"{name} {q.shown(value)} is not a share below 1", hint)
+    nearest = float(exact)
+    if isinstance(value, float) or q.exact_share(repr(nearest), name) == exact:
+        return nearest
+    return str(value)
+
+
+LARGEST = 1e9
+"""No quantity of a request is larger, and none that is not zero smaller than its inverse."""
+
+
+def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
+    """A quantity within the range in which products of several of them stay numbers."""
+    result = parse(value, name, **unit)
+    if result and not 1.0 / LARGEST <= abs(result) <= LARGEST:
+        raise RequestError(
+            f"{name} {q.shown(value)} is not between {1 / LARGEST:g} and {LARGEST:g}"
+        )
+    return result
+
+
+def payload(value: Any, name: str) -> str:
+    """What a DJI drone may carry."""
+    from aosplan.mission.dji_models import PAYLOADS
+
+    return q.one_of(PAYLOADS)(value, name)
+
+
+class Option(NamedTuple):
+    """One option: its field, how a value is read, and how help describes it.
+
+    `kind` says what a file may hold: a number, text, a whole number, a pair of numbers, or, of a
+    flag, true or false.
+    """
+
+    name: str
+    parse: Callable[[Any, str], Any]
+    kind: str
+    metavar: str
+    help: str
+    panel: str
+
+    @property
+    def flag(self) -> str:
+        """The option as it is written on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+
+_positive = partial(bounded, q.positive)
+_length = partial(bounded, q.positive, unit="m")
+_heading = q.or_best(partial(q.number, unit="deg"))
+
+
+def heading_or_auto(value: Any, name: str) -> float | str:
+    """A direction, ``best``, or ``auto``: along the longer side of an area."""
+    return "auto" if value == "auto" else _heading(value, name)
+
+
+_height = partial(bounded, q.at_least_zero, unit="m")
+_index = partial(bounded, q.at_least_zero)
+
+_speed = partial(bounded, q.positive, unit="m/s")
+_seconds = partial(bounded, q.positive, unit="s")
+
+_Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
+
+_PANELS: dict[str, tuple[_Row, ...]] = {
+    "Altitude": (
+        ("altitude", _length, "number", "M", "Height above the synthetic focal plane."),
+        (
+            "gsd",
+            _length,
+            "number",
+            "M",
+            "Wanted ground sampling distance, instead of an altitude.",
+        ),
+        (
+            "target_size",
+            _length,
+            "number",
+            "M",
+            "Size of what is looked for, with --target-pixels.",
+        ),
+        (
+            "target_pixels",
+            _positive,
+            "number",
+            "PX",
+            "Pixels that it shall fill, instead of an altitude.",
+        ),
+        (
+            "focal_height",
+            _height,
+            "number",
+            "M",
+            "Height of the focal plane above ground.  [0]",
+        ),
+    ),
+    "Target": (
+        (
+            "vhat",
+            target_share,
+            "share",
+            "X",
+            "Target normalised visibility: 0.98 or 98%.  [0.98]",
+        ),
+        (
+            "visibility",
+            target_share,
+            "share",
+            "X",
+            "Target absolute visibility, instead of --vhat.",
+        ),
+    ),
+    "Scene": (
+        (
+            "scene",
+            q.word,
+            "text",
+            "NAME|FILE",
+            "Preset, scene file, point cloud (also a folder, or '*.laz'), or height raster.  [paper-forest]",
+        ),
+        (
+            "density",
+            q.share,
+            "share",
+            "D",
+            "Share of each slice that occluders fill, for a uniform scene.",
+        ),
+        (
+            "integrated_density",
+            q.share,
+            "share",
+            "P",
+            "Share of the ground that one photo does not see, instead.",
+        ),
+        ("occluder_size", _length, "number", "M", "Edge length of an occluder."),
+        ("volume_height", _length, "number", "M", "Thickness of the volume of occluders."),
+        ("volume_base", _height, "number", "M", "Its lower end above ground.  [2]"),
+        ("stems_per_hectare", _positive, "number", "N", "Trees of an inventory, instead."),
+        ("crown_diameter", _length, "number", "M", "Width of their crowns."),
+        ("leaf_area_index", _index, "number", "L", "Leaf area over ground area."),
+        ("voxel", _length, "number", "M", "Voxel size of a point cloud.  [0.25]"),
+        (
+            "ground",
+            q.one_of(GROUND),
+            "text",
+            "HOW",
+            f"Ground of a point cloud: {', '.join(GROUND)}.  [auto]",
+        ),
+        (
+            "min_height",
+            _height,
+            "number",
+            "M",
+            "Lower vegetation of a point cloud is left out.  [2]",
+        ),
+        (
+            "crown_base",
+            q.share,
+            "share",
+            "X",
+            "Crowns of a height raster begin at this share of its height.  [0.5]",
+        ),
+    ),
+    "Camera": (
+        ("camera", q.word, "text", "NAME|FILE", "Preset or camera file.  [dji-m3t-thermal]"),
+        ("focal_length", _positive, "number", "MM", "Physical focal length."),
+        (
+            "sensor_width",
+            _positive,
+            "number",
+            "MM",
+            "Width of the sensor that the image shows.",
+        ),
+        ("sensor_height", _positive, "number", "MM", "Its height.  [square pixels]"),
+        (
+            "fov",
+            _positive,
+            "number",
+            "DEG",
+            "Horizontal field of view, instead of focal length and sensor.",
+        ),
+        ("image_width", q.whole, "whole", "PX", "Width of the image, across the heading."),
+        ("image_height", q.whole, "whole", "PX", "Height of the image, along the heading."),
+    ),
+    "Model and objective": (
+        (
+            "coverage",
+            q.share_above_zero,
+            "share",
+            "X",
+            "Share of occluders that must reach d̂ ≥ 1.  [0.98]",
+        ),
+        (
+            "model",
+            q.one_of(MODELS),
+            "text",
+            "NAME",
+            f"Visibility model: {', '.join(MODELS)}.  [by scene]",
+        ),
+        (
+            "view",
+            q.one_of(VIEWS),
+            "text",
+            "KIND",
+            f"Measured model: {' or '.join(VIEWS)}.  [telecentric]",
+        ),
+        (
+            "rays",
+            q.one_of(RAYS),
+            "text",
+            "KIND",
+            f"Uniform and layered models: {', '.join(RAYS)}.  [nadir]",
+        ),
+        (
+            "optimize",
+            q.one_of(OBJECTIVES),
+            "text",
+            "WHAT",
+            f"Objective: {', '.join(OBJECTIVES)}.  [samples]",
+        ),
+        ("max_aperture", _length, "number", "M", "Bound on the longer side of the grid."),
+        ("max_samples", q.whole, "whole", "N", "Bound on the number of samples."),
+        ("baseline", _length, "number", "M", "Fixed distance between neighbouring samples."),
+        ("samples", q.whole, "whole", "N", "Fixed number of samples."),
+        (
+            "sensitivity",
+            q.flag,
+            "flag",
+            "",
+            "What if density, occluder size and heights are 20 % off.",
+        ),
+    ),
+    "Grid": (
+        (
+            "grid",
+            q.one_of((*GRIDS, "best")),
+            "text",
+            "KIND",
+            f"Kind of grid: {', '.join(GRIDS)}, or best.  [trimmed]",
+        ),
+        (
+            "lanes",
+            q.or_best(q.whole),
+            "whole",
+            "K",
+            "Number of lanes, for --grid lanes, or best.  [3]",
+        ),
+        (
+            "lane_pitch",
+            q.or_best(_positive),
+            "number",
+            "X",
+            "Pitch of lanes, turns of a spiral, or lines over an area, over the spacing along "
+            "them, or best.  [4]",
+        ),
+        ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
+        (
+            "heading",
+            heading_or_auto,
+            "number",
+            "DEG",
+            "Flight lines, clockwise from true north, or best; auto: along an area.  [0]",
+        ),
+        (
+            "line_length",
+            _length,
+            "number",
+            "M",
+            "Fly on for this length, for --grid line; any N photos in a row are an integral.",
+        ),
+    ),
+    "Area": (
+        ("area", q.word, "text", "FILE", "Area to cover (GeoJSON, KML, KMZ), for --origin."),
+        ("clear", q.word, "text", "FILE", "Parts without canopy, where one look is enough."),
+        ("no_fly", q.word, "text", "FILE", "Zones that sites and legs keep out of."),
+        ("buffer", _height, "number", "M", "Distance to keep from them.  [5]"),
+        ("max_sites", q.whole, "whole", "N", "Refuse areas that need more sites.  [10000]"),
+    ),
+    "Flight": (
+        ("drone", q.word, "text", "NAME", "Drone: its camera, speed, acceleration and limits."),
+        ("speed", _speed, "number", "M/S", "Cruise speed over ground.  [5, or the drone's]"),
+        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2, or the drone's]"),
+        (
+            "climb",
+            _speed,
+            "number",
+            "M/S",
+            "Vertical speed, up and down.  [3, or the drone's]",
+        ),
+        (
+            "hold",
+            partial(bounded, q.at_least_zero, unit="s"),
+            "number",
+            "S",
+            "Stop at each site.  [1]",
+        ),
+        (
+            "hold_error",
+            _height,
+            "number",
+            "M",
+            "Standard deviation of the position at each site, along either axis.  [0]",
+        ),
+        (
+            "autopilot",
+            q.one_of(AUTOPILOTS),
+            "text",
+            "NAME",
+            f"For QGroundControl plans: {' or '.join(AUTOPILOTS)}.  [px4]",
+        ),
+        (
+            "payload",
+            payload,
+            "text",
+            "NAME",
+            "What a DJI drone carries, such as dji-h20t.  [by camera]",
+        ),
+        (
+            "trigger",
+            q.one_of(TRIGGERS),
+            "text",
+            "HOW",
+            "Photos at each stop, or in passing by distance: stop or distance.  [stop]",
+        ),
+        (
+            "max_blur",
+            _positive,
+            "number",
+            "PX",
+            "Motion blur allowed in passing.  [1]",
+        ),
+        ("exposure_time", _seconds, "number", "S", "Exposure in passing.  [0.01]"),
+        (
+            "photo_interval",
+            _seconds,
+            "number",
+            "S",
+            "Shortest time between two photos.  [the drone's]",
+        ),
+        (
+            "wind_speed",
+            partial(bounded, q.at_least_zero, unit="m/s"),
+            "number",
+            "M/S",
+            "Wind; with --wind-from.",
+        ),
+        ("wind_from", _heading, "number", "DEG", "Where it blows from, clockwise from true north."),
+        (
+            "airspeed",
+            _speed,
+            "number",
+            "M/S",
+            "Fastest through the air: wind lowers the speed beyond it.  [15, or the drone's]",
+        ),
+        (
+            "takeoff",
+            q.latitude_longitude,
+            "pair",
+            "LAT,LON",
+            "Where the drone takes off and lands.  [below the first waypoint]",
+        ),
+        (
+            "flight_time",
+            _positive,
+            "number",
+            "MIN",
+            "Minutes that a battery lasts: longer missions are split into flights.",
+        ),
+        (
+            "resume_at",
+            q.index,
+            "whole",
+            "K",
+            "Fly from waypoint K of the whole plan on.  [0]",
+        ),
+    ),
+    "Height": (
+        (
+            "clearance",
+            _height,
+            "number",
+            "M",
+            "Least height above the canopy's top.  [2]",
+        ),
+        ("terrain", q.word, "text", "DEM.tif", "Ground heights to follow (GeoTIFF)."),
+        (
+            "terrain_tolerance",
+            _length,
+            "number",
+            "M",
+            "How much nearer to the ground the way between two sites may come.  [3]",
+        ),
+        (
+            "altitude_frame",
+            q.one_of(FRAMES),
+            "text",
+            "FRAME",
+            "What a file's heights are above: takeoff, or terrain, which the autopilot then follows.",
+        ),
+    ),
+}
+
+OPTIONS = tuple(
+    Option(name, parse, kind, metavar, text, panel)
+    for panel, rows in _PANELS.items()
+    for name, parse, kind, metavar, text in rows
+)
+
+BY_NAME = {option.name: option for option in OPTIONS}
+
+SHOWING = tuple(
+    option.name
+    for option in OPTIONS
+    if option.panel in ("Altitude", "Scene", "Camera")
+    or option.name in ("coverage", "model", "view", "rays", "origin", "heading", "clearance")
+)
+"""Options that say what given positions show, whatever else is planned."""

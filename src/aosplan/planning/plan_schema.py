@@ -1,0 +1,209 @@
+"""The plan's JSON document, as pydantic checks it when it is read back, and its schema."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from aosplan.area_document import AreaDocument, ContinuousDocument
+from aosplan.validation import (
+    Document,
+    Finite,
+    OpenDocument,
+    Pair,
+)
+
+
+class WaypointDocument(Document):
+    """One position, in flight order; a photo is taken unless `photo` is false."""
+
+    index: int
+    east_m: Finite
+    north_m: Finite
+    altitude_m: Finite
+    latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
+    longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
+    ground_m: Finite | None = None
+    photo: bool = True
+
+
+class GridDocument(OpenDocument):
+    """Shape and size of the grid; x along the heading, y to its right.
+
+    A spiral is one row of all its sites, wound up: its pitch is that of neighbours along it, and
+    that of its turns; its extent that of the rectangle around it.
+    """
+
+    kind: str
+    rows: int
+    columns: int
+    extent_m: Pair
+    pitch_m: Pair
+    heading_deg: Finite | None = None
+
+
+class VisibilityDocument(OpenDocument):
+    """What a model predicts."""
+
+    density: Finite
+    minimum: Finite
+    maximum: Finite
+    expected: Finite
+    normalized: Finite | None
+    shortfall: Finite | None
+    effective_samples: Finite | None
+    contrast: Finite | None
+
+
+class UncertaintyDocument(OpenDocument):
+    """Standard errors of a prediction, and how they were found."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+    method: str
+
+
+class NoiseDocument(OpenDocument):
+    """Flights that the expectation over position noise was taken from, and its standard errors."""
+
+    flights: int
+    seed: int
+    density_error: Finite
+    expected_error: Finite
+    normalized_error: Finite
+
+
+class ChangeDocument(OpenDocument):
+    """A scene that differs in one quantity, and what it does to the plan."""
+
+    quantity: Literal["density", "occluder_size", "height"]
+    factor: Finite
+    visibility: Finite | None
+    normalized: Finite | None
+    samples: int | None
+    baseline_m: Finite | None
+    reason: str | None
+
+
+class TargetVisibilityDocument(VisibilityDocument):
+    """What a model predicts, beside the target."""
+
+    target: Finite
+    target_quantity: Literal["normalized", "visibility"]
+    model: str
+    view: Literal["telecentric", "perspective"] | None
+    approximation: Literal["correlogram"] | None = None
+    rays: str | None = None
+    edges: Literal["wrapped"] | None = None
+    uncertainty: UncertaintyDocument | None = None
+    uncertainty_reason: str | None = None
+    noise: NoiseDocument | None = None
+
+
+class DisparityDocument(OpenDocument):
+    """Disparity of the occluder that decides the coverage rule."""
+
+    normalized: Finite | None
+    pixels: Finite | None
+    occluder_pixels: Finite | None
+
+
+class CameraSummaryDocument(OpenDocument):
+    """What the camera sees of the focal plane."""
+
+    name: str
+    gsd_m: Finite
+    footprint_m: Pair
+    common_footprint_m: Pair
+
+
+class OneFlightDocument(OpenDocument):
+    """What one battery flies: its first and last waypoint; length and time with the way there."""
+
+    first: Annotated[int, Field(ge=0)]
+    last: Annotated[int, Field(ge=0)]
+    samples: int
+    length_m: Finite
+    time_s: Finite
+
+
+class FlightDocument(OpenDocument):
+    """Path from the first photo to the last, how it is flown (`mission.Conduct`), and flights."""
+
+    length_m: Finite
+    time_s: Finite
+    trigger: Literal["stop", "distance"] = "stop"
+    speed_mps: Annotated[Finite, Field(gt=0)] = 5.0
+    hold_s: Annotated[Finite, Field(ge=0)] = 1.0
+    spacing_m: Annotated[Finite, Field(ge=0)] = 0.0
+    yaw_deg: Finite = 0.0
+    gimbal_pitch_deg: Annotated[Finite, Field(ge=-180, le=180)] = -90.0
+    autopilot: Literal["px4", "ardupilot"] | None = None
+    drone: str | None = None
+    payload: str | None = None
+    takeoff_latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
+    takeoff_longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
+    takeoff_ground_m: Finite | None = None
+    acceleration_mps2: Finite | None = None
+    climb_mps: Finite | None = None
+    run_in_m: Finite = 0.0
+    total_time_s: Finite | None = None
+    flights: list[OneFlightDocument] | None = None
+    altitude_frame: Literal["takeoff", "terrain"] = "takeoff"
+    most_waypoints: Annotated[int, Field(ge=2)] | None = None
+
+
+class LimitDocument(OpenDocument):
+    """What bound the result."""
+
+    quantity: str
+    value: Finite
+    bound: Finite
+    message: str
+
+
+class MessageDocument(OpenDocument):
+    """A warning."""
+
+    code: str
+    message: str
+
+
+class SceneSummaryDocument(OpenDocument):
+    """The scene in a few words and numbers."""
+
+    name: str
+    kind: str
+    title: str
+    source: str
+    assumed: str
+    integrated_density: Finite
+    canopy_top_m: Finite
+
+
+class PlanDocument(OpenDocument):
+    """What `aosplan plan --json` prints."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    request: dict[str, Any]
+    scene: SceneSummaryDocument
+    altitude_m: Finite
+    baseline_m: Finite
+    samples: int
+    samples_required: int | None
+    aperture_m: Finite
+    grid: GridDocument
+    visibility: TargetVisibilityDocument
+    disparity: DisparityDocument
+    camera: CameraSummaryDocument
+    flight: FlightDocument
+    height: dict[str, Any] | None = None
+    area: AreaDocument | None = None
+    continuous: ContinuousDocument | None = None
+    limits: list[LimitDocument]
+    sensitivity: list[ChangeDocument] | None = None
+    warnings: list[MessageDocument]
+    waypoints: Annotated[list[WaypointDocument], Field(min_length=1)]

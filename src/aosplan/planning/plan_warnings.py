@@ -1,0 +1,196 @@
+"""Advice on a plan: what will not work as wished, and what would."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from aosplan.camera.disparity import (
+    baseline_for_disparity_px,
+    disparity_px,
+)
+from aosplan.planning.inputs import Message
+from aosplan.planning.request import find_drone
+from aosplan.planning.setup import requirement_of
+from aosplan.solver.solution import BEST
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.planner import Plan
+
+OBLIQUE_DENSITY = 0.02
+"""Density that rays off nadir may add without a warning."""
+
+
+HIGHEST_M = 120.0
+"""Above ground; the limit of the European open category and of many other rules."""
+
+
+def advice(plan: Plan) -> Iterator[Message]:
+    """Warnings of a plan, each with its remedy."""
+    if plan.coverage is None:
+        yield Message(
+            "no_occluders", "nothing stands above the focal plane: a single photo shows everything"
+        )
+    if not plan.solution.met and plan.request.optimize not in BEST:
+        yield _missed(plan)
+    if min(plan.common_footprint_m) <= 0.0:
+        yield _no_common_ground(plan)
+    if plan.coverage is not None:
+        yield from _pixels(plan)
+    yield from _thick_layers(plan)
+    yield from _flying(plan)
+    yield from _oblique_rays(plan)
+    measured_stand = getattr(plan.scene, "voxel_m", None) is not None
+    if measured_stand and plan.model != "measured" and plan.coverage is not None:
+        yield Message(
+            "independent_occluders",
+            f"the {plan.model} model takes occluders for independent, and those of a real stand "
+            "are clumped: take the predicted visibility for an upper bound",
+        )
+
+
+def _missed(plan: Plan) -> Message:
+    requirement = requirement_of(plan.request)
+    prediction = plan.solution.prediction
+    reached = requirement.value_of(prediction)
+    required = plan.solution.samples_required
+    remedy = (
+        f"{required} samples would reach it at this baseline"
+        if required is not None
+        else "no number of samples reaches it at this baseline"
+    )
+    return Message(
+        "target_missed",
+        f"{requirement} is missed: N = {plan.solution.pattern.samples} with b = "
+        f"{plan.solution.baseline_m:.4g} m reaches {reached:.4g}; {remedy}",
+    )
+
+
+def _no_common_ground(plan: Plan) -> Message:
+    footprint, extent = plan.camera.footprint_m(plan.altitude_m), plan.extent_m
+    sides = plan.solution.pattern.extent
+    largest = min(size / side for size, side in zip(footprint, sides, strict=True) if side > 0.0)
+    higher = plan.altitude_m * max(
+        length / size for length, size in zip(extent, footprint, strict=True)
+    )
+    return Message(
+        "no_common_ground",
+        f"no ground is seen by all samples: the footprint is {footprint[0]:.4g} x "
+        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; the largest "
+        f"baseline that leaves some is below {largest:.4g} m, or fly this grid above "
+        f"{higher:.4g} m, or use a wider camera",
+    )
+
+
+def _pixels(plan: Plan) -> Iterator[Message]:
+    coverage = plan.coverage
+    assert coverage is not None  # the caller has checked
+    focal = plan.camera.focal_length_px
+    height, size = coverage.height_m, coverage.occluder_size_m
+    if focal * size < plan.altitude_m - height:
+        resolved = focal * size + height
+        yield Message(
+            "occluder_below_pixel",
+            f"an occluder of {size:.3g} m at {height:.3g} m covers "
+            f"{focal * size / (plan.altitude_m - height):.2g} pixels, so it counts as one pixel "
+            f"large; it is resolved below an altitude of {resolved:.4g} m, or by a longer lens",
+        )
+    if plan.solution.pattern.samples == 1:
+        return
+    disparity = disparity_px(plan.solution.baseline_m, height, plan.altitude_m, focal)
+    if disparity < 1.0 - 1e-9:
+        smallest = baseline_for_disparity_px(1.0, height, plan.altitude_m, focal)
+        yield Message(
+            "disparity_below_pixel",
+            f"the lowest occluders move by {disparity:.2g} pixels between neighbours, too little "
+            f"to separate them; one pixel needs a baseline of {smallest:.4g} m, or a longer lens",
+        )
+
+
+def _oblique_rays(plan: Plan) -> Iterator[Message]:
+    """Rays taken for nadir ones that pass clearly more wood."""
+    if plan.request.rays != "nadir" or plan.coverage is None:
+        return
+    # Of sites spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
+    x, y = plan.extent_m
+    longer = 1.0 + (x * x + y * y) / (24.0 * plan.altitude_m**2)
+    density = plan.solution.prediction.density
+    slanted = 1.0 - plan.solution.prediction.transparency**longer
+    if slanted - density > OBLIQUE_DENSITY:
+        angle = math.degrees(math.atan2(math.hypot(x, y), 2.0 * plan.altitude_m))
+        yield Message(
+            "oblique_rays",
+            f"the outer photos look {angle:.0f}° off nadir and pass more wood: p is about "
+            f"{slanted:.3g} on average, not {density:.3g}; --rays oblique accounts for it",
+        )
+
+
+def _thick_layers(plan: Plan) -> Iterator[Message]:
+    if plan.model != "layered":
+        return
+    thick = [s for s in plan.scene.slices() if s.top_m - s.bottom_m > 2.0 * s.occluder_size_m + 0.5]
+    if thick:
+        worst = max(thick, key=lambda layer: layer.top_m - layer.bottom_m)
+        yield Message(
+            "thick_layer",
+            f"{len(thick)} layers are much thicker than their occluders (up to "
+            f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m): each is "
+            "placed at its middle height; thinner layers predict better",
+        )
+
+
+def _flying(plan: Plan) -> Iterator[Message]:
+    """Warnings on the flight: the camera's pace, the battery, the law, and the ways there."""
+    route, request = plan.route, plan.request
+    timing, interval = route.timing, request.photo_interval
+    pace = timing.hold_s + timing.leg_s(plan.solution.baseline_m)
+    if (
+        interval
+        and not timing.fly_through
+        and pace < interval
+        and plan.solution.pattern.samples > 1
+    ):
+        yield Message(
+            "photo_interval",
+            f"photos follow each other within {pace:.3g} s and the camera takes one each "
+            f"{interval:g} s: hold {timing.hold_s + interval - pace:.3g} s at each site",
+        )
+    photo = plan.waypoints.photo or ()
+    if sum(photo) > 1 and not any(one and other for one, other in pairwise(photo)):
+        yield Message(
+            "photos_alone",
+            "no two sites lie on one line along the heading, so each photo in passing takes a "
+            "run-in and a run-out of its own: --trigger stop suits this grid",
+        )
+    endurance = find_drone(request.drone).endurance_min if request.drone else None
+    longest = max(flight.time_s for flight in route.flights) / 60.0
+    if endurance is not None and longest > endurance:
+        yield Message(
+            "battery",
+            f"a flight takes {longest:.3g} min, and a new battery of this drone lasts "
+            f"{endurance:g} min in still air: --flight-time MIN splits it",
+        )
+    if route.takeoff_ground_m is not None and request.takeoff is None:
+        yield Message(
+            "takeoff_assumed",
+            "heights count from the take-off, taken to lie below the first waypoint, on ground "
+            f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
+        )
+    highest = plan.altitude_m + request.focal_height + route.dip_m
+    if highest > HIGHEST_M:
+        yield Message(
+            "above_120_m",
+            f"the flight reaches {highest:.4g} m above ground, and many countries allow "
+            f"{HIGHEST_M:g} m",
+        )
+    least = plan.scene.canopy_top_m + request.clearance
+    if route.lowest_way_m is not None and route.lowest_way_m < least:
+        yield Message(
+            "low_way",
+            f"on the level of the waypoints the way from the take-off or back comes within "
+            f"{route.lowest_way_m:.4g} m of the ground, less than canopy and clearance: climb "
+            f"{least - route.lowest_way_m:.4g} m higher for it, or take off elsewhere",
+        )

@@ -1,0 +1,482 @@
+"""The request: everything that decides a plan, and nothing about where it is written.
+
+`PlanRequest` has the options of ``aosplan plan`` (`aosplan.planning.options`) as fields, with underscores
+for hyphens.  Fields left None take a default, or are not used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from aosplan import units as q
+from aosplan.errors import RequestError
+from aosplan.flight.photo_trigger import (
+    BLUR_PX,
+    EXPOSURE_S,
+)
+from aosplan.grid.patterns import NARROWEST_TURNS
+from aosplan.planning.options import (
+    BY_NAME,
+    OPTIONS,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from aosplan.flight.drones import DronePreset
+
+ALTERNATIVES = (
+    (("altitude",), ("gsd",), ("target_size", "target_pixels")),
+    (("vhat",), ("visibility",)),
+    (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
+    (
+        ("scene", "voxel", "ground", "min_height", "crown_base"),
+        ("density", "volume_height", "volume_base"),
+        ("integrated_density", "volume_height", "volume_base"),
+        (
+            "stems_per_hectare",
+            "crown_diameter",
+            "leaf_area_index",
+            "volume_height",
+            "volume_base",
+        ),
+    ),
+    (
+        ("camera",),
+        ("focal_length", "sensor_width", "sensor_height", "image_width", "image_height"),
+        ("fov", "image_width", "image_height"),
+    ),
+)
+"""Ways to say the same thing: options of different ways contradict each other."""
+
+LANE_DEFAULTS: dict[str, Any] = {"lanes": 3, "lane_pitch": 4.0}
+"""Defaults of the options of lanes."""
+
+LANE_OPTIONS = {
+    "lanes": ("lanes", "lane_pitch"),
+    "spiral": ("lane_pitch",),
+    "best": ("lanes", "lane_pitch"),
+}
+"""Which of them each kind of grid takes."""
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What ``aosplan plan`` takes, checked; fields are its options with underscores.
+
+    Lengths are metres, angles degrees, times seconds, focal length and sensor millimetres.
+    Text is read as on the command line (``vhat="98%"``).
+
+    Raises
+    ------
+    RequestError
+        Where a value is outside its domain, or options contradict each other.
+
+    Examples
+    --------
+    >>> PlanRequest(altitude=40, vhat="98%").vhat
+    0.98
+    """
+
+    altitude: float | None = None
+    gsd: float | None = None
+    target_size: float | None = None
+    target_pixels: float | None = None
+    focal_height: float = 0.0
+    vhat: float | str | None = None
+    visibility: float | str | None = None
+    scene: str | None = None
+    density: float | None = None
+    integrated_density: float | None = None
+    occluder_size: float | None = None
+    volume_height: float | None = None
+    volume_base: float | None = None
+    stems_per_hectare: float | None = None
+    crown_diameter: float | None = None
+    leaf_area_index: float | None = None
+    voxel: float | None = None
+    ground: str | None = None
+    min_height: float | None = None
+    crown_base: float | None = None
+    camera: str | None = None
+    focal_length: float | None = None
+    sensor_width: float | None = None
+    sensor_height: float | None = None
+    fov: float | None = None
+    image_width: int | None = None
+    image_height: int | None = None
+    coverage: float = 0.98
+    model: str | None = None
+    view: str | None = None
+    rays: str | None = None
+    optimize: str = "samples"
+    max_aperture: float | None = None
+    max_samples: int | None = None
+    baseline: float | None = None
+    samples: int | None = None
+    sensitivity: bool = False
+    grid: str = "trimmed"
+    lanes: int | str | None = None
+    lane_pitch: float | str | None = None
+    origin: tuple[float, float] | None = None
+    heading: float | str = 0.0
+    line_length: float | None = None
+    area: str | None = None
+    clear: str | None = None
+    no_fly: str | None = None
+    buffer: float | None = None
+    max_sites: int | None = None
+    drone: str | None = None
+    speed: float | None = None
+    acceleration: float | None = None
+    climb: float | None = None
+    hold: float = 1.0
+    hold_error: float = 0.0
+    autopilot: str | None = None
+    payload: str | None = None
+    trigger: str = "stop"
+    max_blur: float | None = None
+    exposure_time: float | None = None
+    photo_interval: float | None = None
+    wind_speed: float | None = None
+    wind_from: float | None = None
+    airspeed: float | None = None
+    takeoff: tuple[float, float] | None = None
+    flight_time: float | None = None
+    resume_at: int | None = None
+    clearance: float = 2.0
+    terrain: str | None = None
+    terrain_tolerance: float | None = None
+    altitude_frame: str = "takeoff"
+
+    def __post_init__(self) -> None:
+        for option in OPTIONS:
+            value = getattr(self, option.name)
+            if value is not None:
+                object.__setattr__(self, option.name, option.parse(value, option.name))
+        for alternatives in ALTERNATIVES:
+            self._check_alternatives(alternatives)
+        if self.vhat is None and self.visibility is None:
+            object.__setattr__(self, "vhat", 0.98)
+        self._check_altitude()
+        self._check_scene()
+        self._check_flight()
+        self._check_camera()
+        self._check_bounds()
+        self._check_area()
+
+    @property
+    def has_place(self) -> bool:
+        """Whether the plan lies somewhere on earth."""
+        return self.origin is not None or self.area is not None
+
+    @property
+    def heading_deg(self) -> float:
+        """The heading asked for; north where the best one is sought."""
+        return self.heading if isinstance(self.heading, float) else 0.0
+
+    def document(self) -> dict[str, Any]:
+        """The request as plain values, without what is not used: enough to run it again."""
+        values = ((field.name, getattr(self, field.name)) for field in fields(self))
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in values
+            if value is not None
+        }
+
+    def _given(self, names: tuple[str, ...]) -> list[str]:
+        return [BY_NAME[name].flag for name in names if getattr(self, name) is not None]
+
+    def _check_alternatives(self, alternatives: tuple[tuple[str, ...], ...]) -> None:
+        leading = [names[0] for names in alternatives if getattr(self, names[0]) is not None]
+        if len(leading) > 1:
+            flags = " and ".join(BY_NAME[name].flag for name in leading)
+            raise RequestError(f"{flags} say the same thing twice", "keep one of them")
+        for names in alternatives:
+            if leading and names[0] == leading[0]:
+                foreign = {name for others in alternatives for name in others} - set(names)
+                strange = self._given(tuple(sorted(foreign)))
+                if strange:
+                    raise RequestError(
+                        f"{BY_NAME[leading[0]].flag} and {' and '.join(strange)} contradict each other",
+                        "keep one of them",
+                    )
+
+    def _check_altitude(self) -> None:
+        if self.target_pixels is not None and self.target_size is None:
+            raise RequestError("--target-pixels needs --target-size")
+        if self.target_size is not None and self.target_pixels is None:
+            raise RequestError("--target-size needs --target-pixels")
+        if self.altitude is None and self.gsd is None and self.target_size is None:
+            raise RequestError(
+                "no altitude is given",
+                "give --altitude M, or --gsd M, or --target-size M with --target-pixels K",
+            )
+
+    def _check_scene(self) -> None:
+        needed: tuple[str, ...] = ()
+        if self.density is not None or self.integrated_density is not None:
+            kind, needed = "a uniform scene", ("occluder_size", "volume_height")
+            example = "--density D --occluder-size M --volume-height M"
+        elif self.stems_per_hectare is not None:
+            kind, needed = "an inventory", ("crown_diameter", "leaf_area_index", "volume_height")
+            example = (
+                "--stems-per-hectare N --crown-diameter M --leaf-area-index L --volume-height M"
+            )
+        for name in needed:
+            if getattr(self, name) is None:
+                raise RequestError(
+                    f"{kind} needs {BY_NAME[name].flag}", f"give {example}, or --scene NAME"
+                )
+        if needed:
+            if self.volume_base is None:
+                object.__setattr__(self, "volume_base", 2.0)
+            return
+        lonely = self._given(("crown_diameter", "leaf_area_index", "volume_height", "volume_base"))
+        if lonely:
+            raise RequestError(
+                f"{' and '.join(lonely)} without a density or --stems-per-hectare",
+                "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
+                "--scene alone",
+            )
+        if self.scene is None:
+            object.__setattr__(self, "scene", "paper-forest")
+
+    def _check_camera(self) -> None:
+        needed: tuple[str, ...]
+        if self.focal_length is not None:
+            needed = ("sensor_width", "image_width", "image_height")
+        elif self.fov is not None:
+            needed = ("image_width", "image_height")
+            if self.fov >= 180.0:
+                raise RequestError(f"--fov {self.fov:g} is not below 180 degrees")
+        else:
+            lonely = self._given(("sensor_width", "sensor_height", "image_width", "image_height"))
+            if lonely:
+                raise RequestError(
+                    f"{' and '.join(lonely)} without --focal-length or --fov",
+                    "give --focal-length MM or --fov DEG as well, or a --camera",
+                )
+            if self.camera is None:
+                object.__setattr__(self, "camera", "dji-m3t-thermal")
+            return
+        for name in needed:
+            if getattr(self, name) is None:
+                raise RequestError(
+                    f"a camera on the command line needs {BY_NAME[name].flag}",
+                    "--fov or --focal-length, --sensor-width; --image-width and --image-height",
+                )
+
+    def _check_flight(self) -> None:
+        drone = None if self.drone is None else find_drone(self.drone)
+        own_camera = self.focal_length is not None or self.fov is not None
+        for name, value in {
+            "speed": drone.speed_mps if drone else 5.0,
+            "acceleration": drone.acceleration_mps2 if drone else 2.0,
+            "climb": drone.climb_mps if drone else 3.0,
+            "camera": drone.camera if drone and not own_camera else None,
+            "photo_interval": drone.photo_interval_s if drone else None,
+            "airspeed": drone.airspeed_mps if drone else 15.0 if self.wind_speed else None,
+            "max_blur": BLUR_PX if self.trigger == "distance" else None,
+            "exposure_time": EXPOSURE_S if self.trigger == "distance" else None,
+            "terrain_tolerance": 3.0 if self.terrain else None,
+        }.items():
+            if getattr(self, name) is None and value is not None:
+                object.__setattr__(self, name, value)
+        for names, needed, given in (
+            (("max_blur", "exposure_time"), "--trigger distance", self.trigger == "distance"),
+            (("wind_from",), "--wind-speed", self.wind_speed is not None),
+            (("wind_speed",), "--wind-from", self.wind_from is not None),
+            (("takeoff", "terrain"), "--origin LAT,LON", self.has_place),
+            (("terrain_tolerance",), "--terrain", self.terrain is not None),
+        ):
+            lonely = self._given(names)
+            if lonely and not given:
+                raise RequestError(f"{' and '.join(lonely)} without {needed}", f"give {needed} too")
+
+    def _check_bounds(self) -> None:
+        if self.samples and self.max_samples and self.samples > self.max_samples:
+            raise RequestError(
+                f"--samples {self.samples} is more than --max-samples {self.max_samples}"
+            )
+        defaults = {name: LANE_DEFAULTS[name] for name in LANE_OPTIONS.get(self.grid, ())}
+        for name, default in defaults.items():
+            object.__setattr__(self, name, getattr(self, name) or default)
+        if self.grid == "spiral" and self.trigger == "distance":
+            raise RequestError(
+                "--grid spiral with --trigger distance: a spiral has no straight lines to fly "
+                "through",
+                "give --grid lanes or line, or --trigger stop",
+            )
+        least = NARROWEST_TURNS if self.grid == "spiral" else 1.0
+        if isinstance(self.lane_pitch, float) and self.lane_pitch < least:
+            raise RequestError(
+                f"--lane-pitch {self.lane_pitch:g} is below {least:g}"
+                + (", the narrowest turns of a spiral" if self.grid == "spiral" else "")
+            )
+        over_area = self.grid == "line" and self.area is not None
+        strange = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
+        strange = ["--lanes"] * ("--lanes" in strange) if over_area else strange
+        if strange:
+            raise RequestError(
+                f"{' and '.join(strange)} with --grid {self.grid}", "they go with --grid lanes"
+            )
+
+    def _check_area(self) -> None:
+        if self.area is None:
+            lonely = self._given(("clear", "no_fly", "buffer", "max_sites"))
+            if lonely:
+                raise RequestError(f"{' and '.join(lonely)} without --area", "give --area FILE too")
+            if self.heading == "auto":
+                raise RequestError("--heading auto needs --area", "give a number of degrees")
+        else:
+            if self.line_length is not None:
+                raise RequestError("--line-length and --area contradict each other", "keep one")
+            if self.grid == "spiral":
+                raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
+            object.__setattr__(self, "max_sites", self.max_sites or 10_000)
+        if self.no_fly is not None:
+            object.__setattr__(self, "buffer", 5.0 if self.buffer is None else self.buffer)
+        elif self.buffer is not None:
+            raise RequestError("--buffer without --no-fly", "give --no-fly FILE too")
+        if self.line_length is not None and self.grid != "line":
+            raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
+
+
+def find_drone(name: str) -> DronePreset:
+    """A drone by its preset's name.
+
+    Raises
+    ------
+    RequestError
+        Where there is none of that name; the hint names the nearest.
+    """
+    from aosplan.flight.drones import DRONES
+
+    if name not in DRONES:
+        raise RequestError(
+            f"unknown drone '{name}'", q.nearest_hint(name, DRONES) or "aosplan drones lists them"
+        )
+    return DRONES[name]
+
+
+def request_from(
+    values: Mapping[str, Any],
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    where: str = "",
+    defaults: Mapping[str, Any] | None = None,
+    defaults_where: str = "",
+) -> PlanRequest:
+    """A request from a file's values and the flags that override them.
+
+    What is given drops what it contradicts below: ``--visibility`` a file's ``vhat``, ``--gsd``
+    its ``altitude``, ``--drone`` the camera and the speeds of another.
+
+    Parameters
+    ----------
+    values
+        Options by name.
+    overrides
+        Flags by name; None counts as not given.
+    where
+        The file, for messages.
+    defaults, defaults_where
+        Options that both override, and their file; those that do not fit the rest are left out.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown or a value wrong; the message names the place.
+    """
+    flags, given, own = (
+        {name: value for name, value in (layer or {}).items() if value is not None}
+        for layer in (overrides, values, defaults)
+    )
+    place = f" in {where}" if where else ""
+    given = {name: _parsed(name, value, f"{name}{place}") for name, value in given.items()}
+    flags = {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
+    asked = _beneath(given, flags) | flags
+    if own:
+        asked = own_beneath(own, asked, defaults_where) | asked
+    return PlanRequest(**asked)
+
+
+BROUGHT_BY_DRONE = ("speed", "acceleration", "climb", "photo_interval", "airspeed")
+"""What a drone brings along, beside its camera."""
+
+PARTNERS = {
+    "takeoff": ("origin", None),
+    "terrain": ("origin", None),
+    "terrain_tolerance": ("terrain", None),
+    "max_blur": ("trigger", "distance"),
+    "exposure_time": ("trigger", "distance"),
+    "lanes": ("grid", "lanes"),
+    "lane_pitch": ("grid", "lanes"),
+}
+"""Options that mean something only beside another one, or beside one of its values."""
+
+
+def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
+    """What is left of a layer of options below one that overrides it."""
+    dropped = set(upper)
+    for alternatives in ALTERNATIVES:
+        for names in alternatives:
+            if names[0] in upper:
+                dropped |= {name for others in alternatives for name in others} - set(names)
+    if "scene" in upper and "scene" not in lower:
+        dropped.add("occluder_size")  # it belonged to the uniform scene below
+    if "grid" in upper:
+        dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
+    if upper.get("trigger") == "stop":
+        dropped |= {"max_blur", "exposure_time"}
+    elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
+        dropped |= {"grid", *LANE_DEFAULTS}
+    elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
+        dropped |= {"trigger", "max_blur", "exposure_time"}
+    if "drone" in upper:
+        dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
+    return {name: value for name, value in lower.items() if name not in dropped}
+
+
+def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
+    """The user's own defaults that what is asked for leaves room for.
+
+    Raises
+    ------
+    RequestError
+        Where they contradict each other, whatever is asked for.
+    """
+    own = {name: _parsed(name, value, f"{name} in {where}") for name, value in defaults.items()}
+    try:
+        PlanRequest(**({"altitude": 40.0} if not _has_altitude(own) else {}) | _fitting(own, {}))
+    except RequestError as error:
+        raise RequestError(f"'{where}': {error.message}", error.hint) from None
+    return _fitting(_beneath(own, asked), asked)
+
+
+def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """The options of a layer whose partners are there, among them or among what is asked for."""
+    together = own | asked
+    lonely = {
+        name
+        for name in own.keys() & PARTNERS.keys()
+        for partner, wanted in (PARTNERS[name],)
+        if (partner not in together and not (partner == "origin" and "area" in together))
+        or wanted not in (None, together.get(partner))
+    }
+    if not lonely:
+        return own
+    # What lost its partner may be one itself.
+    return _fitting({name: value for name, value in own.items() if name not in lonely}, asked)
+
+
+def _has_altitude(values: Mapping[str, Any]) -> bool:
+    return any(names[0] in values for names in ALTERNATIVES[0])
+
+
+def _parsed(name: str, value: Any, label: str) -> Any:
+    if name not in BY_NAME:
+        raise RequestError(f"unknown option {label}", q.nearest_hint(name, BY_NAME))
+    return BY_NAME[name].parse(value, label)

@@ -1,0 +1,208 @@
+"""What becomes of a plan where the scene is not as it was thought to be.
+
+Density, occluder size and heights are each taken 20 % less and 20 % more, one at a time.  Of each
+such scene there are two answers: what the planned grid shows of it, and what would be planned.
+
+What a change means follows from how the scene is described:
+
+- *a uniform volume*: D, o, or its base and thickness; what follows from them by Eq. 1 follows (where
+  p is given, it stays, but for a change of density, which is one of D).
+- *layers*: D_j, o_j, or the heights of all slices; p as measured changes with the D_j as the p of
+  independent slices does.
+- *voxels*: for density, a fifth of the occupied voxels of every slice is taken away, or as many are
+  added beside occupied ones of the same slice, by a seeded draw.  Size is that of all clumps and
+  gaps, as if the plot were stretched, and heights are those of all voxels above the focal plane:
+  since only camera offset x height / (altitude x size) counts, either is a change of altitude.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.models.equations import slice_density
+from aosplan.scenes.scene import UniformScene
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.setup import Task
+    from aosplan.scenes.scene import (
+        LayeredScene,
+        Scene,
+    )
+    from aosplan.scenes.voxels import VoxelVolume
+    from aosplan.solver.problem import (
+        Problem,
+        Solution,
+    )
+
+FACTORS = (0.8, 1.2)
+QUANTITIES = ("density", "occluder_size", "height")
+
+SEED = 1
+"""Seed of the voxels that are taken away or added."""
+
+
+class Change(NamedTuple):
+    """One change of a scene, and what it does to a plan.
+
+    `visibility` and `normalized` are those of the planned grid, `samples` and `baseline_m` what
+    would be planned; None where there is no such number, and then the `reason`.
+    """
+
+    quantity: str
+    factor: float
+    visibility: float | None
+    normalized: float | None
+    samples: int | None
+    baseline_m: float | None
+    reason: str | None
+
+
+def changes_of(task: Task, found: ResolvedScene, solution: Solution) -> Iterator[Change]:
+    """All changes of a scene, and what each does to a solution."""
+    for quantity in QUANTITIES:
+        for factor in FACTORS:
+            try:
+                posed = _posed(task, found, quantity, factor)
+            except RequestError as error:
+                yield Change(quantity, factor, None, None, None, None, error.message)
+                continue
+            if posed is None:
+                reason = "nothing is hidden"
+                yield Change(quantity, factor, 1.0, None, 1, 0.0, reason)
+                continue
+            shown = posed.model.predict(solution.pattern, solution.baseline_m)
+            try:
+                answer = task.choice(posed).solution
+            except InfeasibleError as error:
+                yield Change(
+                    quantity, factor, shown.expected, shown.normalized, None, None, error.message
+                )
+                continue
+            yield Change(
+                quantity,
+                factor,
+                shown.expected,
+                shown.normalized,
+                answer.pattern.samples,
+                answer.baseline_m,
+                None,
+            )
+
+
+def _posed(task: Task, found: ResolvedScene, quantity: str, factor: float) -> Problem | None:
+    """The problem that a changed scene poses, or None where nothing is left to hide anything.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such scene.
+    """
+    higher = factor if quantity == "height" else 1.0
+    above = found.scene.canopy_top_m - task.request.focal_height
+    if above * higher >= task.altitude_m:
+        raise RequestError(f"the canopy would reach {above * higher:.4g} m, up to the cameras")
+    if task.model == "measured":
+        if quantity == "density":
+            if found.volume is None:
+                raise RequestError("a correlogram has no voxels to take away or to add")
+            found = found._replace(volume=thinned(found.volume, factor), correlogram=None)
+        else:
+            scale = factor if quantity == "occluder_size" else 1.0 / factor
+            task = task._replace(altitude_m=task.altitude_m * scale)
+    else:
+        found = found._replace(scene=changed(found.scene, quantity, factor))
+    posed = task.problem_of(found)
+    return None if posed is None else posed[0]
+
+
+def changed(scene: Scene, quantity: str, factor: float) -> Scene:
+    """A scene with one of its quantities multiplied.
+
+    Parameters
+    ----------
+    scene
+        Uniform, or layers.
+    quantity
+        ``density``, ``occluder_size`` or ``height``.
+    factor
+        Above 0.
+
+    Raises
+    ------
+    RequestError
+        Where a density would be 1 or more.
+    """
+    if isinstance(scene, UniformScene):
+        return _changed_volume(scene, quantity, factor)
+    return _changed_layers(scene, quantity, factor)
+
+
+def _changed_volume(scene: UniformScene, quantity: str, factor: float) -> UniformScene:
+    if quantity == "height":
+        return replace(
+            scene,
+            volume_base_m=scene.volume_base_m * factor,
+            volume_height_m=scene.volume_height_m * factor,
+        )
+    if quantity == "occluder_size":
+        return replace(scene, occluder_size_m=scene.occluder_size_m * factor)
+    density = scene.density
+    if density is None:
+        height, size = scene.volume_height_m, scene.occluder_size_m
+        density = float(slice_density(scene.integrated_density, height, size))
+    return replace(scene, density=_below_one(density * factor), given_integrated_density=None)
+
+
+def _changed_layers(scene: LayeredScene, quantity: str, factor: float) -> LayeredScene:
+    if quantity == "height":
+        layers = tuple(
+            layer._replace(bottom_m=layer.bottom_m * factor, top_m=layer.top_m * factor)
+            for layer in scene.layers
+        )
+        return replace(scene, layers=layers)
+    if quantity == "occluder_size":
+        layers = tuple(
+            layer._replace(occluder_size_m=layer.occluder_size_m * factor) for layer in scene.layers
+        )
+        voxel = None if scene.voxel_m is None else scene.voxel_m * factor
+        return replace(scene, layers=layers, voxel_m=voxel)
+    layers = tuple(
+        layer._replace(density=_below_one(layer.density * factor)) for layer in scene.layers
+    )
+    return replace(scene, layers=layers).with_density_of(scene)
+
+
+def _below_one(density: float) -> float:
+    if density >= 1.0:
+        raise RequestError(f"a slice would have density {density:.4g}")
+    return density
+
+
+def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
+    """A volume with a factor as many occupied voxels in every slice, by a seeded draw.
+
+    Below 1 some are taken away, whichever; above 1 some of the empty voxels beside an occupied one
+    are filled, or all of them where they are too few.
+    """
+    import numpy as np
+
+    rng = np.random.default_rng(SEED)
+    occupied = volume.occupied.copy()
+    for plane in occupied:
+        filled = np.flatnonzero(plane)
+        count = round(len(filled) * abs(factor - 1.0))
+        if factor < 1.0:
+            plane.flat[rng.choice(filled, count, replace=False)] = False
+            continue
+        beside = np.zeros_like(plane)
+        for axis in (0, 1):
+            for step in (-1, 1):
+                beside |= np.roll(plane, step, axis=axis)
+        free = np.flatnonzero(beside & ~plane)
+        plane.flat[rng.choice(free, min(count, len(free)), replace=False)] = True
+    return replace(volume, occupied=occupied)

@@ -1,0 +1,10 @@
+"""After the flight: what photos show, which to keep, and their average.
+
+- `aosplan.postflight.positions`: positions from tables, missions and logs;
+  `aosplan.postflight.geotags` from photos.
+- `aosplan.postflight.registration`: positions matched to the sites of a plan.
+- `aosplan.postflight.review`: what a flight shows, and what it missed.
+- `aosplan.postflight.views`: recorded positions as views of a scene.
+- `aosplan.postflight.best_views` and `aosplan.postflight.thin`: the best N of many views.
+- `aosplan.postflight.integral`: the average of images on a focal surface.
+"""

@@ -1,0 +1,10 @@
+"""Real recordings: images with known poses, averaged on a focal plane.
+
+- `aosplan.postflight.integral.poses_file`: where each image was taken, from the AOS project's JSON or COLMAP.
+- `aosplan.postflight.integral.focal_plane`: the focal plane, what a view sees of it, the homography between.
+- `aosplan.postflight.integral.view_subset`: all views, or some of them.
+- `aosplan.postflight.integral.images`: image files as arrays, and back.
+- `aosplan.postflight.integral.integral`: the average of the chosen views, with its coverage.
+
+Pixels are counted from the outer corner of the first one, whose centre is (0.5, 0.5).
+"""

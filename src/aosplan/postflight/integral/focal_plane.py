@@ -1,0 +1,191 @@
+"""The focal plane: its axes in the world, and what a view sees of it.
+
+Positions on the plane are (x, y) metres.  With up = z they are the world's own x and y; with z down,
+as the AOS project has it, x is the world's and y is minus the world's, so that the plane is always
+seen from above, x to the right and y up.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.poses_file import (
+        Intrinsics,
+        View,
+    )
+
+UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0)}
+"""Directions of the world that may be up, by name."""
+
+MOST_PIXELS = 64_000_000
+"""Largest integral image: in colour, its sums take 2 GB."""
+
+
+class Plane(NamedTuple):
+    """A horizontal plane of the world.
+
+    Parameters
+    ----------
+    up
+        Name of the upward direction, of `UPS`.
+    height_m
+        Height of the plane along it.
+    """
+
+    up: str
+    height_m: float
+
+    @property
+    def frame(self) -> NDArray[np.float64]:
+        """Rows: the plane's x, its y, and up, in the world."""
+        up = np.array(UPS[self.up])
+        x = np.array([1.0, 0.0, 0.0])
+        return np.stack([x, np.cross(up, x), up])
+
+    def camera_m(self, view: View) -> NDArray[np.float64]:
+        """x and y of a camera, and its height above the plane [m]."""
+        place: NDArray[np.float64] = self.frame @ view.position - (0.0, 0.0, self.height_m)
+        return place
+
+    def to_camera(self, view: View) -> NDArray[np.float64]:
+        """The 3 x 3 matrix that takes (x, y, 1) on the plane into the camera's frame."""
+        frame = self.frame
+        origin = frame.T @ (0.0, 0.0, self.height_m)
+        columns = [*(view.rotation @ frame[:2].T).T, view.rotation @ origin + view.translation]
+        return np.stack(columns, axis=1)
+
+
+def upward(views: Sequence[View]) -> str:
+    """``z`` or ``-z``: the one that the cameras look away from.
+
+    Raises
+    ------
+    RequestError
+        Where they look along the horizon on the whole.
+    """
+    down = float(np.mean([view.forward[2] for view in views]))
+    if abs(down) < 0.1:
+        raise RequestError(
+            "the cameras look neither up nor down the world's z axis",
+            f"say which way is up: --up {' or '.join(UPS)}",
+        )
+    return "z" if down < 0.0 else "-z"
+
+
+@dataclass(frozen=True)
+class Raster:
+    """The pixels of an integral image on the plane.
+
+    Parameters
+    ----------
+    left_m, top_m
+        x of its left edge and y of its upper edge.
+    gsd_m
+        Side of a pixel.
+    columns, rows
+        Their number.
+    """
+
+    left_m: float
+    top_m: float
+    gsd_m: float
+    columns: int
+    rows: int
+
+    @classmethod
+    def over(cls, extent_m: Sequence[float], gsd_m: float) -> Raster:
+        """Pixels that cover (x from, y from, x to, y to), starting at its upper left.
+
+        Raises
+        ------
+        RequestError
+            Where they are too many, or the extent is empty.
+        """
+        left, bottom, right, top = extent_m
+        if not (right > left and top > bottom):
+            raise RequestError(
+                f"extent {left:g},{bottom:g},{right:g},{top:g} is empty",
+                "write XMIN,YMIN,XMAX,YMAX in metres on the plane",
+            )
+        # A side that is a whole number of pixels but for rounding gets no pixel more.
+        sides = [
+            max(math.ceil(min((b - a) / gsd_m, 1e12) - 1e-6), 1)
+            for a, b in ((left, right), (bottom, top))
+        ]
+        if sides[0] * sides[1] > MOST_PIXELS:
+            raise RequestError(
+                f"{sides[0]} x {sides[1]} pixels of {gsd_m:g} m are too many",
+                f"at most {MOST_PIXELS}: a larger --gsd, or a smaller --extent",
+            )
+        return cls(left, top, gsd_m, sides[0], sides[1])
+
+    @property
+    def extent_m(self) -> tuple[float, float, float, float]:
+        """x from, y from, x to, y to."""
+        return (
+            self.left_m,
+            self.top_m - self.rows * self.gsd_m,
+            self.left_m + self.columns * self.gsd_m,
+            self.top_m,
+        )
+
+    @property
+    def to_plane(self) -> NDArray[np.float64]:
+        """The 3 x 3 matrix that takes (column, row, 1) to (x, y, 1)."""
+        return np.array(
+            [[self.gsd_m, 0.0, self.left_m], [0.0, -self.gsd_m, self.top_m], [0.0, 0.0, 1.0]]
+        )
+
+
+def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.float64]:
+    """Corners of what a view shows of the plane, shape (4, 2): x and y [m].
+
+    Raises
+    ------
+    RequestError
+        Where the camera is not above the plane, or the horizon is in the image.
+    """
+    above_m = plane.camera_m(view)[2]
+    if not above_m > 0.0:
+        raise RequestError(
+            f"image '{view.name}': its camera is {-above_m:g} m below the focal plane",
+            "--focal-height counts along the world's upward axis: --up says which one that is",
+        )
+    inverse = np.linalg.inv(plane.to_camera(view))
+    corners = []
+    for column, row in ((0, 0), (1, 0), (1, 1), (0, 1)):
+        x = (column * intrinsics.width_px - intrinsics.cx_px) / intrinsics.fx_px
+        y = (row * intrinsics.height_px - intrinsics.cy_px) / intrinsics.fy_px
+        if not intrinsics.is_pinhole:
+            x, y = intrinsics.undistorted(x, y)
+            if math.isnan(x):
+                raise RequestError(
+                    f"image '{view.name}': its lens distortion folds within the image",
+                    "calibrate the camera again, or undistort the images first",
+                )
+        east, north, scale = inverse @ (x, y, 1.0)
+        if not scale > 0.0:  # the plane is behind the camera there
+            raise RequestError(
+                f"image '{view.name}' shows the horizon, so its footprint has no end",
+                "give --extent XMIN,YMIN,XMAX,YMAX and --gsd M",
+            )
+        corners.append((east / scale, north / scale))
+    return np.array(corners)
+
+
+def pixel_m(corners_m: NDArray[np.float64], intrinsics: Intrinsics) -> float:
+    """Mean side of an image's pixels on the plane [m], from its footprint."""
+    x, y = corners_m.T
+    area = 0.5 * abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))))
+    return math.sqrt(area / (intrinsics.width_px * intrinsics.height_px))

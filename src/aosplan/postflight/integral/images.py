@@ -1,0 +1,228 @@
+"""Image files as arrays, and integral images as files.
+
+Pillow reads any of its modes; what comes out is float32 in the file's own units: grey values, or
+red, green and blue.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError, SurroundingsError, needs_extra
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from PIL.Image import Image
+
+EXTRA = "pictures"
+
+BANDS = {
+    # Pillow's modes: what they are converted to, and whether values stay within 0 to 255.
+    "1": "L", "L": "L", "LA": "LA", "La": "LA",
+    "P": "RGBA", "PA": "RGBA", "RGB": "RGB", "RGBX": "RGB", "RGBA": "RGBA", "RGBa": "RGBA",
+    "CMYK": "RGB", "YCbCr": "RGB", "LAB": "RGB", "HSV": "RGB",
+    "I": "F", "F": "F", "I;16": "F", "I;16L": "F", "I;16B": "F", "I;16N": "F",
+}  # fmt: skip
+"""The mode that each of Pillow's is read as."""
+
+
+class Picture(NamedTuple):
+    """An image as Pillow's float bands.
+
+    Parameters
+    ----------
+    bands
+        One band of grey values, or three of red, green and blue, mode F.
+    weight
+        Alpha between 0 and 1, mode F, where the image has it.
+    is_byte
+        Whether values are between 0 and 255.
+    """
+
+    bands: tuple[Image, ...]
+    weight: Image | None
+    is_byte: bool
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.bands[0].size
+
+
+class Folder:
+    """A folder of images, looked up by the names that poses give.
+
+    Parameters
+    ----------
+    path
+        The folder.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such folder.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        try:
+            found = sorted(os.listdir(path))
+        except (FileNotFoundError, ValueError):
+            raise RequestError(f"no folder '{path}'") from None
+        except NotADirectoryError:
+            raise RequestError(f"'{path}' is no folder", "IMAGES is the folder of them") from None
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise SurroundingsError(f"cannot read '{path}': {reason}") from None
+        self._names = found
+        self._by_stem: dict[str, list[str]] = {}
+        for name in found:
+            self._by_stem.setdefault(os.path.splitext(name)[0].lower(), []).append(name)
+
+    def file_of(self, name: str) -> str:
+        """Path of an image.
+
+        Poses are often made from other files than are published: the same name with another
+        ending, or in capitals, will do where there is only one.
+
+        Raises
+        ------
+        RequestError
+            Where there is none, or more than one.
+        """
+        path = os.path.join(self.path, name)
+        if os.path.isfile(path):
+            return path
+        folder, base = os.path.split(name)
+        stem = os.path.splitext(base)[0].lower()
+        alike = [] if folder else self._by_stem.get(stem, [])
+        if len(alike) == 1:
+            return os.path.join(self.path, alike[0])
+        if alike:
+            raise RequestError(
+                f"image '{name}' is not in '{self.path}', but {' and '.join(alike[:3])} are",
+                "leave one of them in the folder",
+            )
+        raise RequestError(
+            f"no image '{name}' in '{self.path}'", nearest_hint(name, self._names[:2000])
+        )
+
+
+def image_size(path: str) -> tuple[int, int]:
+    """Width and height of an image file in pixels, from its header.
+
+    Raises
+    ------
+    RequestError, SurroundingsError
+        As `read_picture`.
+    """
+    with _opened(path) as image:
+        return image.size
+
+
+def read_picture(path: str) -> Picture:
+    """An image file.
+
+    Raises
+    ------
+    RequestError
+        Where it is no image, damaged, or larger than Pillow takes for safe.
+    SurroundingsError
+        Where it cannot be read.
+    MissingExtraError
+        Where Pillow is not installed.
+    """
+    with _opened(path) as image:
+        mode = BANDS.get(image.mode)
+        if mode is None:
+            raise RequestError(f"image '{path}' has pixels of the unknown mode {image.mode}")
+        try:
+            return _floats(image, mode)
+        except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
+            raise RequestError(f"image '{path}' is damaged: {error}") from None
+
+
+def _floats(image: Image, mode: str) -> Picture:
+    """The bands of an image, as a mode of which Pillow knows the values."""
+    if image.mode.startswith("I;16"):  # Pillow's own conversion would clip
+        return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
+    if image.mode == "P" and "transparency" not in image.info:
+        mode = "RGB"
+    floats = tuple(band.convert("F") for band in image.convert(mode).split())
+    if mode not in ("LA", "RGBA"):
+        return Picture(floats, None, is_byte=mode != "F")
+    weight = _float_band(np.asarray(floats[-1]) / np.float32(255.0))
+    return Picture(floats[:-1], weight, is_byte=True)
+
+
+def _float_band(values: NDArray[np.generic]) -> Image:
+    from PIL import Image
+
+    return Image.fromarray(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _opened(path: str) -> Image:
+    with needs_extra("reading images", EXTRA):
+        from PIL import Image, UnidentifiedImageError
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            return Image.open(path)
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        raise RequestError(
+            f"image '{path}' has more than {Image.MAX_IMAGE_PIXELS} pixels"
+        ) from None
+    except UnidentifiedImageError:
+        raise RequestError(f"'{path}' is no image that Pillow can read") from None
+    except (SyntaxError, ValueError, EOFError) as error:
+        raise RequestError(f"image '{path}' is damaged: {error}") from None
+    except OSError as error:
+        if error.errno is None:
+            raise RequestError(f"image '{path}' is damaged: {error}") from None
+        raise SurroundingsError(
+            f"cannot read '{path}': {(error.strerror or str(error)).lower()}"
+        ) from None
+
+
+def png_bytes(
+    values: NDArray[np.float64], seen: NDArray[np.bool_], limits: tuple[float, float]
+) -> bytes:
+    """A PNG of 8 bits, transparent where nothing is seen.
+
+    Parameters
+    ----------
+    values
+        Shape (rows, columns, bands), one band or three.
+    seen
+        Shape (rows, columns).
+    limits
+        The values that become black and white.
+    """
+    from PIL import Image
+
+    low, high = limits
+    span = high - low if high > low else 1.0
+    with np.errstate(invalid="ignore"):
+        scaled = np.clip(np.rint((values - low) * (255.0 / span)), 0.0, 255.0)
+    alpha = np.where(seen, 255, 0).astype(np.uint8)
+    bands = np.where(seen[..., None], scaled, 0.0).astype(np.uint8)
+    kind = "LA" if bands.shape[2] == 1 else "RGBA"
+    layers = [Image.fromarray(bands[..., index]) for index in range(bands.shape[2])]
+    return _saved(Image.merge(kind, [*layers, Image.fromarray(alpha)]), "PNG")
+
+
+def tiff_bytes(values: NDArray[np.float64], seen: NDArray[np.bool_]) -> bytes:
+    """A TIFF of one band of float32, nan where nothing is seen."""
+    return _saved(_float_band(np.where(seen, values[..., 0], np.nan)), "TIFF")
+
+
+def _saved(image: Image, kind: str) -> bytes:
+    buffer = io.BytesIO()
+    image.save(buffer, kind)
+    return buffer.getvalue()

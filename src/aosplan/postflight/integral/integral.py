@@ -1,0 +1,314 @@
+"""Integral images: views warped onto the focal plane, and averaged.
+
+A pixel of the raster is the mean of what the views show there; views whose alpha is below 1 count
+less, and grey values that are not finite do not count.  One image is in memory at a time, beside the sums: memory follows the raster, not the number
+of images.
+
+Between the pixels of an image lies a bilinear patch.  Where the raster is coarser than twice the
+image, pixels are averaged in blocks first, so that none is passed over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.postflight.integral.images import (
+    Picture,
+    read_picture,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+    from PIL.Image import Image
+
+    from aosplan.postflight.integral.focal_plane import (
+        Plane,
+        Raster,
+    )
+    from aosplan.postflight.integral.poses_file import (
+        Intrinsics,
+        View,
+    )
+
+ROWS_AT_ONCE = 256
+"""Rows of a distorted view that are warped at a time."""
+
+
+class Source(NamedTuple):
+    """A view, its camera, and the file of its image."""
+
+    view: View
+    intrinsics: Intrinsics
+    path: str
+
+
+class Box(NamedTuple):
+    """Part of a raster: rows and columns from, to."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+
+@dataclass(frozen=True)
+class Integral:
+    """An integral image.
+
+    Parameters
+    ----------
+    raster
+        Its pixels on the focal plane.
+    values
+        Shape (rows, columns, bands), one band or three: means in the units of the images, nan where
+        no view sees the plane.
+    coverage
+        Shape (rows, columns): the number of views that see it.
+    views
+        How many were integrated.
+    blind
+        How many of them see nothing of the raster.
+    is_byte
+        Whether all images had values between 0 and 255.
+    """
+
+    raster: Raster
+    values: NDArray[np.float64]
+    coverage: NDArray[np.float64]
+    views: int
+    blind: int
+    is_byte: bool
+
+    def seen(self, least_views: int) -> NDArray[np.bool_]:
+        """Where at least so many views see the plane, shape (rows, columns)."""
+        # A view that an image's edge cuts by rounding still counts.
+        mask: NDArray[np.bool_] = self.coverage >= least_views - 1e-3
+        return mask
+
+
+def integrate(
+    sources: Iterable[Source],
+    plane: Plane,
+    raster: Raster,
+    *,
+    progress: Callable[[int], None] | None = None,
+) -> Integral:
+    """The average of views on a focal plane.
+
+    Parameters
+    ----------
+    sources
+        The views; each image is read when its turn comes.
+    plane, raster
+        Where the integral image lies.
+    progress
+        Called with the number of views done.
+
+    Raises
+    ------
+    RequestError
+        Where an image is damaged, has another size than its camera or other bands than the ones
+        before it, where a camera is below the plane, or no view sees the raster.
+    """
+    sums: NDArray[np.float64] | None = None
+    coverage = np.zeros((raster.rows, raster.columns))
+    done = blind = 0
+    is_byte = True
+    for source in sources:
+        picture = _read(source, None if sums is None else len(sums))
+        if sums is None:
+            sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
+        is_byte = is_byte and picture.is_byte
+        blind += not _add(picture, source, plane, raster, sums, coverage)
+        done += 1
+        if progress is not None:
+            progress(done)
+    if sums is None or blind == done:
+        raise RequestError(
+            f"none of the {done} views sees the extent",
+            "compare --extent and --focal-height with where the cameras stood",
+        )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sums /= coverage
+    return Integral(raster, np.moveaxis(sums, 0, -1), coverage, done, blind, is_byte)
+
+
+def _read(source: Source, bands: int | None) -> Picture:
+    picture = read_picture(source.path)
+    wanted = (source.intrinsics.width_px, source.intrinsics.height_px)
+    if picture.size != wanted:
+        raise RequestError(
+            f"image '{source.path}' has {picture.size[0]} x {picture.size[1]} pixels, "
+            f"its camera {wanted[0]} x {wanted[1]}",
+            "all images of a camera have one size",
+        )
+    if bands is not None and len(picture.bands) != bands:
+        kinds = {1: "grey", 3: "in colour"}
+        raise RequestError(
+            f"image '{source.path}' is {kinds[len(picture.bands)]}, "
+            f"the ones before it are {kinds[bands]}"
+        )
+    return picture
+
+
+def _add(
+    picture: Picture,
+    source: Source,
+    plane: Plane,
+    raster: Raster,
+    sums: NDArray[np.float64],
+    coverage: NDArray[np.float64],
+) -> bool:
+    """Add one view to the sums; whether it sees any of the raster."""
+    if not plane.camera_m(source.view)[2] > 0.0:
+        raise RequestError(
+            f"image '{source.view.name}': its camera is not above the focal plane",
+            "--focal-height counts along the world's upward axis: --up says which one that is",
+        )
+    # From (column, row, 1) of the raster to the camera's frame: third row is the depth.
+    ray = plane.to_camera(source.view) @ raster.to_plane
+    box = _reached(ray, source.intrinsics, raster)
+    if box is None:
+        return False
+    bands = list(picture.bands)
+    if picture.weight is not None:
+        bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
+    *values, last = _warped(bands, source.intrinsics, ray, box)
+    reached = np.isfinite(last)
+    last[~reached] = 0.0
+    window = np.s_[box.top : box.bottom, box.left : box.right]
+    if picture.weight is None:
+        values.append(last)
+    for total, value in zip(sums, values, strict=True):
+        total[window] += value
+    coverage[window] += reached if picture.weight is None else last
+    return bool(reached.any())
+
+
+def _product(band: Image, weight: Image) -> Image:
+    from PIL import Image
+
+    return Image.fromarray(np.asarray(band) * np.asarray(weight))
+
+
+def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -> Box | None:
+    """The part of the raster that an image can reach: all of it unless its corners say less."""
+    whole = Box(0, raster.rows, 0, raster.columns)
+    if not intrinsics.is_pinhole:
+        return whole
+    x = (np.array([0.0, 1.0, 1.0, 0.0]) * intrinsics.width_px - intrinsics.cx_px) / intrinsics.fx_px
+    y = (
+        np.array([0.0, 0.0, 1.0, 1.0]) * intrinsics.height_px - intrinsics.cy_px
+    ) / intrinsics.fy_px
+    columns, rows, scale = np.linalg.solve(ray, np.stack([x, y, np.ones(4)]))
+    if not (scale > 0.0).all():  # the horizon is in the image
+        return whole
+    columns, rows = columns / scale, rows / scale
+    box = Box(
+        int(np.clip(np.floor(rows.min()), 0, raster.rows)),
+        int(np.clip(np.ceil(rows.max()), 0, raster.rows)),
+        int(np.clip(np.floor(columns.min()), 0, raster.columns)),
+        int(np.clip(np.ceil(columns.max()), 0, raster.columns)),
+    )
+    return box if box.top < box.bottom and box.left < box.right else None
+
+
+def _warped(
+    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
+) -> list[NDArray[np.float32]]:
+    """Bands on a part of the raster; where the image does not reach 0, and nan in the last one."""
+    corners = np.array(
+        [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
+    )
+    depth = ray[2, :2] @ corners + ray[2, 2]
+    bands, block = _blocks(bands, intrinsics, ray, box)
+    if intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
+        outside = [0.0] * (len(bands) - 1) + [np.nan]
+        return [
+            _homography(band, intrinsics, ray, box, block, fill)
+            for band, fill in zip(bands, outside, strict=True)
+        ]
+    return _by_coordinates(bands, intrinsics, ray, box, block)
+
+
+def _blocks(
+    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
+) -> tuple[list[Image], int]:
+    """Bands averaged in square blocks of as many pixels as one step of the raster passes over."""
+    middle = np.array([0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom), 1.0])
+    x, y, depth = ray @ middle
+    if not depth > 0.0:
+        return bands, 1
+    slope = np.array([ray[0, :2] * depth - x * ray[2, :2], ray[1, :2] * depth - y * ray[2, :2]])
+    steps = np.linalg.svd(slope / depth**2, compute_uv=False) * intrinsics.fx_px
+    block = int(min(steps.min(), bands[0].width, bands[0].height) + 1e-6)
+    if block < 2:
+        return bands, 1
+    width, height = (side // block * block for side in bands[0].size)
+    return [band.reduce(block, (0, 0, width, height)) for band in bands], block
+
+
+def _homography(
+    band: Image,
+    intrinsics: Intrinsics,
+    ray: NDArray[np.float64],
+    box: Box,
+    block: int,
+    outside: float,
+) -> NDArray[np.float32]:
+    """One band of a pinhole image, warped by its homography."""
+    from PIL import Image
+
+    camera = np.array(
+        [
+            [intrinsics.fx_px, 0.0, intrinsics.cx_px],
+            [0.0, intrinsics.fy_px, intrinsics.cy_px],
+            [0.0, 0.0, float(block)],
+        ]
+    )
+    shift = np.array([[1.0, 0.0, box.left], [0.0, 1.0, box.top], [0.0, 0.0, 1.0]])
+    matrix = camera @ ray @ shift
+    matrix = matrix / matrix[2, 2]
+    warped = band.transform(
+        (box.right - box.left, box.bottom - box.top),
+        Image.Transform.PERSPECTIVE,
+        tuple(matrix.ravel()[:8]),
+        Image.Resampling.BILINEAR,
+        fillcolor=outside,
+    )
+    return np.array(warped)
+
+
+def _by_coordinates(
+    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box, block: int
+) -> list[NDArray[np.float32]]:
+    """Bands of any image, warped point by point: through its lens, and not beyond the horizon."""
+    from scipy.ndimage import map_coordinates
+
+    arrays = [np.asarray(band) for band in bands]
+    warped = [np.empty((box.bottom - box.top, box.right - box.left), np.float32) for _ in arrays]
+    columns = np.arange(box.left, box.right) + 0.5
+    for start in range(box.top, box.bottom, ROWS_AT_ONCE):
+        rows = (np.arange(start, min(start + ROWS_AT_ONCE, box.bottom)) + 0.5)[:, None]
+        x, y, depth = (line[0] * columns + line[1] * rows + line[2] for line in ray)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            depth = np.where(depth > 0.0, depth, np.nan)
+            u, v = intrinsics.distorted(x / depth, y / depth)
+            u = (intrinsics.fx_px * u + intrinsics.cx_px) / block
+            v = (intrinsics.fy_px * v + intrinsics.cy_px) / block
+            height, width = arrays[0].shape
+            outside = ~((u >= 0.0) & (u < width) & (v >= 0.0) & (v < height))
+        u[outside] = v[outside] = 0.5
+        for array, out in zip(arrays, warped, strict=True):
+            part = out[start - box.top : start - box.top + len(rows)]
+            map_coordinates(
+                array, [v - 0.5, u - 0.5], part, order=1, mode="nearest", prefilter=False
+            )
+            part[outside] = np.nan if out is warped[-1] else 0.0
+    return warped

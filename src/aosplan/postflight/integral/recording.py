@@ -1,0 +1,208 @@
+"""A recording: poses and a folder of images, on a focal plane."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.postflight.integral.focal_plane import (
+    UPS,
+    Plane,
+    Raster,
+    footprint_m,
+    pixel_m,
+    upward,
+)
+from aosplan.postflight.integral.images import (
+    Folder,
+    image_size,
+)
+from aosplan.postflight.integral.integral import (
+    Source,
+    integrate,
+)
+from aosplan.postflight.integral.poses_file import read_poses
+from aosplan.postflight.integral.view_subset import chosen
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.integral import Integral
+    from aosplan.postflight.integral.poses_file import (
+        Intrinsics,
+        View,
+    )
+    from aosplan.postflight.integral.view_subset import Choice
+
+EXTENTS = ("centre", "all")
+"""Extents by name: what the view in the middle shows of the plane, or what any view shows."""
+
+
+class Recording:
+    """Views with their images, above a focal plane.
+
+    Parameters
+    ----------
+    poses, images
+        File of poses (`aosplan.postflight.integral.poses_file.read_poses`), and the folder of images.
+    focal_height_m
+        Height of the focal plane along the world's upward axis.
+    up
+        Name of that axis; None for z or -z, whichever the cameras look away from.
+    camera
+        Makes the intrinsics of an image of a width and a height; None to have them from the poses.
+
+    Raises
+    ------
+    RequestError
+        Where the poses or the folder are wrong, an image is missing, no camera is known or two
+        are, or a camera is below the plane.
+    """
+
+    def __init__(
+        self,
+        poses: str,
+        images: str,
+        *,
+        focal_height_m: float = 0.0,
+        up: str | None = None,
+        camera: Callable[[int, int], Intrinsics] | None = None,
+    ) -> None:
+        self.views = read_poses(poses)
+        if up is not None and up not in UPS:
+            raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
+        self.plane = Plane(upward(self.views) if up is None else up, focal_height_m)
+        places = np.array([self.plane.camera_m(view) for view in self.views])
+        self.positions_m: NDArray[np.float64] = places[:, :2]
+        self.heights_m: NDArray[np.float64] = places[:, 2]
+        low = int(np.argmin(self.heights_m))
+        if not self.heights_m[low] > 0.0:
+            raise RequestError(
+                f"image '{self.views[low].name}': its camera is {-self.heights_m[low]:g} m below "
+                f"the focal plane at {focal_height_m:g} m",
+                f"heights count along {self.plane.up} of the world; --up is one of {', '.join(UPS)}",
+            )
+        folder = Folder(images)
+        paths = [folder.file_of(view.name) for view in self.views]
+        self.sources = [
+            Source(view, intrinsics, path)
+            for view, intrinsics, path in zip(
+                self.views, _cameras(self.views, paths, camera), paths, strict=True
+            )
+        ]
+
+    @property
+    def central(self) -> Source:
+        """The view nearest to the middle of the recording."""
+        box = self.positions_m.min(axis=0) + self.positions_m.max(axis=0)
+        offsets = self.positions_m - 0.5 * box
+        return self.sources[int(np.argmin(np.hypot(*offsets.T)))]
+
+    def raster(
+        self, extent: str | Sequence[float] = "centre", gsd_m: float | None = None
+    ) -> Raster:
+        """Pixels of the integral image, the same for any choice of views.
+
+        Parameters
+        ----------
+        extent
+            ``centre``, ``all``, or (x from, y from, x to, y to) [m] on the plane.
+        gsd_m
+            Side of a pixel; None for that of the central view's pixels on the plane.
+
+        Raises
+        ------
+        RequestError
+            Where the horizon leaves a footprint without an end, or there are too many pixels.
+        """
+        middle = self.central
+        if gsd_m is None:
+            corners = footprint_m(self.plane, middle.view, middle.intrinsics)
+            gsd_m = pixel_m(corners, middle.intrinsics)
+        if isinstance(extent, str):
+            seen = [middle] if extent == "centre" else self.sources
+            corners = np.concatenate(
+                [footprint_m(self.plane, view, intrinsics) for view, intrinsics, _ in seen]
+            )
+            extent = [*corners.min(axis=0), *corners.max(axis=0)]
+        return Raster.over(extent, gsd_m)
+
+    def choose(self, choice: Choice) -> NDArray[np.intp]:
+        """Indices of the views of a choice."""
+        return chosen(choice, [view.name for view in self.views], self.positions_m)
+
+    def integrate(
+        self,
+        choice: Choice,
+        raster: Raster,
+        *,
+        progress: Callable[[int], None] | None = None,
+    ) -> Integral:
+        """The integral image of a choice of views (`aosplan.postflight.integral.integral.integrate`)."""
+        sources = (self.sources[index] for index in self.choose(choice))
+        return integrate(sources, self.plane, raster, progress=progress)
+
+    def extent_m(self, indices: NDArray[np.intp]) -> tuple[float, float]:
+        """Extent of the sites of some views along the plane's x and y [m]."""
+        x, y = np.ptp(self.positions_m[indices], axis=0)
+        return float(x), float(y)
+
+    def nearest_m(self, indices: NDArray[np.intp]) -> float | None:
+        """Median distance of a view to the nearest other one [m]; None for a single view."""
+        if len(indices) < 2:
+            return None
+        from scipy.spatial import cKDTree
+
+        points = self.positions_m[indices]
+        distances, _ = cKDTree(points).query(points, k=[2])
+        return float(np.median(distances))
+
+
+def _cameras(
+    views: Sequence[View],
+    paths: Sequence[str],
+    camera: Callable[[int, int], Intrinsics] | None,
+) -> list[Intrinsics]:
+    """Intrinsics of each view: its own, or those of one camera for all."""
+    missing = next((view for view in views if view.intrinsics is None), None)
+    if camera is not None:
+        known = next((view for view in views if view.intrinsics is not None), None)
+        if known is not None:
+            raise RequestError(
+                f"the poses give a camera for image '{known.name}', and the command another one",
+                "leave out --camera and --fov",
+            )
+        # One camera, one size: images that differ are refused when they are read.
+        return [camera(*image_size(paths[0]))] * len(views)
+    if missing is not None:
+        raise RequestError(
+            f"the poses give no camera for image '{missing.name}'",
+            "--fov DEG (the AOS project publishes its own beside its poses), or --camera NAME",
+        )
+    return [view.intrinsics for view in views if view.intrinsics is not None]
+
+
+def least_views(text: str, views: int) -> int:
+    """The number of views that must see a pixel, from text: a number, or a share such as 10%.
+
+    Raises
+    ------
+    RequestError
+        Where it is neither, or more than there are.
+    """
+    from aosplan.units import (
+        share,
+        whole,
+    )
+
+    if text.strip().endswith("%"):
+        return max(math.ceil(share(text, "--min-views") * views - 1e-9), 1)
+    least = whole(text, "--min-views")
+    if least > views:
+        raise RequestError(f"--min-views {least} is more than the {views} views that are chosen")
+    return least

@@ -1,0 +1,203 @@
+"""Places on earth where photos were, or would be, taken: read from the files of flights."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.files import read_bytes, read_table
+from aosplan.mission import mavlink as mav
+from aosplan.units import number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from aosplan.positions import Table
+
+NAMES = (("latitude", "longitude"), ("lat", "lon"), ("lat", "lng"), ("lat", "long"))
+"""Names that the two columns of a CSV may have."""
+
+ALTITUDES = ("altitude_m", "altitude(m)", "altitude", "alt")
+"""Names that a CSV's column of altitudes may have."""
+
+SUFFIXES = (".waypoints", ".plan", ".geojson")
+"""Files that say where on earth their places are."""
+
+
+class Place(NamedTuple):
+    """Latitude and longitude [deg], and the altitude that the file says [m], if it says one."""
+
+    latitude: float
+    longitude: float
+    altitude_m: float | None = None
+
+
+def read_places(path: str) -> list[Place]:
+    """Places of photos in the order of a file: ``.waypoints``, ``.plan``, ``.geojson``, else CSV.
+
+    Of a mission in which the camera fires at some waypoints, those; else all waypoints.
+
+    Raises
+    ------
+    RequestError
+        Where the file is of another kind, a place is off the earth, or there is none; the message
+        names the line or item.
+    """
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix == ".waypoints":
+        places = _flown(_rows(path), path)
+    elif suffix == ".plan":
+        places = _flown(_items(path), path)
+    elif suffix in {".geojson", ".json"}:
+        places = [_place(*point) for point in _points(path)]
+    else:
+        from aosplan.positions import read_csv
+
+        places = places_of(read_csv(path))
+    if not places:
+        raise RequestError(f"'{path}' holds no positions")
+    return places
+
+
+def local_m(
+    places: Sequence[Place], origin: tuple[float, float], path: str, named: str
+) -> tuple[list[float], list[float]]:
+    """Metres east and north of an origin, by its name in messages.
+
+    Raises
+    ------
+    RequestError
+        Where a place of the file is farther from it than local metres reach.
+    """
+    from aosplan.geodesy import FARTHEST_M, to_local
+
+    latitudes, longitudes, _ = zip(*places, strict=True)
+    east, north = to_local(origin, latitudes, longitudes)
+    farthest = max(map(math.hypot, east, north))
+    if farthest > FARTHEST_M:
+        raise RequestError(
+            f"'{path}': positions are {farthest / 1000.0:.4g} km from {named}, more than "
+            f"{FARTHEST_M / 1000.0:g} km"
+        )
+    return east, north
+
+
+def places_of(table: Table) -> list[Place]:
+    """Places from a table's columns."""
+    return [_place(where, *values) for where, values in table.columns(NAMES, ALTITUDES)]
+
+
+def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> Place:
+    north = number(latitude, f"{where} latitude")
+    east = number(longitude, f"{where} longitude")
+    if abs(north) > 90.0 or abs(east) > 180.0:
+        raise RequestError(
+            f"{where} {north:g}, {east:g} is no latitude and longitude",
+            "latitudes lie within 90 and longitudes within 180 degrees",
+        )
+    return Place(north, east, None if altitude is None else number(altitude, f"{where} altitude"))
+
+
+def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> list[Place]:
+    """Waypoints at which the camera fires, or all where it never does."""
+    places: list[Place] = []
+    shot: set[int] = set()
+    firing = False
+    for where, command, params in commands:
+        if command == mav.WAYPOINT:
+            places.append(_place(where, *params[4:7]))
+            if firing:
+                shot.add(len(places) - 1)
+        elif command in {mav.SHOOT, mav.CAPTURE, mav.BY_DISTANCE}:
+            if command == mav.BY_DISTANCE:
+                firing = number(params[0], f"{where} distance") > 0.0
+            if command != mav.BY_DISTANCE or firing:
+                shot.add(len(places) - 1)
+            else:
+                # A line runs out to here; if it has a photo, that is a command of its own.
+                shot.discard(len(places) - 1)
+        elif command not in {mav.TAKEOFF, mav.SPEED, mav.GIMBAL, mav.YAW, mav.RETURN}:
+            continue  # what else a mission does is no position
+    if not places:
+        raise RequestError(f"'{path}' holds no waypoints")
+    shot.discard(-1)  # before the first waypoint
+    return [place for index, place in enumerate(places) if not shot or index in shot]
+
+
+def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
+    """Commands of a ``.waypoints`` file; its first row is home."""
+    try:
+        lines = read_bytes(path).decode().split("\n")
+    except UnicodeDecodeError as error:
+        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    if not lines[0].startswith("QGC WPL 1"):
+        raise RequestError(f"'{path}' does not begin with QGC WPL 110")
+    for line_number, line in enumerate(lines[2:], 3):
+        fields = line.split()
+        if not fields or line.startswith("#"):
+            continue
+        where = f"'{path}', line {line_number}:"
+        if len(fields) != 12:
+            raise RequestError(f"{where} {len(fields)} fields, not 12")
+        yield where, _code(fields[3], where), fields[4:11]
+
+
+def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
+    """Commands of a ``.plan``."""
+    mission = read_table(path).get("mission")
+    items = mission.get("items") if isinstance(mission, dict) else None
+    if not isinstance(items, list):
+        raise RequestError(f"'{path}' has no mission with items: it is no QGroundControl plan")
+    for index, item in enumerate(items, 1):
+        where = f"'{path}', item {index}:"
+        kind = item.get("type") if isinstance(item, dict) else None
+        if kind != "SimpleItem":
+            raise RequestError(
+                f"{where} {kind!r} is no SimpleItem",
+                "save surveys of QGroundControl as .waypoints, which lists each of their places",
+            )
+        params = item.get("params")
+        if not isinstance(params, list) or len(params) != 7:
+            raise RequestError(f"{where} params are not seven values")
+        yield where, _code(item.get("command"), where), params
+
+
+def _code(value: Any, where: str) -> int:
+    code = number(value, f"{where} command")
+    if code != int(code):
+        raise RequestError(f"{where} command {code:g} is no whole number")
+    return int(code)
+
+
+def _points(path: str) -> Iterator[tuple[Any, ...]]:
+    """Points of a GeoJSON file; of a file without points, the places of its lines."""
+    features = read_table(path).get("features")
+    if not isinstance(features, list):
+        raise RequestError(f"'{path}' is no GeoJSON FeatureCollection")
+    found: dict[str, list[tuple[Any, ...]]] = {"Point": [], "LineString": []}
+    for index, feature in enumerate(features, 1):
+        where = f"'{path}', feature {index}:"
+        geometry = feature.get("geometry") if isinstance(feature, dict) else None
+        properties = feature.get("properties") if isinstance(feature, dict) else None
+        kind = geometry.get("type") if isinstance(geometry, dict) else None
+        if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
+            continue
+        assert isinstance(geometry, dict)  # it has a kind
+        coordinates = geometry.get("coordinates")
+        for place in [coordinates] if kind == "Point" else _listed(coordinates, where):
+            found[kind].append((where, *_coordinates(place, where)))
+    yield from found["Point"] or found["LineString"]
+
+
+def _listed(value: Any, where: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise RequestError(f"{where} coordinates are no list")
+    return value
+
+
+def _coordinates(value: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list) or not 2 <= len(value) <= 3:
+        raise RequestError(f"{where} coordinates are not longitude, latitude and altitude")
+    return (value[1], value[0], *value[2:])

@@ -1,0 +1,399 @@
+"""After the flight: which sites have no photo, what the photos show, and what is left to fly.
+
+A photo belongs to the site that is nearest to it, if that is within a tolerance; a site to which none
+belongs is missing.  What the photos show is predicted for the positions where they were taken, under
+the plan's scene and model: where photos were taken is known, so the noise of the plan's positions no
+longer counts.  A photo that belongs to no site counts too, unless it does not even see the middle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan import __version__
+from aosplan.flight.photo_trigger import Sites
+from aosplan.planning.document import (
+    SCHEMA,
+    flight_document,
+    prediction_document,
+)
+from aosplan.planning.inputs import Message
+from aosplan.planning.planner import plan
+from aosplan.planning.route import lay
+from aosplan.planning.sites import (
+    over_area,
+    ways_in_zones,
+)
+from aosplan.postflight.best_views import MOST_VIEWS
+from aosplan.postflight.views import (
+    Views,
+    in_axes,
+    predicted,
+    turned,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from aosplan.models.model import Prediction
+    from aosplan.planning.planner import Plan
+    from aosplan.planning.request import PlanRequest
+    from aosplan.planning.route import Route
+    from aosplan.solver.problem import Trying
+
+ALONE_M = 1.0
+"""Tolerance of a single site, which has no neighbour: about what satellites tell."""
+
+ROUNDED_M = 2e-4
+"""What files leave out of a position."""
+
+ALTITUDE_SHARE = 0.05
+"""Share by which a recorded altitude may differ from the plan's without a warning."""
+
+
+@dataclass(frozen=True)
+class Review:
+    """What was flown of a plan.
+
+    Attributes
+    ----------
+    plan
+        What was planned, on earth where it or the photos are.
+    views
+        The photos.
+    east_m, north_m
+        Where they were taken, from the plan's origin.
+    tolerance_m
+        Farthest that a photo may be from its site.
+    sites
+        Places of the plan's sites among its waypoints.
+    missing
+        Those of them that have no photo, in flight order.
+    site_of, off_m
+        Of each photo its nearest site, as its place in `sites`, and the distance.
+    flown, completed
+        What the photos show, and what they and those of the missing sites will; None where no single
+        prediction says it.
+    counted
+        Photos that the prediction counts.
+    topup
+        The plan with the way to just the missing sites; None where there are none.
+    warnings
+        What the user should know.
+    """
+
+    plan: Plan
+    views: Views
+    east_m: list[float]
+    north_m: list[float]
+    tolerance_m: float
+    sites: list[int]
+    missing: list[int]
+    site_of: NDArray[np.intp]
+    off_m: NDArray[np.float64]
+    flown: Prediction | None
+    completed: Prediction | None
+    counted: int
+    topup: Plan | None
+    warnings: tuple[Message, ...]
+
+    @property
+    def strays(self) -> list[int]:
+        """Photos that belong to no site."""
+        return np.flatnonzero(~_near(self.off_m, self.tolerance_m)).tolist()
+
+    @property
+    def errors_m(self) -> tuple[float, float] | None:
+        """Root mean square and largest distance of photos from their sites; None without any."""
+        off = self.off_m[_near(self.off_m, self.tolerance_m)]
+        return (math.sqrt(float(np.mean(off * off))), float(off.max())) if len(off) else None
+
+    def document(self) -> dict[str, Any]:
+        """The review as plain values: what ``review --json`` prints."""
+        ways, errors = self.plan.waypoints, self.errors_m
+        planned = self.plan.solution.prediction
+        return {
+            "schema": SCHEMA,
+            "version": __version__,
+            "request": self.plan.request.document(),
+            "model": self.plan.model,
+            "origin": None if self.plan.origin is None else list(self.plan.origin),
+            "tolerance_m": self.tolerance_m,
+            "positions": len(self.views),
+            "counted": self.counted,
+            "sites": len(self.sites),
+            "sites_flown": len(self.sites) - len(self.missing),
+            "off_site_m": None
+            if errors is None
+            else {"root_mean_square": errors[0], "largest": errors[1]},
+            "planned": prediction_document(planned),
+            "flown": None if self.flown is None else prediction_document(self.flown),
+            "completed": None if self.completed is None else prediction_document(self.completed),
+            "missing": [
+                {
+                    name: value
+                    for name, value in ways[index]._asdict().items()
+                    if name != "photo" and value is not None
+                }
+                for index in self.missing
+            ],
+            "strays": [
+                {
+                    "index": index,
+                    "name": self.views.name(index),
+                    "east_m": self.east_m[index],
+                    "north_m": self.north_m[index],
+                    "nearest_site": self.sites[self.site_of[index]],
+                    "off_m": float(self.off_m[index]),
+                }
+                for index in self.strays
+            ],
+            "topup": None if self.topup is None else flight_document(self.topup),
+            "warnings": [warning._asdict() for warning in self.warnings],
+        }
+
+
+def review(
+    wanted: PlanRequest,
+    views: Views,
+    *,
+    tolerance_m: float | None = None,
+    folder: str = "",
+    progress: Callable[[int, int], None] | None = None,
+    trying: Trying | None = None,
+) -> Review:
+    """Hold recorded views against what was planned.
+
+    Parameters
+    ----------
+    wanted
+        The plan's request.
+    views
+        Photos.  Positions in metres count from the plan's origin, places on earth as well; a plan
+        without a place is laid where most of its sites have a photo.
+    tolerance_m
+        Farthest that a photo may be from its site; half the smaller pitch unless given.
+    folder, progress, trying
+        As of `aosplan.planning.planner.plan`.
+
+    Raises
+    ------
+    RequestError
+        As `plan` does, and where a place is too far from the plan.
+    """
+    # All of the plan is held against the flight, whatever part of it the last battery flew.
+    wanted = replace(wanted, resume_at=None, sensitivity=False)
+    assumed = views.places is not None and not wanted.has_place
+    if assumed:
+        heading = wanted.heading if isinstance(wanted.heading, float) else 0.0
+        wanted = replace(wanted, origin=views.middle(heading))
+    planned = plan(wanted, folder=folder, progress=progress, trying=trying)
+    if tolerance_m is None:
+        pattern = planned.solution.pattern
+        pitch_m = pattern.nearest * planned.solution.baseline_m if pattern.samples > 1 else 0.0
+        tolerance_m = 0.5 * pitch_m or ALONE_M
+    alike = 1
+    if assumed:
+        planned, alike = _laid_on(planned, views, tolerance_m, folder)
+    east, north = views.local_m(planned.origin)
+    ways = planned.waypoints
+    photo = ways.photo or [True] * len(ways)
+    sites = [index for index, taken in enumerate(photo) if taken]
+    sites_m = np.array([(ways.east_m[index], ways.north_m[index]) for index in sites])
+    points_m = np.column_stack([east, north])
+    off_m, site_of = _nearest(sites_m, points_m)
+    near = _near(off_m, tolerance_m)
+    there = np.zeros(len(sites), dtype=bool)
+    there[site_of[near]] = True
+    missing = [sites[place] for place in np.flatnonzero(~there)]
+    warnings = [*planned.notices, *views.messages()]
+    if assumed:
+        warnings.append(_of_origin(planned, f"{there.sum()} of {len(sites)}", alike))
+    warnings += _of_distances(near, off_m, tolerance_m)
+    warnings += _of_altitudes(planned, views)
+    counted = points_m[near | _sees_middle(planned, points_m)]
+    reason = _unpredictable(planned, len(sites), len(counted) + len(missing))
+    flown = completed = None
+    if reason is not None:
+        warnings.append(reason)
+    else:
+        flown, completed = _predictions(planned, counted, sites_m[~there])
+        warnings += _of_blind(len(points_m) - len(counted))
+    topup = _topup(planned, missing, folder) if missing else None
+    if topup is not None:
+        warnings += topup.notices
+    return Review(
+        planned,
+        views,
+        east,
+        north,
+        tolerance_m,
+        sites,
+        missing,
+        site_of,
+        off_m,
+        flown,
+        completed,
+        len(counted),
+        topup,
+        tuple(warnings),
+    )
+
+
+def _laid_on(planned: Plan, views: Views, reach_m: float, folder: str) -> tuple[Plan, int]:
+    """The plan with its origin where its sites lie on the photos, and how many such places fit."""
+    from aosplan.geodesy import to_wgs84
+    from aosplan.postflight.registration import registered
+
+    sites = planned.layout.sites
+    taken = np.column_stack([sites.east_m, sites.north_m])[np.asarray(sites.photo, dtype=bool)]
+    found = registered(taken, np.column_stack(views.local_m(planned.origin)), reach_m)
+    if found is None:
+        return planned, 1
+    assert planned.origin is not None  # it was given one
+    (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
+    origin = latitude, longitude
+    moved = replace(
+        planned,
+        request=replace(planned.request, origin=origin),
+        layout=planned.layout._replace(origin=origin),
+    )
+    headed = replace(moved.request, heading=moved.heading_deg)
+    return replace(moved, route=_laid(moved, headed, sites, folder)), found.alike
+
+
+def _nearest(
+    sites_m: NDArray[np.float64], points_m: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distance of each point to the nearest site, and which that is."""
+    from scipy.spatial import cKDTree
+
+    off_m, site_of = cKDTree(sites_m).query(points_m)
+    return np.asarray(off_m), np.asarray(site_of)
+
+
+def _near(off_m: NDArray[np.float64], tolerance_m: float) -> NDArray[np.bool_]:
+    near: NDArray[np.bool_] = off_m <= tolerance_m + ROUNDED_M
+    return near
+
+
+def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether the middle of the grid is within the footprint of a photo."""
+    east, north = points_m.T
+    half = 0.5 * np.array(planned.camera.footprint_m(planned.altitude_m))
+    sees: NDArray[np.bool_] = np.all(
+        np.abs(turned(east, north, planned.heading_deg)) <= half, axis=1
+    )
+    return sees
+
+
+def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
+    """Why no single prediction says what so many sites and photos show; None where one does."""
+    if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
+        message = "the sites are no single aperture: what is missing is told, and no visibility"
+        return Message("no_single_aperture", message)
+    if photos > MOST_VIEWS:
+        message = f"{photos} photos are more than the {MOST_VIEWS} whose visibility is predicted"
+        return Message("too_many_views", message)
+    return None
+
+
+def _predictions(
+    planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
+) -> tuple[Prediction | None, Prediction]:
+    """What photos show, and what they show together with those of the missing sites."""
+    completed = predicted(planned, in_axes(planned, *np.vstack([flown_m, missing_m]).T))
+    if not len(missing_m):
+        return completed, completed
+    flown = predicted(planned, in_axes(planned, *flown_m.T)) if len(flown_m) else None
+    return flown, completed
+
+
+def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
+    """The plan with the way to just the missing sites, in their order and from its take-off."""
+    ways = planned.waypoints
+    request = replace(planned.request, heading=planned.heading_deg)
+    if planned.route.takeoff is not None:
+        request = replace(request, takeoff=planned.route.takeoff)
+    points = np.array([(ways.east_m[index], ways.north_m[index]) for index in missing])
+    taken = [True] * len(missing)
+    _, area = over_area(request, folder)
+    if request.no_fly is not None and area is not None:
+        from aosplan.areas.no_fly import Zones
+        from aosplan.areas.survey import routed
+
+        points, taken = routed(points, Zones(area.keep_out))
+    route = _laid(
+        planned, request, Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken), folder
+    )
+    warnings = tuple(ways_in_zones(request, area, route))
+    return replace(planned, route=route, notices=warnings)
+
+
+def _laid(planned: Plan, request: PlanRequest, sites: Sites, folder: str) -> Route:
+    """The way over sites of a plan."""
+    return lay(
+        request,
+        sites,
+        origin=planned.origin,
+        altitude_m=planned.altitude_m + request.focal_height,
+        gsd_m=planned.camera.gsd_m(planned.altitude_m),
+        baseline_m=planned.solution.baseline_m,
+        canopy_top_m=planned.scene.canopy_top_m,
+        folder=folder,
+    )
+
+
+def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
+    latitude, longitude = planned.origin or (math.nan, math.nan)
+    where = f"where most of its sites have a photo, {flown}"
+    if alike > 1:
+        where += f" (of {alike} such places, where the first sites have)"
+    return Message(
+        "origin_assumed",
+        f"the plan has no place on earth: it is laid {where}, with its origin at "
+        f"{latitude:.7f},{longitude:.7f}; give --origin, or the --heading flown, if that is wrong",
+    )
+
+
+def _of_distances(
+    near: NDArray[np.bool_], off_m: NDArray[np.float64], tolerance_m: float
+) -> Iterator[Message]:
+    if not near.any():
+        yield Message(
+            "no_photo_at_any_site",
+            f"no photo is within {tolerance_m:.3g} m of a site, the nearest is {off_m.min():.4g} m "
+            "away: are they of this plan, with its origin and heading?",
+        )
+
+
+def _of_blind(count: int) -> Iterator[Message]:
+    if count:
+        many = count > 1
+        yield Message(
+            "photos_aside",
+            f"{count} photo{'s' if many else ''} at no site see{'' if many else 's'} nothing of the "
+            "middle of the grid: left out of the visibility",
+        )
+
+
+def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
+    """A warning where photos were taken from elsewhere than planned, as far as both are known."""
+    if planned.route.datum is not None:
+        return  # what the heights of a flight over terrain count from, no file says
+    expected = planned.altitude_m + planned.request.focal_height
+    known = np.array([each for each in views.altitudes_m if each is not None])
+    off = known[np.abs(known - expected) > ALTITUDE_SHARE * expected]
+    if len(off):
+        yield Message(
+            "altitude_differs",
+            f"{len(off)} of {len(known)} photos say that they were taken from {off.min():.4g} to "
+            f"{off.max():.4g} m, and {expected:.4g} m are planned, for which the visibility is "
+            "predicted: give the --altitude that was flown",
+        )

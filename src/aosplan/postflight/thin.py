@@ -1,0 +1,188 @@
+"""Thinning a recording: the best of its views under a scene, beside all of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan import __version__
+from aosplan.errors import RequestError
+from aosplan.planning.document import (
+    SCHEMA,
+    prediction_document,
+)
+from aosplan.planning.inputs import Message
+from aosplan.planning.options import SHOWING
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.postflight.best_views import (
+    check_count,
+    thin,
+)
+from aosplan.postflight.views import (
+    Views,
+    in_axes,
+    predicted,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from aosplan.models.model import Prediction
+    from aosplan.planning.planner import Plan
+
+QUANTITIES = ("normalized", "visibility")
+"""What a choice may maximise: V̂ or V."""
+
+MORE_HIDDEN = 0.02
+"""Density that a choice for V̂ may add without a warning."""
+
+ADDED = "original_index"
+"""Column with the place of a view among those that it was chosen from."""
+
+
+class Thinning(NamedTuple):
+    """The chosen views, by their places among all, rising, and what they and all of them show.
+
+    The plan holds scene and model; what it plans is no matter.
+    """
+
+    plan: Plan
+    views: Views
+    east_m: list[float]
+    north_m: list[float]
+    origin: tuple[float, float] | None
+    chosen: list[int]
+    best: str
+    every: Prediction
+    kept: Prediction
+    warnings: tuple[Message, ...]
+
+    @property
+    def bound(self) -> Prediction:
+        """What as many views would show that share no occluder: K = 1/N."""
+        return self.kept._replace(shortfall=1.0 / len(self.chosen))
+
+    def document(self) -> dict[str, Any]:
+        """The choice as plain values: what ``thin --json`` prints."""
+        request = self.plan.request.document()
+        return {
+            "schema": SCHEMA,
+            "version": __version__,
+            "request": {name: value for name, value in request.items() if name in SHOWING},
+            "model": self.plan.model,
+            "origin": None if self.origin is None else list(self.origin),
+            "positions": len(self.views),
+            "samples": len(self.chosen),
+            "best": self.best,
+            "all": prediction_document(self.every),
+            "kept": prediction_document(self.kept),
+            "bound": prediction_document(self.bound),
+            "views": [
+                {
+                    "index": index,
+                    "name": self.views.name(index),
+                    "east_m": self.east_m[index],
+                    "north_m": self.north_m[index],
+                    "latitude": None if self.views.places is None else self.views.places[index][0],
+                    "longitude": None if self.views.places is None else self.views.places[index][1],
+                }
+                for index in self.chosen
+            ],
+            "warnings": [warning._asdict() for warning in self.warnings],
+        }
+
+    def render(self) -> bytes:
+        """The chosen views as they were given, and their places among all of them as `ADDED`.
+
+        A CSV; of a folder the names of its photos, one a line.  A file that has the column already
+        keeps it: the places are those in the recording that it was chosen from.
+        """
+        rows = [self.views.rows[index] for index in self.chosen]
+        if self.views.is_folder:
+            return "".join(f"{name}\n" for (name,) in rows).encode("utf-8", "surrogateescape")
+        again = ADDED in self.views.header
+        text = io.StringIO()
+        out = csv.writer(text, lineterminator="\n")
+        out.writerow(self.views.header if again else [ADDED, *self.views.header])
+        for index, row in zip(self.chosen, rows, strict=True):
+            out.writerow(row if again else [index, *row])
+        return text.getvalue().encode()
+
+
+def thinned(
+    wanted: PlanRequest,
+    views: Views,
+    samples: int,
+    *,
+    best: str = "normalized",
+    folder: str = "",
+    progress: Callable[[int, int], None] | None = None,
+) -> Thinning:
+    """Choose the views that share the fewest occluders.
+
+    Parameters
+    ----------
+    wanted
+        Scene, altitude, camera and model; where views are given on earth, their origin, or the
+        middle of them.
+    views
+        The recording.
+    samples
+        How many to choose.
+    best
+        What they shall have most of, one of `QUANTITIES`.
+    folder, progress
+        As of `aosplan.planning.planner.plan`.
+
+    Raises
+    ------
+    RequestError
+        Where there are too few or too many views, or nothing hides anything.
+    """
+    if not isinstance(wanted.heading, float):
+        raise RequestError(
+            f"--heading {wanted.heading}: the views are where they are",
+            "give the direction of their lines, --heading DEG",
+        )
+    check_count(len(views), samples)
+    origin = wanted.origin
+    if views.places is not None and origin is None:
+        origin = views.middle(wanted.heading)
+    kept = {name: getattr(wanted, name) for name in SHOWING}
+    # A plan of one photo is only evaluated: it brings the scene, the model and their checks.
+    scene = plan(
+        PlanRequest(**kept, samples=1, baseline=1.0),
+        folder=folder,
+        progress=progress,
+    )
+    if scene.problem is None:
+        raise RequestError("nothing stands above the focal plane: one photo shows everything")
+    east, north = views.local_m(origin)
+    points = in_axes(scene, east, north)
+    model = scene.problem.model
+    hidden = model.hidden_at(points) if best == "visibility" else None
+    chosen = thin(points, samples, model.correlation, hidden)
+    every, few = predicted(scene, points), predicted(scene, points[chosen])
+    warnings = [*scene.notices, *views.messages()]
+    if hidden is None and few.density > every.density + MORE_HIDDEN:
+        warnings.append(
+            Message(
+                "more_hidden",
+                f"views that share little are far apart and hide more: V = {few.expected:.3g} of the "
+                f"chosen, {every.expected:.3g} of all; --best visibility chooses for V",
+            )
+        )
+    return Thinning(
+        scene,
+        views,
+        east,
+        north,
+        origin,
+        chosen.tolist(),
+        best,
+        every,
+        few,
+        tuple(warnings),
+    )

@@ -1,0 +1,186 @@
+"""Recorded views: where photos were taken, from whatever says so, in the metres of a plan."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.models.model import Prediction
+from aosplan.planning.inputs import Message
+from aosplan.positions import NAMES as IN_METRES
+from aosplan.positions import positions_of, read_csv
+from aosplan.postflight.positions import (
+    ALTITUDES,
+    NAMES,
+    SUFFIXES,
+    Place,
+    local_m,
+    places_of,
+    read_places,
+)
+from aosplan.units import number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from aosplan.planning.planner import Plan
+
+
+class Views(NamedTuple):
+    """Photos by their places on earth, or by their positions [m], and what else their source says.
+
+    `header` and `rows` are the source's own columns; of a folder the names of the photos.
+    `unplaced` are the names of photos that say nothing of where they were taken.
+    """
+
+    path: str
+    header: list[str]
+    rows: list[list[str]]
+    places: list[Place] | None
+    positions_m: list[tuple[float, float]]
+    altitudes_m: list[float | None]
+    is_folder: bool = False
+    unplaced: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def name(self, index: int) -> str | None:
+        """Name of a photo, where it has one; what is no Unicode in it as a question mark."""
+        return _readable(self.rows[index][0]) if self.is_folder else None
+
+    def middle(self, heading_deg: float) -> tuple[float, float]:
+        """Place in the middle of the rectangle along a heading that holds all places."""
+        from aosplan.geodesy import to_wgs84
+
+        assert self.places is not None  # nobody asks otherwise
+        first = self.places[0][:2]
+        points = turned(*local_m(self.places, first, self.path, "the first"), heading_deg)
+        along, across = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        heading = math.radians(heading_deg)
+        east = along * math.sin(heading) + across * math.cos(heading)
+        north = along * math.cos(heading) - across * math.sin(heading)
+        (latitude,), (longitude,) = to_wgs84(first, [east], [north])
+        return latitude, longitude
+
+    def local_m(self, origin: tuple[float, float] | None) -> tuple[list[float], list[float]]:
+        """Metres east and north: of the origin, or, of positions in metres, as they are."""
+        if self.places is None:
+            east, north = zip(*self.positions_m, strict=True)
+            return list(east), list(north)
+        assert origin is not None  # places have one
+        return local_m(self.places, origin, self.path, "the plan's origin")
+
+    def messages(self) -> Iterator[Message]:
+        """Yield what is missing of the views."""
+        if self.unplaced:
+            named = ", ".join(map(_readable, self.unplaced[:5]))
+            named += " ..." if len(self.unplaced) > 5 else ""
+            count = len(self.unplaced)
+            yield Message(
+                "photos_without_position",
+                f"{count} photo{'s say' if count > 1 else ' says'} nothing of where "
+                f"{'they were' if count > 1 else 'it was'} taken: {named}",
+            )
+
+
+def read_views(path: str, *, on_earth: bool) -> Views:
+    """Views from a folder of photos, ``.waypoints``, ``.plan``, ``.geojson`` or a CSV.
+
+    Parameters
+    ----------
+    path
+        The folder or file.
+    on_earth
+        Whether a CSV that has both is read by its latitudes and longitudes, not its metres.
+
+    Raises
+    ------
+    RequestError
+        Where there is no position, or one that cannot be read; the message names the place.
+    """
+    if os.path.isdir(path):
+        from aosplan.postflight.geotags import read_photos
+
+        photos = read_photos(path)
+        placed = {name: place for name, place in photos.items() if place is not None}
+        return _views(
+            path,
+            ["name"],
+            [[name] for name in placed],
+            list(placed.values()),
+            is_folder=True,
+            unplaced=tuple(name for name in photos if name not in placed),
+        )
+    if os.path.splitext(path)[1].lower() in (*SUFFIXES, ".json"):
+        places = read_places(path)
+        rows = [["" if value is None else repr(value) for value in place] for place in places]
+        return _views(path, [NAMES[0][0], NAMES[0][1], ALTITUDES[0]], rows, places)
+    table = read_csv(path)
+    table.columns((*NAMES, *IN_METRES))  # one or the other; if neither is there, both are named
+    rows = [row for _, row in table.rows]
+    if table.pair(NAMES) and (on_earth or not table.pair(IN_METRES)):
+        return _views(path, table.header, rows, places_of(table))
+    altitudes = [
+        number(values[2], f"{where} altitude") if len(values) > 2 else None
+        for where, values in table.columns(IN_METRES, ALTITUDES)
+    ]
+    positions = positions_of(table)
+    _check_some(path, positions)
+    return Views(path, table.header, rows, None, positions, altitudes)
+
+
+def _readable(name: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in name)
+
+
+def _views(
+    path: str,
+    header: list[str],
+    rows: list[list[str]],
+    places: list[Place],
+    *,
+    is_folder: bool = False,
+    unplaced: tuple[str, ...] = (),
+) -> Views:
+    _check_some(path, places)
+    altitudes = [place.altitude_m for place in places]
+    return Views(path, header, rows, places, [], altitudes, is_folder, unplaced)
+
+
+def _check_some(path: str, found: Sequence[object]) -> None:
+    if not found:
+        raise RequestError(f"'{path}' holds no positions")
+
+
+def turned(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> NDArray[np.float64]:
+    """Positions along a heading and to its right, shape (N, 2)."""
+    heading = math.radians(heading_deg)
+    east, north = np.asarray(east_m, dtype=np.float64), np.asarray(north_m, dtype=np.float64)
+    along = east * math.sin(heading) + north * math.cos(heading)
+    across = east * math.cos(heading) - north * math.sin(heading)
+    return np.column_stack([along, across])
+
+
+def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.float64]:
+    """Positions along the axes of a plan's model, shape (N, 2).
+
+    A measured stand lies east and north; of uniform and layered ones it is only known that their
+    axes are those of the plan.
+    """
+    if plan.problem is not None and hasattr(plan.problem.model, "heading_deg"):
+        return np.column_stack([east_m, north_m])
+    return turned(east_m, north_m, plan.heading_deg)
+
+
+def predicted(plan: Plan, points_m: NDArray[np.float64]) -> Prediction:
+    """What a plan's model says of views at just these positions, in its axes."""
+    if plan.problem is None:
+        return Prediction(0.0, 1.0, 1.0 / len(points_m))
+    return plan.problem.model.predict_positions(points_m)

@@ -1,1 +1,0 @@
-"""Cameras and scenes by name, each with its source."""

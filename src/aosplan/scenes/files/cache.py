@@ -1,0 +1,141 @@
+"""Clouds that were read before: their voxels, kept in the user's cache folder.
+
+An entry is a voxel file (`aosplan.scenes.files.voxel_file`) under a name made of everything that decides its
+content: the files, by path, size and time of their last change, how they were read, and the
+version of aosplan.  A file that changes gets another name, and the old entry is dropped with
+the oldest when the folder grows too large.  The cache only ever saves time: whatever goes wrong
+with it, the cloud is read.
+
+The environment variable ``AOSPLAN_CACHE`` names another folder; ``0`` turns the cache off.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.errors import AosplanError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from aosplan.scenes.files.voxel_file import Stand
+    from aosplan.scenes.voxels import VoxelVolume
+
+VARIABLE = "AOSPLAN_CACHE"
+
+READING = 1
+"""Counts up whenever the same cloud is read into other voxels."""
+
+MOST_OCTETS = 512 * 1024 * 1024
+"""Size of all entries together."""
+
+_LARGEST_SHARE = 8
+"""One entry alone may have the eighth part of it."""
+
+ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
+"""Names of entries, and of those whose writing was cut short: nothing else is ever dropped."""
+
+
+def stand(
+    files: Sequence[str], reading: Mapping[str, Any], read: Callable[[], VoxelVolume]
+) -> tuple[Stand, bool]:
+    """A cloud as voxels: from the cache, or read and kept there.
+
+    Parameters
+    ----------
+    files
+        Of one cloud.
+    reading
+        The options by which it is read.
+    read
+        Reads it.
+
+    Returns
+    -------
+    tuple
+        The stand, and whether it comes from the cache.
+    """
+    from aosplan.scenes.files.voxel_file import (
+        Stand,
+        read_stand,
+        stand_npz,
+    )
+
+    path = _entry(files, reading)
+    if path is not None and os.path.exists(path):
+        with contextlib.suppress(AosplanError, OSError):
+            found = read_stand(path)
+            os.utime(path)  # the oldest is what was used longest ago
+            return found, True
+    volume = read()
+    fresh = Stand.of(volume)
+    # A file that changed while it was read is kept under neither name.
+    if path is not None and path == _entry(files, reading):
+        with contextlib.suppress(AosplanError, OSError):
+            _keep(path, stand_npz(fresh))
+    return fresh, False
+
+
+def folder() -> str | None:
+    """Folder of the cache, which need not exist; None where it is turned off."""
+    given = os.environ.get(VARIABLE)
+    if given == "0":
+        return None
+    if given:
+        return given
+    from platformdirs import user_cache_dir
+
+    return os.path.join(user_cache_dir("aosplan", appauthor=False), "clouds")
+
+
+def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
+    """Path of the entry of a cloud; None where there can be none."""
+    import hashlib
+
+    place = folder()
+    if place is None:
+        return None
+    parts: list[Any] = [__version__, READING, sorted(reading.items())]
+    try:
+        for file in files:
+            status = os.stat(file)
+            parts.append((file, os.path.realpath(file), status.st_size, status.st_mtime_ns))
+    except (OSError, ValueError):
+        return None
+    name = hashlib.sha1(repr(parts).encode(), usedforsecurity=False).hexdigest()
+    return os.path.join(place, f"{name}.npz")
+
+
+def _keep(path: str, content: bytes) -> None:
+    from aosplan.files import write_all
+
+    if len(content) > MOST_OCTETS // _LARGEST_SHARE:
+        return
+    place = os.path.dirname(path)
+    os.makedirs(place, exist_ok=True)
+    write_all({path: content}, force=True)
+    _drop_oldest(place)
+
+
+def _drop_oldest(place: str) -> None:
+    """Drop what was used longest ago until the rest is within the bound."""
+    entries = sorted(_entries(place), reverse=True)
+    total = 0
+    for _, size, path in entries:
+        total += size
+        if total > MOST_OCTETS:
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+
+
+def _entries(place: str) -> Iterator[tuple[int, int, str]]:
+    """Time of last use, size and path of each entry."""
+    with os.scandir(place) as found:
+        for file in found:
+            if ENTRY.fullmatch(file.name) and file.is_file(follow_symlinks=False):
+                status = file.stat(follow_symlinks=False)
+                yield status.st_mtime_ns, status.st_size, file.path

@@ -1,0 +1,267 @@
+"""Canopy height rasters (GeoTIFF): from heights to a `VoxelVolume`, by a rule for crowns.
+
+A raster tells how high the canopy is, and nothing of what is below.  The rule: wherever it is
+at least `min_height_m` high, leaves fill everything from `crown_base` times that height to the
+top.  Gaps within crowns are lost, so the stand comes out darker than it is, and stems and
+undergrowth are missing.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
+from aosplan.files import reading
+from aosplan.scenes.voxels import (
+    FACE,
+    VoxelVolume,
+    fits,
+    too_many_voxels,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float32]
+
+EXTRA = "raster"
+CROWN_BASE = 0.5
+HIGHEST_M = 130.0
+"""No tree is higher; a raster that is holds elevations, or feet."""
+
+MAX_EXTENT_M = 100_000.0
+MOST_PIXELS = 500_000_000
+MOST_OCTETS = 1 << 29
+PIXELS_AT_ONCE = 1 << 22
+MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+UNIT_M = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0}
+UNIT_M |= {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200.0 / 3937.0}
+
+
+def read_canopy(
+    path: str,
+    *,
+    voxel_m: float | None = None,
+    min_height_m: float = 2.0,
+    crown_base: float = CROWN_BASE,
+) -> VoxelVolume:
+    """Read a canopy height raster into voxels.
+
+    Parameters
+    ----------
+    path
+        A GeoTIFF of one band: heights above ground.
+    voxel_m
+        Edge length of a voxel; None for the size of the raster's cells.
+    min_height_m
+        Lower vegetation is left out.
+    crown_base
+        Where crowns begin, as a share of the canopy's height, 0 to 1.
+
+    Returns
+    -------
+    VoxelVolume
+        Each column has the height at its middle.  Where the raster knows nothing, nothing stands,
+        and a warning says how much that is.
+
+    Raises
+    ------
+    RequestError
+        Where the file is no such raster, or has too many cells.
+    MissingExtraError
+        Where rasterio is not installed.
+    SurroundingsError
+        Where the machine does not let it be read.
+    """
+    _check_file(path)
+    with needs_extra("reading canopy height rasters", EXTRA):
+        import rasterio
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with rasterio.open(path, driver="GTiff") as raster:
+                return _volume(raster, path, voxel_m, min_height_m, crown_base)
+    except AosplanError:
+        raise
+    except MemoryError as error:
+        raise SurroundingsError(
+            f"not enough memory for raster {path}", "use larger voxels"
+        ) from error
+    except (RasterioError, ValueError, OSError) as error:
+        reason = " ".join(str(error.__cause__ or error).split())
+        raise RequestError(f"raster {path} is damaged or truncated: {reason}") from error
+
+
+def _check_file(path: str) -> None:
+    with reading(path, "raster"), open(path, "rb") as file:
+        head = file.read(4)
+    if head not in MAGIC:
+        what = f"it begins with {head!r}" if head else "it is empty"
+        raise RequestError(f"{path} is not a GeoTIFF: {what}")
+
+
+def _volume(
+    raster: Any, path: str, voxel_m: float | None, min_height_m: float, crown_base: float
+) -> VoxelVolume:
+    across_m, doubts = _metres(raster, path)
+    _check_layout(raster, path)
+    place = raster.transform
+    cell_m = abs(place.a) * across_m, abs(place.e) * across_m
+    size_m = raster.width * cell_m[0], raster.height * cell_m[1]
+    if not max(size_m) <= MAX_EXTENT_M:
+        raise RequestError(
+            f"raster {path} measures {size_m[0]:.3g} x {size_m[1]:.3g} m, more than a stand can",
+            "cut the stand out, and check the raster's coordinate system",
+        )
+    edge_m = min(cell_m) if voxel_m is None else voxel_m
+    if edge_m > min(size_m):
+        raise RequestError(
+            f"voxels of {edge_m:g} m are larger than raster {path}, which measures "
+            f"{size_m[0]:.4g} x {size_m[1]:.4g} m"
+        )
+    if not fits((*size_m, 0.0), edge_m):
+        raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
+    # Rows of the volume run north, those of a raster mostly south.
+    columns, rows = (max(math.floor(length / edge_m + FACE), 1) for length in size_m)
+    column = _cells(columns, edge_m / cell_m[0], raster.width, backwards=place.a < 0.0)
+    row = _cells(rows, edge_m / cell_m[1], raster.height, backwards=place.e < 0.0)
+    tops = _heights(raster, path, row, column)
+    known = ~np.isnan(tops)
+    share = float(known.mean())
+    if share == 0.0:
+        raise RequestError(f"raster {path} holds no heights: every cell is without data")
+    if share < 1.0:
+        message = (
+            f"{1.0 - share:.1%} of the raster is without data and counts as open ground: the "
+            f"canopy, p = {float((tops >= min_height_m).mean()):.3g}, looks more transparent than "
+            f"where it is known, {float((tops[known] >= min_height_m).mean()):.3g}"
+        )
+        doubts.append(("partial_plot", message))
+    highest = float(np.nanmax(tops))
+    if highest > HIGHEST_M:
+        raise RequestError(
+            f"raster {path} reaches {highest:.4g}, higher than any tree in metres",
+            "give heights above ground in metres: surface less terrain",
+        )
+    occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
+    if not occupied.any():
+        doubts.append(("no_vegetation", f"nowhere is the raster {min_height_m:g} m high or more"))
+    corner = (
+        min(place.c, place.c + place.a * raster.width),
+        min(place.f, place.f + place.e * raster.height),
+    )
+    return VoxelVolume(
+        occupied=occupied,
+        voxel_m=edge_m,
+        x_min_m=corner[0] * across_m,
+        y_min_m=corner[1] * across_m,
+        min_height_m=min_height_m,
+        ground="raster",
+        warnings=tuple(doubts),
+        source=path,
+        assumed=f"crowns are solid from {crown_base:g} of the canopy's height to its top; the "
+        "raster knows nothing of what is below, and of gaps within crowns",
+    )
+
+
+def _metres(raster: Any, path: str) -> tuple[float, list[tuple[str, str]]]:
+    """Metres of a unit across, and warnings."""
+    if raster.transform.is_identity and raster.crs is None:
+        raise RequestError(
+            f"raster {path} has no georeference: nothing tells how large its cells are",
+            "write it with its transform, as gdal_translate -a_ullr does",
+        )
+    if raster.crs is None:
+        return 1.0, [("units_assumed", "the raster names no coordinate system: metres are assumed")]
+    if not raster.crs.is_projected:
+        raise RequestError(
+            f"the coordinates of raster {path} are not metres on a plane: its coordinate "
+            "reference system is geographic or local",
+            "reproject it to a metric system such as UTM",
+        )
+    across_m = float(raster.crs.linear_units_factor[1])
+    if across_m == 1.0:
+        return across_m, []
+    message = f"{path} is in feet across: its cells were converted to metres"
+    return across_m, [("units_converted", message)]
+
+
+def _check_layout(raster: Any, path: str) -> None:
+    place = raster.transform
+    if place.b != 0.0 or place.d != 0.0 or not 0.0 < abs(place.a * place.e) < math.inf:
+        raise RequestError(f"raster {path} is rotated or sheared", "resample it to a north-up grid")
+    if raster.count != 1:
+        raise RequestError(
+            f"raster {path} has {raster.count} bands; a canopy height raster has one",
+            "take the band of heights out with gdal_translate -b",
+        )
+    if np.dtype(raster.dtypes[0]).kind not in "iuf":
+        raise RequestError(f"raster {path} holds {raster.dtypes[0]}, which are no heights")
+    height, width = raster.block_shapes[0]
+    octets = height * width * np.dtype(raster.dtypes[0]).itemsize
+    if raster.width * raster.height > MOST_PIXELS or octets > MOST_OCTETS:
+        raise RequestError(
+            f"raster {path} has {raster.width} x {raster.height} cells, in blocks of {width} x "
+            f"{height}: too many to read",
+            "cut the stand out, or write it in tiles",
+        )
+
+
+def _cells(count: int, step: float, cells: int, *, backwards: bool) -> NDArray[np.intp]:
+    """Cells of the raster, along one axis, at the middles of voxels counted east or north."""
+    cell: NDArray[np.intp] = np.minimum((np.arange(count) + 0.5) * step, cells - 1.0).astype(
+        np.intp
+    )
+    if backwards:
+        cell = cells - 1 - cell
+    return cell
+
+
+def _heights(raster: Any, path: str, row: NDArray[np.intp], column: NDArray[np.intp]) -> Floats:
+    """Canopy heights [m] at rows and columns of the raster, nan where it knows none."""
+    unit = (raster.units[0] or "m").strip().lower()
+    if unit not in UNIT_M:
+        raise RequestError(f"raster {path} has heights in '{raster.units[0]}'", "give metres")
+    scale, shift = raster.scales[0] * UNIT_M[unit], raster.offsets[0] * UNIT_M[unit]
+    tops = np.full((row.size, column.size), np.nan, dtype=np.float32)
+    west, east = int(column.min()), int(column.max()) + 1
+    strip = max(PIXELS_AT_ONCE // (east - west), 1)
+    for start in range(0, row.size, strip):
+        wanted = row[start : start + strip]
+        first, last = int(wanted.min()), int(wanted.max()) + 1
+        for top in range(first, last, strip):
+            bottom = min(top + strip, last)
+            cells = raster.read(1, window=((top, bottom), (west, east)), masked=True)
+            inside = np.flatnonzero((wanted >= top) & (wanted < bottom))
+            picked = cells[wanted[inside] - top][:, column - west].astype(np.float32)
+            tops[start + inside] = picked.filled(np.nan) * np.float32(scale) + np.float32(shift)
+    tops[~np.isfinite(tops)] = np.nan
+    return tops
+
+
+def _crowns(
+    tops: Floats, voxel_m: float, min_height_m: float, crown_base: float, where: str
+) -> NDArray[np.bool_]:
+    """Voxels from the crowns' bases to their tops, shape (slices, rows, columns)."""
+    canopy = (tops >= min_height_m) & (tops > 0.0)
+    tops = np.where(canopy, tops, -1.0)
+    highest = float(tops.max())
+    if highest < 0.0:
+        return np.zeros((0, *tops.shape), dtype=np.bool_)
+    rows, columns = tops.shape
+    size_m = columns * voxel_m, rows * voxel_m, highest
+    if not fits(size_m, voxel_m):
+        raise too_many_voxels(size_m, voxel_m, where)
+    last = np.floor(tops / voxel_m + FACE).astype(np.int32)
+    first = np.floor(np.maximum(crown_base * tops, min_height_m) / voxel_m + FACE).astype(np.int32)
+    slices = int(last.max()) + 1
+    occupied = np.zeros((slices, rows, columns), dtype=np.bool_)
+    for k in range(slices):
+        np.logical_and(first <= k, k <= last, out=occupied[k])
+    occupied &= canopy
+    return occupied

@@ -1,0 +1,91 @@
+"""A correlogram as plain values, and back: what scene files hold of one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.scenes.correlogram import Correlogram
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+DIGITS = 6
+"""Decimals of correlations and densities: far more than the correlogram is good for."""
+
+MOST_ENTRIES = 1_000_000
+
+
+def correlogram_table(table: Correlogram) -> dict[str, Any]:
+    """A correlogram as plain values, the densities by offset among them."""
+    return {
+        "lags": table.lags.tolist(),
+        "directions_deg": table.directions_deg.tolist(),
+        "rho": np.round(table.rho, DIGITS).tolist(),
+        "density_by_offset": np.round(table.density_by_offset, DIGITS).tolist(),
+        "density": table.density,
+        "reach": table.reach,
+    }
+
+
+def density_by_angle(table: Correlogram) -> list[list[float]]:
+    """Pairs of an angle off nadir [deg] and p of views at it, the mean over directions."""
+    angles = np.degrees(np.arctan(table.lags)).tolist()
+    kept = np.round(table.density_by_offset, DIGITS)  # as in files, so that they say the same
+    densities = np.round(kept.mean(axis=0), DIGITS).tolist()
+    return [[0.0, table.density], *map(list, zip(angles, densities, strict=True))]
+
+
+def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
+    """A correlogram from what `correlogram_table` gives.
+
+    Parameters
+    ----------
+    table
+        The values.
+    where
+        The file, for messages.
+
+    Raises
+    ------
+    RequestError
+        Where a value is missing, of the wrong shape, or outside its domain.
+    """
+
+    def numbers(name: str, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
+        try:
+            values = np.array(table[name], dtype=np.float64)
+        except KeyError:
+            raise _wrong(where, f"{name} is missing") from None
+        except (TypeError, ValueError):
+            raise _wrong(where, f"{name} is no table of numbers") from None
+        if values.size > MOST_ENTRIES or not np.isfinite(values).all():
+            raise _wrong(where, f"{name} holds what is no finite number, or too many of them")
+        if shape is not None and values.shape != shape:
+            raise _wrong(where, f"{name} is of shape {values.shape}, not {shape}")
+        return values
+
+    lags, directions = numbers("lags"), numbers("directions_deg")
+    if lags.ndim != 1 or not lags.size or lags[0] <= 0.0 or (np.diff(lags) <= 0.0).any():
+        raise _wrong(where, "lags do not rise from above 0")
+    even = np.arange(directions.size) * (180.0 / max(directions.size, 1))
+    if directions.ndim != 1 or not directions.size or not np.allclose(directions, even):
+        raise _wrong(where, "directions_deg do not divide the half circle evenly from 0")
+    rho = numbers("rho", (directions.size, lags.size))
+    densities = numbers("density_by_offset", rho.shape)
+    density, reach = float(numbers("density", ())), float(numbers("reach", ()))
+    if np.abs(rho).max() > 1.0:
+        raise _wrong(where, "rho is not between -1 and 1")
+    if not 0.0 <= min(density, densities.min()) <= max(density, densities.max()) <= 1.0:
+        raise _wrong(where, "a density is not between 0 and 1")
+    if reach <= 0.0:
+        raise _wrong(where, f"reach {reach:g} is not above 0")
+    return Correlogram(lags, directions, rho, densities, density, reach)
+
+
+def _wrong(where: str, what: str) -> RequestError:
+    return RequestError(f"correlogram of '{where}': {what}", "save the scene again from its cloud")

@@ -1,0 +1,414 @@
+"""Point clouds: LAS and LAZ files of one stand become a `VoxelVolume`.
+
+Noise (classes 7 and 18, withheld points) is dropped.  The ground is a linear triangulation of
+the ground points, the nearest ground point outside their hull, evaluated at the corners of the
+voxel columns and bilinear between them; a point's height is its z above that.  A voxel is
+occupied where at least one point falls into it.
+
+A file is decoded once.  Its coordinates, still the integers of the file, wait in an anonymous
+temporary file until the ground is known, and stream from there into the voxels: memory follows
+the voxels, not the points.  Nothing is allocated on a header's word.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import tempfile
+from dataclasses import dataclass, replace
+from typing import IO, TYPE_CHECKING, Literal, NamedTuple, Self, get_args
+
+import numpy as np
+
+from aosplan.errors import RequestError, SurroundingsError
+from aosplan.scenes.files.ground import (
+    MAX_VERTICES,
+    filtered,
+    is_level_zero,
+    lowest,
+    surface,
+    vertices,
+)
+from aosplan.scenes.files.las import (
+    PointFile,
+    not_metric,
+)
+from aosplan.scenes.voxels import (
+    VoxelVolume,
+    cells_along,
+    fill,
+    fits,
+    footprint,
+    too_many_voxels,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Progress = Callable[[int, int], object]
+    Warned = tuple[str, str]
+
+GroundMethod = Literal["auto", "class", "filter", "normalized"]
+
+NOISE_CLASSES = (7, 18)
+GROUND_CLASS = 2
+
+# Small enough for the dozen arrays of a block to stay in a processor's cache.
+BLOCK_POINTS = 1 << 16
+
+# Fifty for each vertex of the ground; of more, each has a mean that is sure enough.
+ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
+
+MAX_EXTENT_M = 100_000.0
+FEWEST_GROUND_POINTS_PER_M2 = 0.04
+SPARSE_POINTS_PER_M2 = 20.0
+SATURATED_OCCUPANCY = 0.98
+FULL_FOOTPRINT = 0.95
+SPACINGS_ACROSS = 4.0
+"""Mean spacings of points across a square that is to hold one: it has 16 on average."""
+
+
+def read_voxels(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    *,
+    voxel_m: float = 0.25,
+    ground: GroundMethod = "auto",
+    min_height_m: float = 2.0,
+    progress: Progress | None = None,
+) -> VoxelVolume:
+    """Read one or several LAS or LAZ files of one stand into voxels.
+
+    Parameters
+    ----------
+    paths
+        The files; several are read as one cloud.
+    voxel_m
+        Edge length of a voxel.
+    ground
+        ``class``: the points of class 2.  ``filter``: a cloth simulation filter finds them.
+        ``normalized``: z already is the height above ground.  ``auto``: the first that applies
+        of class (a ground point per 25 m² or more), normalized (in nine of ten cells of 5 m
+        the lowest point lies within 0.5 m of zero) and filter.
+    min_height_m
+        Points below this height are not occluders.
+    progress
+        Called with the work done and the work in total, in points; a point counts twice, when
+        it is read and when it is placed.
+
+    Returns
+    -------
+    VoxelVolume
+        Slices up to the highest occupied one; coordinates in metres, converted from feet where
+        the file's coordinate reference system says so.
+
+    Raises
+    ------
+    RequestError
+        Where a file is missing, damaged or empty, its coordinates make no plot in metres, or
+        the plot has too many voxels.
+    MissingExtraError
+        Where laspy, its LAZ backend or the ground filter is not installed.
+    SurroundingsError
+        Where the machine refuses: permission, disk, memory.
+    """
+    names = [os.fspath(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    _check_request(names, voxel_m, ground, min_height_m)
+    source = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    try:
+        with _Spool() as cloud:
+            read, warnings = _decode(names, source, cloud, progress)
+            plot = _Plot.around(cloud, voxel_m, source)
+            method, ground_m = _find_ground(cloud, plot, ground)
+            blocks = cloud.blocks(plot.origin_m, voxel_m)
+            touched = np.zeros(plot.rows * plot.columns, dtype=np.bool_)
+            occupied = fill(
+                _followed(blocks, 2 * read - cloud.count, 2 * read, progress),
+                ground_m / np.float32(voxel_m),
+                min_height_m / voxel_m,
+                voxel_m,
+                f"point cloud {source}",
+                touched,
+            )
+    except MemoryError as error:
+        raise SurroundingsError(
+            f"not enough memory for point cloud {source} in voxels of {voxel_m:g} m",
+            "use larger voxels",
+        ) from error
+    volume = VoxelVolume(
+        occupied=occupied,
+        voxel_m=voxel_m,
+        x_min_m=float(plot.origin_m[0]),
+        y_min_m=float(plot.origin_m[1]),
+        min_height_m=min_height_m,
+        points=cloud.count,
+        ground=method,
+        source=source,
+    )
+    spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
+    squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
+    covered = footprint(touched.reshape(plot.rows, plot.columns), squares)
+    doubts = _doubts(volume, spacing_m, covered, assumed=ground == "auto")
+    return replace(volume, warnings=(*warnings, *doubts))
+
+
+def _check_request(names: list[str], voxel_m: float, ground: str, min_height_m: float) -> None:
+    if not names:
+        raise RequestError("no point cloud is given", "name at least one .las or .laz file")
+    if not (math.isfinite(voxel_m) and voxel_m > 0.0):
+        raise RequestError(f"voxel size {voxel_m:g} m is not a positive number")
+    if not (math.isfinite(min_height_m) and min_height_m >= 0.0):
+        raise RequestError(f"minimum height {min_height_m:g} m is not zero or above")
+    methods = get_args(GroundMethod)
+    if ground not in methods:
+        raise RequestError(f"ground method '{ground}' is unknown", f"use {', '.join(methods)}")
+
+
+# --- Points: from the files to the disk, and from there in blocks ---
+
+
+class _Spool:
+    """Points in an anonymous temporary file, as the integers they came as.
+
+    They lie there in pieces of shape (3, n), the points marked as ground before the others.
+    """
+
+    def __init__(self) -> None:
+        with _disk():
+            self._file: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  closed on exit
+        self._pieces: list[_Piece] = []
+        self.count = 0
+        self.ground_count = 0
+        self.low_m = np.full(3, np.inf)
+        self.high_m = np.full(3, -np.inf)
+        self.finest_m = math.inf
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    def append(self, raw: NDArray[np.int32], ground_count: int, file: PointFile) -> None:
+        """Add points of a file, shape (3, n), the first of which are ground."""
+        count = raw.shape[1]
+        if count == 0:
+            return
+        with _disk():
+            self._file.write(raw.data)
+        self._pieces.append(_Piece(count, ground_count, file))
+        self.count += count
+        self.ground_count += ground_count
+        self.low_m = np.minimum(self.low_m, raw.min(axis=1) * file.scales_m + file.offsets_m)
+        self.high_m = np.maximum(self.high_m, raw.max(axis=1) * file.scales_m + file.offsets_m)
+        self.finest_m = min(self.finest_m, file.scales_m[0])
+
+    def blocks(
+        self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False, every: int = 1
+    ) -> Iterator[Floats]:
+        """Yield points, or every second, third ..., as shape (3, n).
+
+        They count from an origin in multiples of a length.
+        """
+        position = 0
+        for piece in self._pieces:
+            with _disk():
+                self._file.seek(position)
+                data = self._file.read(12 * piece.points)
+            position += len(data)
+            raw = np.frombuffer(data, np.int32).reshape(3, piece.points)
+            if ground_only:
+                raw = raw[:, : piece.ground_points : every]
+            scale = (piece.file.scales_m / unit_m)[:, np.newaxis]
+            shift = ((piece.file.offsets_m - origin_m) / unit_m)[:, np.newaxis]
+            for start in range(0, raw.shape[1], BLOCK_POINTS):
+                block = raw[:, start : start + BLOCK_POINTS] * scale
+                block += shift
+                yield block
+
+
+class _Piece(NamedTuple):
+    points: int
+    ground_points: int
+    file: PointFile
+
+
+@contextlib.contextmanager
+def _disk() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise SurroundingsError(
+            f"cannot keep the points in the folder for temporary files: {error.strerror or error}",
+            "set TMPDIR to a folder with room for 12 bytes a point",
+        ) from error
+
+
+def _decode(
+    names: list[str], source: str, cloud: _Spool, progress: Progress | None
+) -> tuple[int, list[Warned]]:
+    """Spool all points that are not noise; return how many there were with it, and warnings."""
+    files = [PointFile(name) for name in names]
+    total = sum(file.count for file in files)
+    done = 0
+    for file in files:
+        for raw, kind, withheld in file.chunks():
+            used = ~withheld
+            for noise in NOISE_CLASSES:
+                used &= kind != noise
+            is_ground = kind == GROUND_CLASS
+            ground = np.flatnonzero(used & is_ground)
+            other = np.flatnonzero(used & ~is_ground)
+            order = np.concatenate([ground, other])
+            in_order = order.size == kind.size and ground.size in (0, kind.size)
+            cloud.append(raw if in_order else raw.take(order, axis=1), ground.size, file)
+            done += kind.size
+            if progress is not None:
+                progress(done, 2 * total)
+    if cloud.count == 0:
+        raise RequestError(
+            f"point cloud {source} holds nothing but noise: all of its {total} points are of class "
+            "7 or 18 or withheld"
+        )
+    return total, [
+        ("units_converted", f"{file.name} is in feet: its coordinates were converted to metres")
+        for file in files
+        if file.in_feet
+    ]
+
+
+# --- The plot and its ground ---
+
+
+@dataclass(frozen=True)
+class _Plot:
+    """The rectangle that the points fill; whole voxels of it are the plot."""
+
+    origin_m: Floats
+    size_m: Floats
+    rows: int
+    columns: int
+    voxel_m: float
+    source: str
+
+    @classmethod
+    def around(cls, cloud: _Spool, voxel_m: float, source: str) -> _Plot:
+        """Return the plot of a cloud, after a look at whether it can be one."""
+        low, high = cloud.low_m, cloud.high_m
+        size = high - low
+        degrees = (np.abs([low[:2], high[:2]]) <= (180.0, 90.0)).all()
+        if degrees and cloud.finest_m < 1e-5 and max(size[:2]) < 1.0:
+            raise not_metric(
+                source,
+                f"x {low[0]:g} to {high[0]:g} and y {low[1]:g} to {high[1]:g} look like degrees",
+            )
+        if max(size) > MAX_EXTENT_M:
+            raise RequestError(
+                f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x {size[2]:.3g} m, "
+                "more than a stand can",
+                "check its scale and offset, and that all files are of one place",
+            )
+        if not fits((size[0], size[1], 0.0), voxel_m):
+            raise too_many_voxels(size, voxel_m, f"point cloud {source}")
+        columns, rows = cells_along(size[0], voxel_m), cells_along(size[1], voxel_m)
+        return cls(low, size, rows, columns, voxel_m, source)
+
+    def surface(self, points: Floats) -> NDArray[np.float32]:
+        """Height of the ground at the corners of the voxel columns, from points on it."""
+        return surface(points, self.rows, self.columns, self.voxel_m)
+
+
+def _find_ground(
+    cloud: _Spool, plot: _Plot, method: GroundMethod
+) -> tuple[str, NDArray[np.float32]]:
+    """Decide on a method; return it and z of the ground at the corners of the columns.
+
+    z counts from the lowest point of the cloud.
+    """
+    origin, size = plot.origin_m, plot.size_m
+    if method in ("auto", "class"):
+        fewest = 1 if method == "class" else max(3, FEWEST_GROUND_POINTS_PER_M2 * size[0] * size[1])
+        if cloud.ground_count >= fewest:
+            every = max(cloud.ground_count // ENOUGH_GROUND_POINTS, 1)
+            blocks = cloud.blocks(origin, ground_only=True, every=every)
+            return "class", plot.surface(vertices(blocks, cloud.ground_count // every, size))
+        if method == "class":
+            raise RequestError(
+                f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",
+                "use the ground method filter, or normalized where z is the height above ground",
+            )
+    if method != "normalized":
+        low = lowest(cloud.blocks(origin), size)
+        if method == "filter" or not is_level_zero(low, size, -origin[2]):
+            points = filtered(low, size)
+            if points.size == 0:
+                raise RequestError(
+                    f"the filter finds no ground in point cloud {plot.source}",
+                    "use the ground method normalized where z is the height above ground",
+                )
+            return "filter", plot.surface(vertices([points], points.shape[1], size))
+    return "normalized", np.full((plot.rows + 1, plot.columns + 1), -origin[2], dtype=np.float32)
+
+
+def _followed(
+    blocks: Iterable[Floats], done: int, total: int, progress: Progress | None
+) -> Iterator[Floats]:
+    for block in blocks:
+        yield block
+        done += block.shape[1]
+        if progress is not None:
+            progress(done, total)
+
+
+def _doubts(
+    volume: VoxelVolume, spacing_m: float, covered: float, *, assumed: bool
+) -> Iterator[Warned]:
+    """Yield what a reader of the results should know about the cloud."""
+    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
+    if volume.ground == "filter":
+        message = "the ground is what a cloth simulation filter found, not a classification"
+        yield "ground_filtered", message
+    if volume.ground == "normalized" and assumed:
+        message = "z was taken as height above ground: the lowest points are near 0 all over"
+        yield "ground_assumed_normalized", message
+    density = volume.points_per_m2
+    if density < SPARSE_POINTS_PER_M2:
+        message = (
+            f"{density:.3g} points per m² are few (fewer than {SPARSE_POINTS_PER_M2:g}): "
+            "the canopy is denser than it looks"
+        )
+        yield "sparse_cloud", message
+    if voxel_m < spacing_m and density >= SPARSE_POINTS_PER_M2:
+        message = (
+            f"voxels of {voxel_m:g} m are smaller than the mean spacing of the points, "
+            f"{spacing_m:.2g} m, so the canopy looks more transparent than it is: use "
+            f"{_rounded_up(spacing_m):g} m or more"
+        )
+        yield "voxel_below_spacing", message
+    if covered < FULL_FOOTPRINT:
+        message = (
+            f"the points cover {covered:.0%} of their bounding rectangle, and the rest counts as "
+            f"open ground: p = {occupancy:.3g} is {min(occupancy / covered, 1.0):.3g} where there "
+            "are points; cut a rectangle out of the cloud"
+        )
+        yield "partial_plot", message
+    if occupancy == 0.0:
+        message = f"no point is {volume.min_height_m:g} m or more above the ground"
+        yield "no_vegetation", message
+    if occupancy > SATURATED_OCCUPANCY:
+        message = (
+            f"{occupancy:.1%} of the voxel columns hold something, which hides how dense the "
+            f"canopy is: use voxels smaller than {voxel_m:g} m"
+        )
+        if spacing_m < voxel_m:
+            message += f", of {_rounded_up(spacing_m):g} m or more for points this dense"
+        yield "saturated", message
+
+
+def _rounded_up(length_m: float) -> float:
+    """A length with two digits, not smaller."""
+    digit_m = 10.0 ** (math.floor(math.log10(length_m)) - 1)
+    return float(f"{math.ceil(length_m / digit_m - 1e-9) * digit_m:.2g}")

@@ -1,0 +1,70 @@
+"""Scene files, as pydantic checks them: for their JSON Schema, and to say what is wrong with one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import Field
+
+from aosplan.validation import (
+    Document,
+    Finite,
+)
+
+
+class LayerDocument(Document):
+    """One slice of a scene."""
+
+    bottom_m: Finite
+    top_m: Finite
+    density: Finite
+    occluder_size_m: Finite
+
+
+class CorrelogramDocument(Document):
+    """Correlation of two views by direction and lag (camera offset over altitude)."""
+
+    lags: list[Finite]
+    directions_deg: list[Finite]
+    rho: list[list[Finite]]
+    reach: Finite
+
+
+class SceneDocument(Document):
+    """A scene file: one uniform volume, layers, or the numbers of an inventory.
+
+    What `aosplan scene --json` prints is one too: what follows from the rest is not read.
+    """
+
+    name: str
+    title: str = ""
+    source: str = ""
+    assumed: str = ""
+    density: Finite | None = None
+    integrated_density: Finite | None = None
+    occluder_size_m: Finite | None = None
+    volume_base_m: Finite | None = None
+    volume_height_m: Finite | None = None
+    stems_per_hectare: Finite | None = None
+    crown_diameter_m: Finite | None = None
+    leaf_area_index: Finite | None = None
+    voxel_m: Finite | None = None
+    layers: list[LayerDocument] | None = None
+    correlogram: CorrelogramDocument | None = None
+    density_by_offset: list[list[Finite]] | None = None
+
+    # Of the statistics, not read.
+    schema_: Any = Field(default=None, alias="schema")
+    version: Any = None
+    kind: Any = None
+    mean_density: Any = None
+    canopy_top_m: Any = None
+    baseline_curve: Any = None
+    density_by_angle: Any = None
+    edges: Any = None
+    ground: Any = None
+    min_height_m: Any = None
+    points: Any = None
+    points_per_m2: Any = None
+    plot_m: Any = None
+    warnings: Any = None

@@ -1,0 +1,101 @@
+"""A table of slices (CSV) as a layered scene."""
+
+from __future__ import annotations
+
+import csv
+import os
+from functools import partial
+from typing import TYPE_CHECKING
+
+from aosplan import units as q
+from aosplan.errors import RequestError
+from aosplan.files import read_bytes
+from aosplan.scenes.scene import (
+    MOST_SLICES,
+    Layer,
+    LayeredScene,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_height = partial(q.at_least_zero, unit="m")
+_length = partial(q.positive, unit="m")
+
+COLUMNS: dict[str, Callable[[str, str], float]] = {
+    "bottom_m": _height,
+    "top_m": _length,
+    "density": q.share,
+    "occluder_size_m": _length,
+}
+"""Columns that the header has to name, in any order and among others, and how each is read."""
+
+
+def read_slices(path: str) -> LayeredScene:
+    """A layered scene from a CSV file with a header line, a slice a line.
+
+    Lengths are metres, the density is a share (``0.02`` or ``2%``).  Slices may come in any
+    order, without overlap.
+
+    Raises
+    ------
+    RequestError
+        Where the file is no such table; the message names the line and the column.
+    """
+    try:
+        text = read_bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    rows = csv.reader(text.splitlines(), strict=True)
+    try:
+        header = [name.strip().lower() for name in next(rows, [])]
+        places = _places(header, path)
+        layers = []
+        for row in rows:
+            if not any(cell.strip() for cell in row):
+                continue
+            if len(row) != len(header):
+                raise RequestError(
+                    f"'{path}' line {rows.line_num} has {len(row)} cells, and the header "
+                    f"{len(header)}",
+                    "columns are separated by commas, and decimals by points",
+                )
+            layers.append(
+                Layer(
+                    *(
+                        read(row[places[name]].strip(), f"'{path}' line {rows.line_num}, {name}")
+                        for name, read in COLUMNS.items()
+                    )
+                )
+            )
+            if len(layers) > MOST_SLICES:
+                raise RequestError(f"'{path}' has more than {MOST_SLICES} slices")
+    except csv.Error as error:
+        raise RequestError(f"'{path}' line {rows.line_num} is not valid CSV: {error}") from None
+    if not layers:
+        raise RequestError(f"'{path}' has a header and no slices")
+    return LayeredScene(name=os.path.basename(path), layers=tuple(sorted(layers)), source=path)
+
+
+def _places(header: list[str], path: str) -> dict[str, int]:
+    """Where each column stands."""
+    if not any(header):
+        raise RequestError(f"'{path}' has no header line", f"it reads {','.join(COLUMNS)}")
+    for mark, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise RequestError(
+                f"'{path}' separates its columns by {word}",
+                "save it with commas between columns and points in decimals",
+            )
+    for name in COLUMNS:
+        if header.count(name) != 1:
+            what = "two columns" if header.count(name) else "no column"
+            others = [other for other in header if other and other not in COLUMNS]
+            near = q.nearest_hint(name, others).removeprefix("did you mean ").rstrip("?")
+            raise RequestError(
+                f"'{path}' has {what} {name}",
+                f"its column '{near}' comes near: lengths are metres (_m), densities shares"
+                if near and not header.count(name)
+                else f"its header has to name {', '.join(COLUMNS)}",
+            )
+    return {name: header.index(name) for name in COLUMNS}

@@ -1,0 +1,170 @@
+"""A stand in one compressed file (``.npz``), so that it plans again without its cloud.
+
+The file is a zip archive of plain arrays: ``occupied``, eight voxels to an octet along x, the
+numbers and texts of a `VoxelVolume` beside it, and what was estimated from them: the layers, and
+the correlogram where one was measured.  It is read without pickle, and written with fixed dates,
+so that the same stand gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import tokenize
+import zipfile
+import zlib
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.files import read_bytes
+from aosplan.scenes.files.correlogram_table import (
+    correlogram_from,
+    correlogram_table,
+)
+from aosplan.scenes.scene import (
+    Layer,
+    LayeredScene,
+)
+from aosplan.scenes.voxels import (
+    MAX_VOXELS,
+    VoxelVolume,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.correlogram import Correlogram
+
+VERSION = 1
+MOST_OCTETS = MAX_VOXELS // 4
+"""Size that a file, or an array in it, may have: eight voxels to an octet, and half as much again."""
+
+DAMAGE = (
+    ArithmeticError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+)
+"""What readers of archives and arrays raise when the file is something else."""
+
+
+class Stand(NamedTuple):
+    """A volume, its layers, and its correlogram where one was measured."""
+
+    volume: VoxelVolume
+    layers: tuple[Layer, ...]
+    correlogram: Correlogram | None = None
+
+    @classmethod
+    def of(cls, volume: VoxelVolume) -> Stand:
+        """A volume with its layers, which are estimated."""
+        from aosplan.scenes.occluder_statistics import layered_scene
+
+        return cls(volume, layered_scene(volume, "stand").layers)
+
+    def scene(self, name: str) -> LayeredScene:
+        """The layers as a scene."""
+        return LayeredScene(
+            name=name,
+            layers=self.layers,
+            measured_density=self.volume.column_occupancy,
+            voxel_m=self.volume.voxel_m,
+            source=self.volume.source,
+            assumed=self.volume.assumed,
+        )
+
+
+def stand_npz(stand: Stand) -> bytes:
+    """A stand as the bytes of an ``.npz`` file."""
+    volume = stand.volume
+    about = {
+        "version": VERSION,
+        "voxel_m": volume.voxel_m,
+        "x_min_m": volume.x_min_m,
+        "y_min_m": volume.y_min_m,
+        "min_height_m": volume.min_height_m,
+        "points": volume.points,
+        "ground": volume.ground,
+        "warnings": [list(warning) for warning in volume.warnings],
+        "source": volume.source,
+        "assumed": volume.assumed,
+        "shape": list(volume.occupied.shape),
+        "layers": stand.layers,
+    }
+    if stand.correlogram is not None:
+        about["correlogram"] = correlogram_table(stand.correlogram)
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        _add(archive, "about", np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
+        _add(archive, "occupied", np.packbits(volume.occupied, axis=2))
+    return buffer.getvalue()
+
+
+def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    entry = zipfile.ZipInfo(f"{name}.npy", (1980, 1, 1, 0, 0, 0))
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    with archive.open(entry, "w", force_zip64=True) as member:
+        np.lib.format.write_array(member, array, allow_pickle=False)
+
+
+def read_stand(path: str) -> Stand:
+    """A stand from a file that `stand_npz` made.
+
+    Raises
+    ------
+    RequestError
+        Where the file is something else, is damaged, or would not fit in memory.
+    """
+    content = io.BytesIO(read_bytes(path, most=MOST_OCTETS))
+    try:
+        with zipfile.ZipFile(content) as archive:
+            largest = max((entry.file_size for entry in archive.infolist()), default=0)
+        if largest <= MOST_OCTETS:
+            with np.load(content, allow_pickle=False) as arrays:
+                about = json.loads(arrays["about"].tobytes())
+                return _stand(about, arrays["occupied"], path)
+    except DAMAGE as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
+    raise RequestError(f"'{path}' holds more than {MAX_VOXELS} voxels")
+
+
+def _stand(about: dict[str, Any], packed: NDArray[np.uint8], path: str) -> Stand:
+    volume = _volume(about, packed)
+    if "layers" not in about:  # an early version kept the voxels alone
+        return Stand.of(volume)
+    layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
+    table = about.get("correlogram")
+    return Stand(volume, layers, None if table is None else correlogram_from(table, path))
+
+
+def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
+    if about["version"] != VERSION:
+        raise ValueError(f"its version is {about['version']}, not {VERSION}")
+    slices, rows, columns = about["shape"]
+    if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
+        raise ValueError("its voxels are not of the shape that it says")
+    return VoxelVolume(
+        np.unpackbits(packed, axis=2, count=columns).view(np.bool_),
+        voxel_m=float(about["voxel_m"]),
+        x_min_m=float(about["x_min_m"]),
+        y_min_m=float(about["y_min_m"]),
+        min_height_m=float(about["min_height_m"]),
+        points=int(about["points"]),
+        ground=str(about["ground"]),
+        warnings=tuple((str(code), str(message)) for code, message in about["warnings"]),
+        source=str(about["source"]),
+        assumed=str(about.get("assumed", "")),
+    )

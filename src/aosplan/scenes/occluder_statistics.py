@@ -1,0 +1,151 @@
+"""From voxels to the numbers of the models: density and occluder size, slice by slice.
+
+What a slice shows from above is a random mask: a voxel is occupied or not.  Its density D is the
+occupied share.  Its occluder size o is the integral range: a slice of cubes of edge o placed at
+random has the correlation (1 - |x|/o)+ (1 - |y|/o)+, which integrates over the plane to o², so
+the root of that integral is o, whatever the shape of the clumps.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.scenes.scene import (
+    Layer,
+    LayeredScene,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.voxels import VoxelVolume
+
+
+ANGLES_DEG = (10.0, 20.0, 30.0, 40.0)
+VIEWS_AN_ANGLE = 8
+FINE_CELLS = 1_000_000
+"""Cells of a plot up to which each has 4 x 4 targets; on a larger one, one a cell is enough."""
+
+
+def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
+    """Describe a volume by a layer for each slice that holds anything.
+
+    Parameters
+    ----------
+    volume
+        Of at least one cell of ground.
+    name
+        How the output calls the scene.
+
+    Returns
+    -------
+    LayeredScene
+        Its density is the column occupancy, since the slices of a stand are not independent.
+        Bare ground has one layer, of density 0.
+    """
+    voxel = volume.voxel_m
+    layers = [
+        Layer(
+            # The cut may lie within the lowest slice.
+            max(k * voxel, volume.min_height_m),
+            (k + 1) * voxel,
+            float(density),
+            integral_range(volume.occupied[k]) * voxel,
+        )
+        for k, density in enumerate(volume.slice_densities)
+        if density > 0.0
+    ]
+    if not layers:
+        base = volume.min_height_m
+        layers = [Layer(base, base + voxel, 0.0, voxel)]
+    return LayeredScene(
+        name=name,
+        layers=tuple(layers),
+        measured_density=volume.column_occupancy,
+        voxel_m=voxel,
+        source=volume.source,
+    )
+
+
+def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
+    """Density of views off nadir: pairs of an angle [deg] and p, the mean over directions.
+
+    A few views only; the correlogram (`aosplan.scenes.correlogram`) has many.
+    """
+    from aosplan.scenes.occlusion import (
+        Occlusion,
+        popcount,
+    )
+
+    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
+    per_voxel = 4 if volume.occupied[:1].size <= FINE_CELLS else 1
+    occlusion = Occlusion(volume, altitude_m, targets_per_voxel=per_voxel)
+    turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
+    unit = np.column_stack([np.sin(turns), np.cos(turns)])
+    pairs = [[0.0, volume.column_occupancy]]
+    for angle in ANGLES_DEG:
+        hidden = popcount(occlusion.masks(altitude_m * np.tan(np.radians(angle)) * unit))
+        pairs.append([angle, float(hidden.mean()) / occlusion.targets])
+    return pairs
+
+
+def integral_range(mask: NDArray[np.bool_]) -> float:
+    """Integral range of a mask that wraps around at its edges, in cells.
+
+    The correlation is averaged over rings of lags one cell wide and summed from lag 0 up to
+    the first ring where it is not positive, half the shorter side at most: beyond lies noise,
+    and over all lags the sum is 0 by construction.  Independent cells give 1, blocks of k x k
+    cells k, both a few per cent too large.
+
+    Parameters
+    ----------
+    mask
+        Shape (rows, columns), at least one cell set.
+
+    Returns
+    -------
+    float
+        1 or little less at the least; a full mask is one occluder as large as its shorter side.
+    """
+    density = np.count_nonzero(mask) / mask.size
+    if density == 1.0:
+        return float(min(mask.shape))
+    from scipy import fft  # for the many slices of a stand twice as fast as numpy's
+
+    area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
+    return float(np.sqrt(area))
+
+
+def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[float, int]:
+    """Integral of the correlation of a wrapped field of mean 0, in cells, and the lags in it.
+
+    As far as in `integral_range`, whose square it is for a mask.
+
+    Parameters
+    ----------
+    field
+        Shape (rows, columns), not 0 everywhere.
+    fft
+        Module of the transforms: ``numpy.fft``, or ``scipy.fft``, whose import takes longer than
+        a plan.
+    """
+    rows, columns = field.shape
+    spectrum = fft.rfft2(field)
+    power = spectrum.real**2 + spectrum.imag**2
+    covariance = fft.irfft2(power, s=field.shape)
+    ring = _rings(rows, columns)
+    totals = np.bincount(ring, covariance.ravel() / covariance[0, 0])
+    totals = totals[: min(rows, columns) // 2 + 1]
+    ends = np.flatnonzero(totals <= 0.0)
+    end = int(ends[0]) if ends.size else len(totals)
+    return float(totals[:end].sum()), int(np.count_nonzero(ring < end))
+
+
+@lru_cache(maxsize=1)
+def _rings(rows: int, columns: int) -> NDArray[np.intp]:
+    """Ring, the rounded length, of every lag of a wrapped mask, shape (rows * columns,)."""
+    y, x = (np.minimum(np.arange(n), n - np.arange(n)) for n in (rows, columns))
+    return np.rint(np.hypot(y[:, np.newaxis], x)).astype(np.intp).ravel()

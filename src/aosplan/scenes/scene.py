@@ -1,0 +1,320 @@
+"""Scenes: what stands between the camera and the ground.
+
+A scene is either one volume of occluders of one kind (`UniformScene`, the paper's model) or
+a stack of slices, each with its own height, density and occluder size (`LayeredScene`, a
+forest as LiDAR sees it).  Heights count from the ground; `above` cuts a scene at a raised
+focal plane.  Both answer the same few questions: the integrated density, the canopy top and
+the slabs of occluders that the coverage rule (`aosplan.camera.disparity`) works on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.models.equations import integrated_density, transparency
+
+SMALLEST_M, LARGEST_M = 1e-9, 1e9
+"""No length of a scene is outside, so that products of several stay numbers."""
+
+MOST_SLICES = 100_000
+"""Slices that a uniform volume may be cut into."""
+
+
+class Layer(NamedTuple):
+    """One slice of a layered scene.
+
+    `density` is the share of the slice's plan area that blocks a vertical ray.
+    """
+
+    bottom_m: float
+    top_m: float
+    density: float
+    occluder_size_m: float
+
+    @property
+    def height_m(self) -> float:
+        """Height at which the models place the slice: its middle."""
+        return 0.5 * (self.bottom_m + self.top_m)
+
+
+class Slab(NamedTuple):
+    """Occluders of one size, spread evenly between two heights, which may be the same.
+
+    `weight` is their share among all slabs, up to a common factor.
+    """
+
+    bottom_m: float
+    top_m: float
+    occluder_size_m: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class UniformScene:
+    """One volume of cubic occluders of one size (Kurmi et al. 2019, section II).
+
+    Parameters
+    ----------
+    name
+        How the output calls the scene.
+    density
+        D, share of each slice that occluders fill, 0 to 1; or None where
+        `given_integrated_density` is given.
+    occluder_size_m
+        o, edge length of an occluder.
+    volume_base_m, volume_height_m
+        Lower end of the volume above ground, and its thickness l.
+    given_integrated_density
+        p, share of the ground that one photo does not see, instead of D.
+
+    Raises
+    ------
+    RequestError
+        Where a number is outside its domain, or not exactly one density is given.
+    """
+
+    name: str
+    density: float | None
+    occluder_size_m: float
+    volume_base_m: float
+    volume_height_m: float
+    given_integrated_density: float | None = None
+    title: str = ""
+    source: str = ""
+    assumed: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"scene '{self.name}'"
+        if (self.density is None) == (self.given_integrated_density is None):
+            raise RequestError(f"{where} needs exactly one of density and integrated_density")
+        if self.density is not None:
+            _check_share(self.density, "density", where)
+        if self.given_integrated_density is not None:
+            _check_share(self.given_integrated_density, "integrated_density", where)
+        _check_positive(self.occluder_size_m, "occluder_size_m", where)
+        _check_positive(self.volume_height_m, "volume_height_m", where)
+        _check_at_least_zero(self.volume_base_m, "volume_base_m", where)
+
+    kind = "uniform"
+
+    @property
+    def canopy_top_m(self) -> float:
+        """Upper end of the volume above ground."""
+        return self.volume_base_m + self.volume_height_m
+
+    @property
+    def integrated_density(self) -> float:
+        """Share p of the ground that a single nadir photo does not see (Eq. 1)."""
+        if self.given_integrated_density is not None:
+            return self.given_integrated_density
+        assert self.density is not None
+        return float(integrated_density(self.density, self.volume_height_m, self.occluder_size_m))
+
+    @property
+    def transparency(self) -> float:
+        """Share T = 1 - p that it does see, with the digits that p has lost."""
+        if self.given_integrated_density is not None:
+            return 1.0 - self.given_integrated_density
+        assert self.density is not None
+        return float(transparency(self.density, self.volume_height_m, self.occluder_size_m))
+
+    def slabs(self) -> tuple[Slab, ...]:
+        """The volume as one slab."""
+        return (Slab(self.volume_base_m, self.canopy_top_m, self.occluder_size_m, 1.0),)
+
+    def slices(self) -> tuple[Layer, ...]:
+        """The volume cut into slices one occluder thick (Eq. 1 read backwards).
+
+        Their number is l/o rounded up; their common density keeps the transparency exact.
+        """
+        count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
+        if count > MOST_SLICES:
+            raise RequestError(
+                f"scene '{self.name}' has {count} slices of its occluders' size, more than "
+                f"{MOST_SLICES}",
+                "larger occluders, or the uniform model, which needs no slices",
+            )
+        thickness = self.volume_height_m / count
+        density = (
+            1.0 if self.transparency == 0.0 else -math.expm1(math.log(self.transparency) / count)
+        )
+        bounds = [self.volume_base_m + i * thickness for i in range(count + 1)]
+        return tuple(
+            Layer(low, high, density, self.occluder_size_m) for low, high in pairwise(bounds)
+        )
+
+    def above(self, height_m: float) -> UniformScene | None:
+        """What of the scene stands above a height, heights counted from there; None if nothing."""
+        if height_m == 0.0:
+            return self
+        if height_m >= self.canopy_top_m:
+            return None
+        base = max(self.volume_base_m, height_m)
+        thickness = self.canopy_top_m - base
+        given = self.given_integrated_density
+        if given is not None and given < 1.0:
+            given = -math.expm1(math.log1p(-given) * thickness / self.volume_height_m)
+        return replace(
+            self,
+            volume_base_m=base - height_m,
+            volume_height_m=thickness,
+            given_integrated_density=given,
+        )
+
+
+@dataclass(frozen=True)
+class LayeredScene:
+    """A stack of slices, each with its own density and occluder size.
+
+    Parameters
+    ----------
+    layers
+        The slices, bottom first, without overlap.
+    measured_density
+        p as measured (a point cloud's column occupancy), where slices are not independent;
+        None where it follows from the slices.
+    voxel_m
+        Voxel size of the point cloud behind the layers: the occluder size of the coverage
+        rule.  None where each layer's own size serves.
+    """
+
+    name: str
+    layers: tuple[Layer, ...]
+    measured_density: float | None = None
+    voxel_m: float | None = None
+    title: str = ""
+    source: str = ""
+    assumed: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"scene '{self.name}'"
+        if not self.layers:
+            raise RequestError(f"{where} has no layers")
+        previous_top = 0.0
+        for index, layer in enumerate(self.layers):
+            place = f"{where}, layer {index}"
+            _check_at_least_zero(layer.bottom_m, "bottom_m", place)
+            _check_positive(layer.top_m, "top_m", place)
+            _check_share(layer.density, "density", place)
+            _check_positive(layer.occluder_size_m, "occluder_size_m", place)
+            if layer.top_m <= layer.bottom_m:
+                raise RequestError(
+                    f"{place}: top_m {layer.top_m:g} is not above bottom_m {layer.bottom_m:g}"
+                )
+            if layer.bottom_m < previous_top - 1e-9 * previous_top:
+                raise RequestError(
+                    f"{place}: bottom_m {layer.bottom_m:g} is below the top of the layer before "
+                    f"it, {previous_top:g}",
+                    "list the layers from the ground up, without overlap",
+                )
+            previous_top = layer.top_m
+        if self.measured_density is not None:
+            _check_share(self.measured_density, "integrated_density", where)
+            if self.measured_density > 0.0 and not any(layer.density for layer in self.layers):
+                raise RequestError(
+                    f"{where}: integrated_density {self.measured_density:g}, but every layer is empty"
+                )
+        if self.voxel_m is not None:
+            _check_positive(self.voxel_m, "voxel_m", where)
+
+    kind = "layered"
+
+    @property
+    def canopy_top_m(self) -> float:
+        """Top of the highest layer that holds anything, above ground; 0 for bare ground."""
+        return max((layer.top_m for layer in self.layers if layer.density > 0.0), default=0.0)
+
+    @property
+    def log_transparency(self) -> float:
+        """Logarithm of the transparency that independent slices give (-inf where one is solid)."""
+        if any(layer.density >= 1.0 for layer in self.layers):
+            return -math.inf
+        return math.fsum(math.log1p(-layer.density) for layer in self.layers)
+
+    @property
+    def integrated_density(self) -> float:
+        """Share p of the ground that a single nadir photo does not see."""
+        if self.measured_density is not None:
+            return self.measured_density
+        return 0.0 - math.expm1(self.log_transparency)
+
+    @property
+    def transparency(self) -> float:
+        """Share T = 1 - p that it does see."""
+        if self.measured_density is not None:
+            return 1.0 - self.measured_density
+        return math.exp(self.log_transparency)
+
+    def slabs(self) -> tuple[Slab, ...]:
+        """The layers at their middle heights, weighted by density times thickness."""
+        return tuple(
+            Slab(
+                layer.height_m,
+                layer.height_m,
+                layer.occluder_size_m if self.voxel_m is None else self.voxel_m,
+                layer.density * (layer.top_m - layer.bottom_m),
+            )
+            for layer in self.layers
+            if layer.density > 0.0
+        )
+
+    def slices(self) -> tuple[Layer, ...]:
+        """The layers that hold anything."""
+        return tuple(layer for layer in self.layers if layer.density > 0.0)
+
+    def above(self, height_m: float) -> LayeredScene | None:
+        """What of the scene stands above a height, heights counted from there; None if nothing.
+
+        A layer that the height cuts keeps its density for the part above, by Beer-Lambert.
+        """
+        if height_m == 0.0:
+            return self
+        kept = tuple(_cut(layer, height_m) for layer in self.layers if layer.top_m > height_m)
+        if not kept:
+            return None
+        return replace(self, layers=kept).with_density_of(self)
+
+    def with_density_of(self, other: LayeredScene) -> LayeredScene:
+        """These layers, with what was measured of other ones of the same stand.
+
+        A measured density is scaled in the proportion of the logarithms of what independent
+        slices would let through.
+        """
+        measured, whole = other.measured_density, other.log_transparency
+        if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):
+            measured = -math.expm1(math.log1p(-measured) * (self.log_transparency / whole))
+        return replace(self, measured_density=measured)
+
+
+Scene = UniformScene | LayeredScene
+
+
+def _cut(layer: Layer, height_m: float) -> Layer:
+    bottom = max(layer.bottom_m, height_m)
+    density = layer.density
+    if bottom > layer.bottom_m and density < 1.0:
+        share = (layer.top_m - bottom) / (layer.top_m - layer.bottom_m)
+        density = -math.expm1(math.log1p(-density) * share)
+    return Layer(bottom - height_m, layer.top_m - height_m, density, layer.occluder_size_m)
+
+
+def _check_share(value: float, name: str, where: str) -> None:
+    if not 0.0 <= value <= 1.0:
+        hint = f"{value:g} % is {value / 100:g}" if 1.0 < value <= 100.0 else ""
+        raise RequestError(f"{where}: {name} {value:g} is not between 0 and 1", hint)
+
+
+def _check_positive(value: float, name: str, where: str) -> None:
+    if not SMALLEST_M <= value <= LARGEST_M:
+        raise RequestError(
+            f"{where}: {name} {value:g} is not a number between {SMALLEST_M:g} and {LARGEST_M:g}"
+        )
+
+
+def _check_at_least_zero(value: float, name: str, where: str) -> None:
+    if not 0.0 <= value <= LARGEST_M:
+        raise RequestError(f"{where}: {name} {value:g} is not between 0 and {LARGEST_M:g}")

@@ -1,0 +1,150 @@
+"""Scene statistics as plain values, and scenes saved as files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aosplan import __version__
+from aosplan.camera.disparity import baseline_curve
+from aosplan.planning.document import SCHEMA
+from aosplan.scenes.scene import (
+    Slab,
+    UniformScene,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aosplan.planning.inputs import Message
+    from aosplan.scenes.correlogram import Correlogram
+    from aosplan.scenes.scene import Scene
+    from aosplan.scenes.voxels import VoxelVolume
+
+
+def statistics_document(
+    scene: Scene,
+    warnings: Sequence[Message] = (),
+    volume: VoxelVolume | None = None,
+    correlogram: Correlogram | None = None,
+) -> dict[str, Any]:
+    """Occluder statistics of a scene: what ``scene --json`` prints.
+
+    Parameters
+    ----------
+    scene
+        Uniform or layered; a uniform one is listed in slices one occluder thick.
+    warnings
+        What its reading had to say.
+    volume
+        The voxels behind it, where there are any.
+    correlogram
+        Its correlogram, where there is one.
+    """
+    layers = scene.slices()
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "name": scene.name,
+        "title": scene.title,
+        "kind": scene.kind,
+        "source": scene.source,
+        "assumed": scene.assumed,
+        "layers": [layer._asdict() for layer in layers],
+        "integrated_density": scene.integrated_density,
+        "mean_density": _mean_density(scene),
+        "canopy_top_m": scene.canopy_top_m,
+        "baseline_curve": [list(knot) for knot in baseline_curve(_fine_slabs(scene))],
+        "warnings": [warning._asdict() for warning in warnings],
+    }
+    if volume is not None:
+        document |= {
+            "voxel_m": volume.voxel_m,
+            "min_height_m": volume.min_height_m,
+            "ground": volume.ground,
+            "points": volume.points,
+            "points_per_m2": volume.points_per_m2,
+            "plot_m": list(volume.size_m),
+            "edges": "wrapped",
+        }
+    if correlogram is not None:
+        from aosplan.scenes.files.correlogram_table import (
+            correlogram_table,
+            density_by_angle,
+        )
+
+        table = correlogram_table(correlogram)
+        document["density_by_angle"] = density_by_angle(correlogram)
+        document["density_by_offset"] = table.pop("density_by_offset")
+        del table["density"]  # the scene's own
+        document["correlogram"] = table
+    return document
+
+
+def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
+    """The slabs of the coverage rule, a uniform volume cut as finely as its layers."""
+    if not isinstance(scene, UniformScene):
+        return scene.slabs()
+    return tuple(
+        Slab(layer.bottom_m, layer.top_m, layer.occluder_size_m, 1.0) for layer in scene.slices()
+    )
+
+
+def _mean_density(scene: Scene) -> float:
+    """Density of a slice, averaged over height from the lowest occluder to the highest."""
+    layers = scene.slices()
+    if not layers:
+        return 0.0
+    filled = sum(layer.density * (layer.top_m - layer.bottom_m) for layer in layers)
+    return filled / (layers[-1].top_m - layers[0].bottom_m)
+
+
+def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
+    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it.
+
+    Parameters
+    ----------
+    scene
+        Uniform or layered.
+    correlogram
+        Its correlogram, where there is one: the measured model then predicts by it.
+    """
+    import tomli_w
+
+    table: dict[str, Any] = {"name": scene.name}
+    for word in ("title", "source", "assumed"):
+        if getattr(scene, word):
+            table[word] = getattr(scene, word)
+    if isinstance(scene, UniformScene):
+        density = scene.density
+        table |= (
+            {"density": density}
+            if density is not None
+            else {"integrated_density": scene.integrated_density}
+        )
+        table |= {
+            "occluder_size_m": scene.occluder_size_m,
+            "volume_base_m": scene.volume_base_m,
+            "volume_height_m": scene.volume_height_m,
+        }
+        return tomli_w.dumps(table).encode()
+    if scene.measured_density is not None:
+        table["integrated_density"] = scene.measured_density
+    if scene.voxel_m is not None:
+        table["voxel_m"] = scene.voxel_m
+    head = tomli_w.dumps(table)
+    layers = tomli_w.dumps({"layers": [layer._asdict() for layer in scene.layers]})
+    if correlogram is None:
+        return f"{head}\n{layers}".encode()
+    from aosplan.scenes.files.correlogram_table import correlogram_table
+
+    tables = correlogram_table(correlogram)
+
+    def rows(name: str) -> str:
+        return f"{name} = [\n" + "".join(f"    {row},\n" for row in tables[name]) + "]\n"
+
+    return (
+        f"{head}\n# A line for each direction, an entry for each lag: the camera's offset over its "
+        f"altitude.\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
+        f"directions_deg = {tables['directions_deg']}\nlags = {tables['lags']}\n"
+        f"reach = {tables['reach']}\n{rows('rho')}"
+    ).encode()

@@ -1,0 +1,270 @@
+"""Voxels: a stand as a grid of cells that block light or do not.
+
+Whatever knows a stand cell by cell, a point cloud (`aosplan.scenes.files.point_cloud`) or a generator, hands it
+on as a `VoxelVolume`; the measured model, the simulator and the statistics of
+`aosplan.scenes.occluder_statistics` start from it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+MAX_VOXELS = 2_000_000_000
+# The ground takes the room of a few dozen slices.
+MAX_COLUMNS = MAX_VOXELS // 100
+# A point on the face between two voxels belongs to the upper one; rounding must not decide.
+FACE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelVolume:
+    """Which voxels above a plot hold something.
+
+    The plot wraps: beyond each edge stands what stands inside the opposite one, so that every
+    target has a canopy whatever the ray; a plot is to be wider than twice what the widest ray
+    crosses of it.
+
+    Parameters
+    ----------
+    occupied
+        Shape (slices, rows, columns): slice k reaches from ``k * voxel_m`` to
+        ``(k + 1) * voxel_m`` above the ground, rows run along y (north), columns along x
+        (east).  It may have no slices: bare ground.
+    voxel_m
+        Edge length of a voxel.
+    x_min_m, y_min_m
+        Outer corner of the voxels in row 0 and column 0, in the coordinates of the source.
+    min_height_m
+        Height below which nothing was counted.
+    points
+        Points of the cloud that were used; 0 where the volume does not come from one.
+    ground
+        How the ground was found: ``class``, ``filter``, ``normalized`` or ``raster``.
+    warnings
+        Pairs of a code and a sentence: what a reader of the results should know.
+    source
+        Where the volume comes from, for messages.
+    assumed
+        What was assumed to get it, where it was not measured.
+
+    Raises
+    ------
+    RequestError
+        Where the array is not a boolean volume over at least one cell of ground, or a length
+        is outside its domain.
+    """
+
+    occupied: NDArray[np.bool_]
+    voxel_m: float
+    x_min_m: float = 0.0
+    y_min_m: float = 0.0
+    min_height_m: float = 0.0
+    points: int = 0
+    ground: str = "normalized"
+    warnings: tuple[tuple[str, str], ...] = ()
+    source: str = ""
+    assumed: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"voxel volume '{self.source}'" if self.source else "voxel volume"
+        shape = self.occupied.shape
+        if self.occupied.dtype != np.bool_ or len(shape) != 3 or 0 in shape[1:]:
+            raise RequestError(
+                f"{where}: occupied is {self.occupied.dtype} of shape {shape}, not bool of shape "
+                "(slices, rows, columns) with at least one row and column"
+            )
+        if not (np.isfinite(self.voxel_m) and self.voxel_m > 0.0):
+            raise RequestError(f"{where}: voxel_m {self.voxel_m:g} is not a positive number")
+        if not (np.isfinite(self.min_height_m) and self.min_height_m >= 0.0):
+            raise RequestError(f"{where}: min_height_m {self.min_height_m:g} is not zero or above")
+
+    @property
+    def size_m(self) -> tuple[float, float]:
+        """Extent of the plot along x and y: whole voxels."""
+        _, rows, columns = self.occupied.shape
+        return columns * self.voxel_m, rows * self.voxel_m
+
+    @property
+    def plot_area_m2(self) -> float:
+        """Area of the plot."""
+        width_m, depth_m = self.size_m
+        return width_m * depth_m
+
+    @property
+    def points_per_m2(self) -> float:
+        """Points used, per square metre of the plot."""
+        return self.points / self.plot_area_m2
+
+    @cached_property
+    def slice_densities(self) -> NDArray[np.float64]:
+        """Occupied share of each slice, shape (slices,), ground up."""
+        _, rows, columns = self.occupied.shape
+        counts = [np.count_nonzero(plane) for plane in self.occupied]
+        return np.array(counts, dtype=np.float64) / float(rows * columns)
+
+    @property
+    def canopy_top_m(self) -> float:
+        """Upper face of the highest occupied voxel above the ground; 0 for bare ground."""
+        filled = np.flatnonzero(self.slice_densities)
+        return float(filled[-1] + 1) * self.voxel_m if filled.size else 0.0
+
+    @cached_property
+    def column_occupancy(self) -> float:
+        """Share p of the plot's cells with an occupied voxel above them, 0 to 1.
+
+        It is what a single photo from straight above every cell does not see.
+        """
+        return float(self.occupied.any(axis=0).mean())
+
+
+def fill(
+    blocks: Iterable[NDArray[np.float64]],
+    ground: NDArray[np.float32],
+    cut: float,
+    voxel_m: float,
+    where: str,
+    touched: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
+    """Sort points into voxels above a ground; every length but `voxel_m` counts in voxels.
+
+    Parameters
+    ----------
+    blocks
+        Arrays of shape (3, n): x and y from the plot's outer corner, z from any datum.
+    ground
+        z of the ground at the corners of the columns, shape (rows + 1, columns + 1); bilinear
+        between them.
+    cut
+        Height above the ground below which points are dropped.
+    voxel_m
+        Edge length of a voxel.
+    where
+        What is filled, for messages.
+    touched
+        Shape (rows * columns,): set where a column holds a point, whatever its height.
+
+    Returns
+    -------
+    ndarray
+        Shape (slices, rows, columns), up to the highest occupied slice.
+
+    Raises
+    ------
+    RequestError
+        Where that takes more than two thousand million voxels.
+    """
+    rows, columns = ground.shape[0] - 1, ground.shape[1] - 1
+    cells = rows * columns
+    base = ground[:-1, :-1].ravel()
+    east = (ground[:-1, 1:] - ground[:-1, :-1]).ravel()
+    north = (ground[1:, :-1] - ground[:-1, :-1]).ravel()
+    twist = (ground[1:, 1:] - ground[1:, :-1]).ravel() - east
+    occupied = np.zeros(0, dtype=np.bool_)
+    slices = 0
+    for block in blocks:
+        x, y, z = block + FACE
+        # All in place and of one type: a block stays in the processor's cache, and numpy needs no
+        # room to convert it in.
+        column, row = np.floor(x), np.floor(y)
+        x -= column
+        y -= row
+        row *= columns
+        row += column
+        cell = row.astype(np.intp)
+        if touched is not None:
+            touched[cell] = True
+        # Base + x east + y (north + x twist).
+        rise = twist.take(cell).astype(np.float64)
+        rise *= x
+        rise += north.take(cell).astype(np.float64)
+        rise *= y
+        x *= east.take(cell).astype(np.float64)
+        rise += x
+        rise += base.take(cell).astype(np.float64)
+        z -= rise
+        kept = np.flatnonzero(z >= cut)
+        level = z.take(kept).astype(np.intp)
+        if level.size == 0:
+            continue
+        slices = max(slices, int(level.max()) + 1)
+        if slices * cells > MAX_VOXELS:
+            continue  # The error below wants to know how high the stand is.
+        if slices * cells > occupied.size:
+            # In place, so that growing neither copies nor touches more than it has to.
+            occupied.resize(slices * cells, refcheck=False)
+        level *= cells
+        level += cell.take(kept)
+        occupied[level] = True
+    if slices * cells > MAX_VOXELS:
+        raise too_many_voxels((columns * voxel_m, rows * voxel_m, slices * voxel_m), voxel_m, where)
+    return occupied.reshape(slices, rows, columns)
+
+
+def footprint(touched: NDArray[np.bool_], reach: int) -> float:
+    """Share of a plot that its points cover, 0 to 1.
+
+    The plot is cut into squares of columns.  One with a point in it counts, and so does one that
+    those enclose, a pond, say; along the rim a square counts by how full it is beside those
+    within.
+
+    Parameters
+    ----------
+    touched
+        Shape (rows, columns): which columns hold a point.
+    reach
+        Columns along the side of a square, from 1: wide enough for every square within the
+        footprint to hold a point.
+    """
+    rows, columns = touched.shape
+    down, across = np.arange(0, rows, reach), np.arange(0, columns, reach)
+    size = np.outer(np.diff(down, append=rows), np.diff(across, append=columns))
+    counts = np.add.reduceat(touched.astype(np.int32), down, axis=0)
+    full = np.add.reduceat(counts, across, axis=1) / size
+    covered: NDArray[np.bool_] = full > 0.0
+    if covered.all():
+        return 1.0
+    from scipy.ndimage import binary_erosion, binary_fill_holes
+
+    covered = np.asarray(binary_fill_holes(covered))
+    within = np.asarray(binary_erosion(covered, border_value=1))
+    usual = float(full[within].mean()) if within.any() else 1.0
+    shares = np.where(within, 1.0, np.minimum(full / usual, 1.0))
+    return float((shares * covered * size).sum() / size.sum())
+
+
+def cells_along(length_m: float, voxel_m: float) -> int:
+    """Return how many voxels points spread over a length take, both ends included."""
+    return math.floor(length_m / voxel_m + FACE) + 1
+
+
+def fits(size_m: Sequence[float], voxel_m: float) -> bool:
+    """Whether a volume of a size (x, y, z) stays within the bounds."""
+    columns, rows, slices = (float(length_m) / voxel_m + 1.0 for length_m in size_m)
+    return columns * rows <= MAX_COLUMNS and columns * rows * slices <= MAX_VOXELS
+
+
+def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> RequestError:
+    """Return an error for a volume of a size (x, y, z), with a voxel size that would do."""
+    enough_m = max(voxel_m, 1e-6)
+    while not fits(size_m, enough_m):
+        enough_m *= 1.1
+    # Two digits are enough, rounded up.
+    digit_m = 10.0 ** (math.floor(math.log10(enough_m)) - 1)
+    width_m, depth_m, height_m = size_m
+    return RequestError(
+        f"{where} takes too many voxels of {voxel_m:g} m for its {width_m:.4g} x {depth_m:.4g} x "
+        f"{height_m:.4g} m",
+        f"voxels of {math.ceil(enough_m / digit_m) * digit_m:.2g} m are few enough",
+    )

@@ -1,0 +1,162 @@
+"""From a drawing to the bytes of a file: the same for the same numbers, and with its words in it."""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from hashlib import sha256
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import MissingExtraError, RequestError
+from aosplan.show.figures.style import (
+    LIGHT,
+    Theme,
+    printable,
+    rules,
+)
+from aosplan.xml_text import escaped
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.draw import (
+        Kind,
+        Shown,
+    )
+
+EXTRA = "figures"
+
+FORMATS = (".png", ".svg", ".pdf")
+
+WIDTHS_MM = (140.0, 1000.0)
+"""In less than that there is no room beside the words; a figure can be placed smaller than it is."""
+
+DPIS = (50.0, 1200.0)
+MOST_PIXELS = 100_000_000
+
+INCH_MM = 25.4
+
+
+class Look(NamedTuple):
+    """How a figure is drawn: its colours, its width, and for PNG its pixels an inch."""
+
+    theme: Theme = LIGHT
+    width_mm: float = 170.0
+    dpi: float = 150.0
+
+    def check(self) -> None:
+        """Refuse sizes that nobody can print or hold.
+
+        Raises
+        ------
+        RequestError
+            Where the width or the resolution is outside its bounds, or both make too many pixels.
+        """
+        for name, value, (least, most) in (
+            ("--width-mm", self.width_mm, WIDTHS_MM),
+            ("--dpi", self.dpi, DPIS),
+        ):
+            if not least <= value <= most:
+                raise RequestError(f"{name} {value:g} is not from {least:g} to {most:g}")
+        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # the highest figure is a square
+        if pixels > MOST_PIXELS:
+            raise RequestError(
+                f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} is a picture of more than "
+                f"{MOST_PIXELS // 10**6} million pixels",
+                "give less of one of them, or write .svg or .pdf",
+            )
+
+
+def form_of(path: str) -> str:
+    """The format of a path by its ending, without the dot.
+
+    Raises
+    ------
+    RequestError
+        Where it ends in none of `FORMATS`.
+    """
+    ending = os.path.splitext(path)[1].lower()
+    if ending not in FORMATS:
+        raise RequestError(f"figure '{path}' ends in none of {', '.join(FORMATS)}")
+    return ending[1:]
+
+
+def check_extra() -> None:
+    """Refuse to begin what cannot be drawn.
+
+    Raises
+    ------
+    MissingExtraError
+        Where matplotlib is not installed.
+    """
+    from importlib.util import find_spec
+
+    if find_spec("matplotlib") is None:
+        raise MissingExtraError("drawing figures", EXTRA)
+
+
+def drawn(kind: Kind, shown: Shown, look: Look) -> Figure:
+    """The figure itself, for who wants to look into it; `rendered` makes a file of it."""
+    from matplotlib.figure import Figure
+
+    width = look.width_mm / INCH_MM
+    figure = Figure(figsize=(width, width * kind.height), layout="constrained")
+    kind.draw(figure, shown, look.theme)
+    return figure
+
+
+def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> bytes:
+    """A figure as a file.
+
+    Parameters
+    ----------
+    kind, shown
+        What is drawn.
+    form
+        ``png``, ``svg`` or ``pdf``.
+    look
+        Colours and size.
+
+    Raises
+    ------
+    MissingExtraError
+        Where matplotlib is not installed.
+    """
+    check_extra()
+    import matplotlib as mpl
+
+    look = look or Look()
+    file = io.BytesIO()
+    # Whatever somebody's own settings are, a figure looks the same.
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of letters in a name that no font has
+        mpl.rcdefaults()
+        settings: Any = mpl.rcParams
+        settings.update(rules(look.theme))
+        figure = drawn(kind, shown, look)
+        figure.savefig(file, format=form, dpi=look.dpi, metadata=_metadata(form, shown))
+    content = file.getvalue()
+    return _with_words(content, shown) if form == "svg" else content
+
+
+def _metadata(form: str, shown: Shown) -> dict[str, Any]:
+    """What says in words what the figure shows, and nothing that changes from run to run."""
+    title, text = printable(shown.title), printable(shown.description())
+    if form == "png":
+        return {"Title": title, "Description": text, "Software": None}
+    if form == "pdf":
+        creator = {"Creator": "aosplan", "Producer": None, "CreationDate": None}
+        return {"Title": title, "Subject": text, **creator}
+    return {"Date": None, "Creator": None, "Format": None, "Type": None}
+
+
+def _with_words(svg: bytes, shown: Shown) -> bytes:
+    """An SVG with a title and a description that screen readers take for the picture."""
+    title, text = escaped(shown.title), escaped(shown.description())
+    name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]  # several may share a page
+    before, tag, after = svg.decode().partition("<svg ")
+    attributes, close, rest = after.partition(">")
+    role = f'role="img" aria-labelledby="title-{name} text-{name}" '
+    words = f'\n <title id="title-{name}">{title}</title>\n <desc id="text-{name}">{text}</desc>'
+    return f"{before}{tag}{role}{attributes}{close}{words}{rest}".encode()

@@ -1,0 +1,148 @@
+"""How alike what two views hide is, by how far their cameras are apart and in which direction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.show.figures.style import (
+    LINES,
+    MARKERS,
+    entitle,
+    legend_below,
+    logarithmic,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.show.figures.style import Theme
+
+SHOWN = 4
+"""Directions that have a line of their own, evenly chosen."""
+
+
+class Correlations(NamedTuple):
+    """A correlogram: ρ of each direction at each lag (camera offset over altitude)."""
+
+    scene: str
+    lags: tuple[float, ...]
+    directions_deg: tuple[float, ...]
+    rho: tuple[tuple[float, ...], ...]
+    reach: float
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        return f"Correlogram of {self.scene}"
+
+    @property
+    def mean(self) -> tuple[float, ...]:
+        """ρ of each lag, mean over the directions."""
+        return tuple(sum(column) / len(self.rho) for column in zip(*self.rho, strict=True))
+
+    def description(self) -> str:
+        """The table in words."""
+        mean = self.mean
+        below = next((lag for lag, rho in zip(self.lags, mean, strict=True) if rho < 0.5), None)
+        spread = [max(column) - min(column) for column in zip(*self.rho, strict=True)]
+        widest = max(range(len(spread)), key=spread.__getitem__)
+        column = [row[widest] for row in self.rho]
+        text = (
+            f"{self.title}: correlation of what two views hide, by the distance of their cameras "
+        )
+        text += f"over the altitude. Mean over {len(self.rho)} directions: "
+        places = sorted({0, len(mean) // 3, 2 * len(mean) // 3, len(mean) - 1})
+        text += ", ".join(f"{mean[k]:.2f} at {self.lags[k]:.3g}" for k in places)
+        text += "" if below is None else f"; below one half from {below:.3g} on"
+        return (
+            f"{text}. Directions differ most at {self.lags[widest]:.3g}: from {min(column):.2f} at "
+            f"{self.directions_deg[column.index(min(column))]:g}° to {max(column):.2f} at "
+            f"{self.directions_deg[column.index(max(column))]:g}°, clockwise from north. The plot "
+            f"tells of lags up to {self.reach:.3g}."
+        )
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values."""
+        return self._asdict()
+
+
+def correlations_of(found: ResolvedScene) -> Correlations:
+    """The correlogram that a scene holds, or that of its voxels.
+
+    Raises
+    ------
+    RequestError
+        Where it has neither.
+    """
+    table = found.correlogram
+    if table is None and found.volume is not None:
+        from aosplan.scenes.correlogram import correlogram
+
+        table = correlogram(found.volume)
+    if table is None:
+        raise RequestError(
+            f"scene '{found.scene.name}' has no correlogram, and no voxels to count one in",
+            "give a point cloud, or what aosplan scene --save wrote of one",
+        )
+    return Correlations(
+        found.scene.title or found.scene.name,
+        tuple(table.lags.tolist()),
+        tuple(table.directions_deg.tolist()),
+        tuple(map(tuple, table.rho.tolist())),
+        table.reach,
+    )
+
+
+def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
+    """Lines of some directions between those of all, and all of them as a map."""
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+    columns = list(zip(*shown.rho, strict=True))
+    left.fill_between(
+        shown.lags,
+        [min(c) for c in columns],
+        [max(c) for c in columns],
+        color=theme.faint,
+        lw=0,
+        label="all directions",
+    )
+    count = len(shown.directions_deg)
+    for place in range(min(SHOWN, count)):
+        row = place * count // min(SHOWN, count)
+        left.plot(
+            shown.lags,
+            shown.rho[row],
+            LINES[place],
+            marker=MARKERS[place],
+            ms=3,
+            color=theme.data[place],
+            lw=1.2,
+            label=f"{shown.directions_deg[row]:g}° from north",
+        )
+    left.set(xlabel="camera offset over altitude (lag)", ylabel=r"correlation $\rho$")
+    left.set_ylim(min(0.0, *map(min, shown.rho)) - 0.02, 1.02)
+    for panel in (left, right):
+        if shown.reach <= shown.lags[-1]:
+            panel.axvline(
+                shown.reach, color=theme.muted, ls="-.", lw=1.0, label="reach of the plot"
+            )
+        panel.set_xscale("log")
+        logarithmic(panel.xaxis, (1.0, 3.0))
+    legend_below(figure, left.get_legend_handles_labels()[0])
+    step = 180.0 / count
+    image = right.pcolormesh(
+        shown.lags,
+        [*shown.directions_deg, 180.0],
+        [*shown.rho, shown.rho[0]],
+        cmap=theme.map,
+        shading="gouraud",
+        vmin=min(0.0, *map(min, shown.rho)),
+        vmax=1.0,
+        rasterized=True,
+    )
+    right.set(xlabel="camera offset over altitude (lag)", ylabel="direction from north [°]")
+    right.set_yticks([step * k for k in range(0, count + 1, max(count // 4, 1))])
+    right.grid(visible=False)
+    figure.colorbar(image, ax=right, label=r"correlation $\rho$")
+    entitle(figure, shown.title)

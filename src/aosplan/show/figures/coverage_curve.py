@@ -1,0 +1,144 @@
+"""The share of the occluders that neighbours tell apart, by baseline over altitude (Fig. 6b)."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.camera.disparity import coverage_baseline
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.scenes.summary import statistics_document
+from aosplan.show.figures.style import (
+    entitle,
+    logarithmic,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.scenes.scene import Scene
+    from aosplan.show.figures.style import Theme
+
+SHARES = (0.5, 0.9)
+"""Shares whose baselines the description names, beside the one that is asked for."""
+
+
+class BaselineCurve(NamedTuple):
+    """Knots of the curve: b/h, and the share of occluders with d̂ >= 1 there.
+
+    Where it is `stepped`, the share stays from each knot to the next, as of layers at one height
+    each; else it rises evenly.  `ratio` is the b/h of the wanted share, None where no baseline has it.
+    """
+
+    scene: str
+    coverage: float
+    ratio: float | None
+    knots: tuple[tuple[float, float], ...]
+    stepped: bool
+    altitude_m: float | None = None
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        return f"Occluders that neighbouring photos tell apart in {self.scene}"
+
+    def description(self) -> str:
+        """The curve in words."""
+        text = f"{self.title}: the share with d̂ of at least 1 rises from {self.knots[0][1]:.3g} at "
+        text += (
+            f"b/h = {self.knots[0][0]:.3g} to {self.knots[-1][1]:.3g} at {self.knots[-1][0]:.3g}"
+        )
+        for share in SHARES:
+            there = next((ratio for ratio, found in self.knots if found >= share), None)
+            if there is not None:
+                text += f"; {share:.0%} at {there:.3g}"
+        if self.ratio is None:
+            return f"{text}. No baseline has the wanted {self.coverage:.4g}."
+        text += f". The wanted {self.coverage:.4g} takes b/h = {self.ratio:.4g}"
+        if self.altitude_m is not None:
+            text += f", {self.ratio * self.altitude_m:.3g} m from {self.altitude_m:g} m"
+        return f"{text}."
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values."""
+        return self._asdict()
+
+
+def curve_of(
+    scene: Scene | None, coverage: float, altitude_m: float | None = None
+) -> BaselineCurve:
+    """The curve of a scene, heights from the focal plane, and the baseline of the coverage rule.
+
+    Raises
+    ------
+    RequestError
+        Where the scene is empty.
+    """
+    if scene is None or scene.integrated_density == 0.0:
+        raise RequestError(
+            "nothing stands above the focal plane: there is no occluder to tell apart"
+        )
+    knots = statistics_document(scene)["baseline_curve"]
+    try:
+        # b/h does not depend on h, which only has to be above the canopy.
+        h = 2.0 * scene.canopy_top_m
+        ratio = coverage_baseline(scene.slabs(), h, math.inf, coverage).baseline_m / h
+    except InfeasibleError:
+        ratio = None
+    return BaselineCurve(
+        scene.title or scene.name,
+        coverage,
+        ratio,
+        tuple((k, share) for k, share in knots),
+        all(slab.bottom_m == slab.top_m for slab in scene.slabs()),
+        altitude_m,
+    )
+
+
+def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
+    """The share against b/h, on a logarithmic axis; with an altitude, against b as well."""
+    panel = figure.subplots()
+    first = [(shown.knots[0][0], 0.0)] if shown.stepped else []
+    panel.plot(
+        *zip(*first, *shown.knots, strict=True),
+        color=theme.data[0],
+        drawstyle="steps-post" if shown.stepped else "default",
+        label="occluders with $\\hat{d}$ ≥ 1",
+    )
+    panel.axhline(
+        shown.coverage,
+        color=theme.muted,
+        ls=(0, (1, 1)),
+        lw=1.2,
+        label=f"wanted share {shown.coverage:.4g}",
+    )
+    if shown.ratio is not None:
+        words = f"$b/h$ = {shown.ratio:.3g}"
+        if shown.altitude_m is not None:
+            words += f", $b$ = {shown.ratio * shown.altitude_m:.3g} m"
+        panel.plot(
+            [shown.ratio],
+            [shown.coverage],
+            "*",
+            ms=13,
+            mfc=theme.text,
+            mec=theme.background,
+            zorder=5,
+            label=words,
+        )
+    panel.set(
+        xscale="log",
+        ylim=(-0.02, 1.05),
+        xlabel="baseline over altitude $b/h$",
+        ylabel="share of the occluders",
+    )
+    logarithmic(panel.xaxis)
+    if shown.altitude_m is not None:
+        altitude: Any = shown.altitude_m  # it multiplies arrays
+        top = panel.secondary_xaxis(
+            "top", functions=(lambda ratio: altitude * ratio, lambda b: b / altitude)
+        )
+        logarithmic(top.xaxis)
+        top.set_xlabel(f"baseline $b$ [m] from {altitude:g} m")
+    panel.legend(loc="lower right")
+    entitle(figure, shown.title)

@@ -1,0 +1,140 @@
+"""What stands at each height, and how much of the ground it hides from above."""
+
+from __future__ import annotations
+
+import math
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.show.figures.style import (
+    entitle,
+    legend_below,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.show.figures.style import Theme
+
+
+class Density(NamedTuple):
+    """Densities of layers, bottom first, and the share of the ground hidden down to each bottom.
+
+    `independent` is the hidden share were the layers independent of each other, `measured` that of
+    the voxels behind them, and None where there are none.
+    """
+
+    scene: str
+    bottom_m: tuple[float, ...]
+    top_m: tuple[float, ...]
+    density: tuple[float, ...]
+    independent: tuple[float, ...]
+    measured: tuple[float, ...] | None
+    voxel_m: float | None
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        return f"Density by height of {self.scene}"
+
+    def description(self) -> str:
+        """The layers in words."""
+        densest = max(range(len(self.density)), key=self.density.__getitem__)
+        text = (
+            f"{self.title}: {len(self.density)} layers from {self.bottom_m[0]:.3g} to "
+            f"{self.top_m[-1]:.3g} m. The densest lies at {self.bottom_m[densest]:.3g} to "
+            f"{self.top_m[densest]:.3g} m and fills {self.density[densest]:.3g} of its plane. "
+            f"Together they hide {self.independent[0]:.3g} of the ground from above if they are "
+            "independent"
+        )
+        if self.measured is None:
+            return f"{text}."
+        return f"{text}, and {self.measured[0]:.3g} as they stand, in voxels of {self.voxel_m:g} m."
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values."""
+        return self._asdict()
+
+
+def density_of(found: ResolvedScene) -> Density:
+    """Densities of a scene: of its voxels' slices where it has voxels, else of its layers.
+
+    Raises
+    ------
+    RequestError
+        Where the scene is empty.
+    """
+    scene, volume = found.scene, found.volume
+    if scene.integrated_density == 0.0:
+        raise RequestError(f"scene '{scene.name}' is empty: nothing stands at any height")
+    measured = None
+    if volume is None:
+        rows = [(layer.bottom_m, layer.top_m, layer.density) for layer in scene.slices()]
+    else:
+        import numpy as np
+
+        size = volume.voxel_m
+        filled = np.flatnonzero(volume.slice_densities)
+        low, high = int(filled[0]), int(filled[-1]) + 1
+        rows = [
+            (k * size, (k + 1) * size, float(volume.slice_densities[k])) for k in range(low, high)
+        ]
+        hidden = np.zeros(volume.occupied.shape[1:], dtype=np.bool_)
+        shares = []
+        for k in range(high - 1, low - 1, -1):
+            hidden |= volume.occupied[k]
+            shares.append(float(hidden.mean()))
+        measured = tuple(reversed(shares))
+    bottom, top, density = zip(*rows, strict=True)
+    clear = accumulate(
+        math.log1p(-share) if share < 1.0 else -math.inf for share in reversed(density)
+    )
+    independent = tuple(reversed([0.0 - math.expm1(log) for log in clear]))
+    return Density(
+        scene.title or scene.name,
+        bottom,
+        top,
+        density,
+        independent,
+        measured,
+        None if volume is None else volume.voxel_m,
+    )
+
+
+def draw(figure: Figure, shown: Density, theme: Theme) -> None:
+    """Bars of densities, and beside them what is hidden from above, both against height."""
+    left, right = figure.subplots(1, 2, sharey=True)
+    heights = [top - bottom for bottom, top in zip(shown.bottom_m, shown.top_m, strict=True)]
+    thin = len(heights) > 40
+    left.barh(
+        shown.bottom_m,
+        shown.density,
+        heights,
+        align="edge",
+        color=theme.data[2],
+        edgecolor=theme.data[2] if thin else theme.background,
+        linewidth=0.0 if thin else 0.6,
+    )
+    left.set(
+        xlabel="density $D$ of a layer",
+        ylabel="height above ground [m]",
+        ylim=(0.0, shown.top_m[-1] * 1.04),
+    )
+    left.set_xlim(0.0, max(shown.density) * 1.06)
+    edges = [*shown.bottom_m, shown.top_m[-1]]
+    right.plot(
+        [*shown.independent, 0.0], edges, "--", color=theme.data[0], label="layers, if independent"
+    )
+    if shown.measured is not None:
+        right.plot(
+            [*shown.measured, 0.0],
+            edges,
+            "-",
+            color=theme.data[1],
+            label=f"voxels of {shown.voxel_m:g} m, as they stand",
+        )
+    right.set(xlabel="hidden share of the ground", xlim=(0.0, 1.0))
+    legend_below(figure, right.get_legend_handles_labels()[0])
+    entitle(figure, shown.title)

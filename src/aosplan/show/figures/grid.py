@@ -1,0 +1,386 @@
+"""The waypoints of a plan on the ground, in flight order and to scale, with what lies around them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.show.figures.style import (
+    entitle,
+    legend_below,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import PathPatch
+
+    from aosplan.areas.area import Area
+    from aosplan.planning.planner import Plan
+    from aosplan.show.figures.style import Theme
+
+    Ring = tuple[tuple[float, float], ...]
+    Polygon = tuple[Ring, ...]
+
+NUMBERED_MM = 4.6
+"""Spacing on paper from which each waypoint has its number."""
+
+DOTTED_MM = 1.6
+"""Spacing on paper from which each waypoint has a dot."""
+
+MOST_NUMBERS = 20
+"""Numbers of waypoints that are too close to have one each."""
+
+MOST_NUMBERED = 400
+"""More waypoints have no numbers but those at which a flight begins or ends."""
+
+NARROWEST = 0.6
+"""Shorter side of the map over its longer side, at least."""
+
+STEPS = (1, 2, 5)
+
+
+class Grid(NamedTuple):
+    """Waypoints and shapes, in metres east and north of the origin.
+
+    A polygon is a tuple of rings, the outer one first; `footprint` is that of a photo in the middle
+    of the grid, of the first one over an area; `common` the ground that all photos show.
+    """
+
+    scene: str
+    samples: int
+    heading_deg: float
+    length_m: float
+    east_m: Sequence[float]
+    north_m: Sequence[float]
+    photo: Sequence[bool] | None
+    flights: tuple[tuple[int, int], ...]
+    takeoff: tuple[float, float] | None
+    footprint_m: tuple[float, float]
+    footprint: Ring
+    common_m: tuple[float, float] | None
+    common: Ring | None
+    area: tuple[Polygon, ...] = ()
+    clear: tuple[Polygon, ...] = ()
+    no_fly: tuple[Polygon, ...] = ()
+    area_m2: float | None = None
+
+    @property
+    def photos(self) -> int:
+        """Number of waypoints at which a photo is taken."""
+        return len(self.east_m) if self.photo is None else sum(self.photo)
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
+        return f"{self.photos} photo{'s' if self.photos > 1 else ''}{over} for {self.scene}"
+
+    @property
+    def extent_m(self) -> tuple[float, float]:
+        """Extent of the waypoints east and north."""
+        return max(self.east_m) - min(self.east_m), max(self.north_m) - min(self.north_m)
+
+    def description(self) -> str:
+        """The way and what lies around it, in words."""
+        first, last = ((self.east_m[k], self.north_m[k]) for k in (0, -1))
+        text = (
+            f"{self.title}: a way of {self.length_m:.4g} m in {len(self.flights)} "
+            f"flight{'s' if len(self.flights) > 1 else ''}, heading {self.heading_deg:g}°, within "
+            f"{self.extent_m[0]:.3g} m from west to east and {self.extent_m[1]:.3g} m from south to "
+            f"north, from {_place(first)} to {_place(last)} of the origin. A photo shows "
+            f"{self.footprint_m[0]:.3g} x {self.footprint_m[1]:.3g} m, along and across the heading"
+        )
+        if self.common_m is not None:
+            text += f"; all photos show {self.common_m[0]:.3g} x {self.common_m[1]:.3g} m"
+        elif not self.area:
+            text += "; no ground is in all photos"
+        if self.takeoff is not None:
+            text += f"; the take-off lies {_place(self.takeoff)}"
+        for name, parts in (("clear part", self.clear), ("no-fly zone", self.no_fly)):
+            if parts:
+                text += f"; {len(parts)} {name}{'s' if len(parts) > 1 else ''}"
+        return f"{text}."
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values; the waypoints are in the plan's own document."""
+        own = self._asdict()
+        for name in ("east_m", "north_m", "photo", "area", "clear", "no_fly"):
+            del own[name]
+        return own
+
+
+def _place(point: tuple[float, float]) -> str:
+    east, north = point
+    return (
+        f"{abs(east):.3g} m {'east' if east >= 0.0 else 'west'} and {abs(north):.3g} m "
+        f"{'north' if north >= 0.0 else 'south'}"
+    )
+
+
+def grid_of(plan: Plan, area: Area | None = None) -> Grid:
+    """The waypoints of a plan, and the shapes of its area.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    area
+        Its area, where it has one (`aosplan.planning.sites.over_area`).
+    """
+    ways, route = plan.waypoints, plan.route
+    photos = len(ways) if ways.photo is None else sum(ways.photo)
+    footprint, common = plan.camera.footprint_m(plan.altitude_m), None
+    middle = (0.0, 0.0)
+    if area is not None:
+        middle = (ways.east_m[0], ways.north_m[0])
+    elif min(plan.common_footprint_m) > 0.0 and photos == plan.solution.pattern.samples:
+        common = plan.common_footprint_m
+    takeoff = None
+    if route.takeoff is not None and plan.origin is not None:
+        from aosplan.geodesy import to_local
+
+        (east,), (north,) = to_local(plan.origin, [route.takeoff[0]], [route.takeoff[1]])
+        takeoff = (float(east), float(north))
+    return Grid(
+        scene=plan.scene.title or plan.scene.name,
+        samples=plan.solution.pattern.samples,
+        heading_deg=plan.heading_deg % 360.0,
+        length_m=route.length_m,
+        east_m=ways.east_m,
+        north_m=ways.north_m,
+        photo=ways.photo,
+        flights=tuple((flight.first, flight.last) for flight in route.flights),
+        takeoff=takeoff,
+        footprint_m=footprint,
+        footprint=_rectangle(footprint, plan.heading_deg, middle),
+        common_m=common,
+        common=None if common is None else _rectangle(common, plan.heading_deg, middle),
+        area=() if area is None else _polygons(area.whole),
+        clear=() if area is None else _polygons(area.clear),
+        no_fly=() if area is None else _polygons(area.keep_out),
+        area_m2=None if area is None else float(area.whole.area),
+    )
+
+
+def _rectangle(
+    size_m: tuple[float, float], heading_deg: float, middle: tuple[float, float]
+) -> Ring:
+    """Corners of a rectangle, its first size along the heading."""
+    heading = math.radians(math.fmod(heading_deg, 360.0))
+    sine, cosine = math.sin(heading), math.cos(heading)
+    corners = [(0.5 * sx * size_m[0], 0.5 * sy * size_m[1]) for sx, sy in CORNERS]
+    return tuple(
+        (middle[0] + x * sine + y * cosine, middle[1] + x * cosine - y * sine) for x, y in corners
+    )
+
+
+CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
+
+
+def _polygons(shape: Any) -> tuple[Polygon, ...]:
+    import shapely
+
+    return tuple(
+        tuple(
+            tuple(map(tuple, shapely.get_coordinates(ring).tolist()))
+            for ring in (part.exterior, *part.interiors)
+        )
+        for part in shapely.get_parts(shape)
+        if part.geom_type == "Polygon" and not part.is_empty
+    )
+
+
+def nice_length_m(span_m: float) -> float:
+    """A round length of about a fifth of a span: 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(0.25 * span_m))
+    return max(step * power for step in STEPS if step * power <= 0.25 * span_m)
+
+
+def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]:
+    """Which waypoints have their number beside them, where they are this far apart on paper.
+
+    All, or every so many; of very many only the first and the last of each flight.
+    """
+    count, ends = flights[-1][1] + 1, {place for flight in flights for place in flight}
+    if spacing_mm >= NUMBERED_MM:
+        return list(range(count))
+    if count > MOST_NUMBERED:
+        return sorted(ends if len(ends) <= MOST_NUMBERS else {0, count - 1})
+    steps = (step * 10**power for power in range(4) for step in STEPS)
+    apart = (step for step in steps if step * spacing_mm >= NUMBERED_MM)
+    step = next((step for step in apart if count / step <= MOST_NUMBERS), count)
+    return sorted({0, *range(0, count - step // 2, step), count - 1})
+
+
+def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
+    """The map, north up, metres to both sides."""
+    panel = figure.subplots()
+    panel.set_aspect("equal")
+    shapes = _shapes(shown, theme)
+    for polygons, look in shapes.values():
+        for polygon in polygons:
+            panel.add_patch(_patch(polygon, **look))
+    low, high = window(shown)
+    span = max(high[0] - low[0], high[1] - low[1])
+    panel.set_xlim(low[0], high[0])
+    panel.set_ylim(low[1] - 0.1 * span, high[1])
+    paper_mm = 25.4 * 0.86 * min(figure.get_size_inches()) / span
+    _ways(panel, shown, theme, paper_mm * _spacing_m(shown))
+    if shown.takeoff is not None:
+        panel.plot(*shown.takeoff, **HOME, mfc=theme.data[3], mec=theme.background)
+    _scale_bar(panel, nice_length_m(span), (low[0], low[1] - 0.06 * span), theme)
+    panel.annotate(
+        "N",
+        xy=(0.965, 0.105),
+        xytext=(0.965, 0.02),
+        xycoords="axes fraction",
+        ha="center",
+        va="center",
+        size=10,
+        arrowprops={"arrowstyle": "-|>", "color": theme.text, "lw": 1.4},
+    )
+    panel.set(xlabel="east of the origin [m]", ylabel="north of the origin [m]")
+    panel.grid(visible=False)
+    legend_below(figure, _legend(shown, theme, shapes))
+    entitle(figure, shown.title)
+
+
+HOME: dict[str, Any] = {"ls": "", "marker": "P", "ms": 9, "zorder": 6}
+
+
+def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]]:
+    """What is drawn below the waypoints, by its name, with its look."""
+    common = () if shown.common is None else ((shown.common,),)
+    shapes: dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]] = {
+        "area": (shown.area, {"fc": theme.shade, "ec": theme.text, "lw": 1.2}),
+        "clear part": (shown.clear, {"fc": "none", "ec": theme.muted, "hatch": "...", "lw": 0.8}),
+        "no-fly zone": (
+            shown.no_fly,
+            {"fc": "none", "ec": theme.data[1], "hatch": "xxx", "lw": 1.2},
+        ),
+        "in all photos": (common, {"fc": theme.shade, "ec": theme.data[2], "lw": 1.2}),
+        "footprint of a photo": (
+            ((shown.footprint,),),
+            {"fc": "none", "ec": theme.muted, "ls": "--", "lw": 1.1},
+        ),
+    }
+    return {name: shape for name, shape in shapes.items() if shape[0]}
+
+
+def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
+    """The path of each flight, and its waypoints as far as there is room for them."""
+    from matplotlib.patheffects import withStroke
+
+    blue, halo = theme.data[0], [withStroke(linewidth=2.0, foreground=theme.background)]
+    each = spacing_mm >= NUMBERED_MM
+    for first, last in shown.flights:
+        places = slice(first, last + 1)
+        panel.plot(
+            shown.east_m[places],
+            shown.north_m[places],
+            "-",
+            color=blue,
+            lw=0.9 if spacing_mm > DOTTED_MM else 0.5,
+            zorder=2,
+        )
+    if spacing_mm >= DOTTED_MM or len(shown.east_m) == 1:
+        taken = [k for k in range(len(shown.east_m)) if shown.photo is None or shown.photo[k]]
+        panel.plot(
+            [shown.east_m[k] for k in taken],
+            [shown.north_m[k] for k in taken],
+            "o",
+            ms=10.5 if each else min(max(1.1 * spacing_mm, 1.5), 4.0),
+            mfc=theme.background if each else blue,
+            mec=blue,
+            mew=0.9,
+            zorder=3,
+        )
+    for place, marker in ((0, ">"), (len(shown.east_m) - 1, "s")):
+        if not each:
+            panel.plot(
+                [shown.east_m[place]],
+                [shown.north_m[place]],
+                marker,
+                ms=7,
+                mfc=theme.data[1],
+                mec=theme.background,
+                zorder=5,
+            )
+    for place in numbered(shown.flights, spacing_mm):
+        end = place in (0, len(shown.east_m) - 1)
+        panel.annotate(
+            str(place),
+            (shown.east_m[place], shown.north_m[place]),
+            ha="center",
+            va="center" if each else "bottom",
+            size=6.2,
+            zorder=7,
+            xytext=(0, 0 if each else 3.5),
+            textcoords="offset points",
+            color=theme.data[1] if end else theme.text,
+            weight="bold" if end else "normal",
+            path_effects=[] if each else halo,
+        )
+
+
+def _spacing_m(shown: Grid) -> float:
+    """Distance of neighbours in the way, the least of the first few thousand."""
+    count = min(len(shown.east_m), 2000)
+    steps = (
+        math.hypot(shown.east_m[k + 1] - shown.east_m[k], shown.north_m[k + 1] - shown.north_m[k])
+        for k in range(count - 1)
+    )
+    return min((step for step in steps if step > 0.0), default=0.0)
+
+
+def window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lower and upper corner of all that is drawn, with a margin."""
+    rings = [shown.footprint, *(polygon[0] for polygon in (*shown.area, *shown.clear))]
+    places = [point for ring in rings for point in ring]
+    places += [shown.takeoff] if shown.takeoff is not None else []
+    low, high = (
+        [
+            pick(pick(way), *(place[axis] for place in places))
+            for axis, way in enumerate((shown.east_m, shown.north_m))
+        ]
+        for pick in (min, max)
+    )
+    sides = [top - bottom for bottom, top in zip(low, high, strict=True)]
+    more = [0.04 * max(sides) + 0.5 * max(NARROWEST * max(sides) - side, 0.0) for side in sides]
+    return (low[0] - more[0], low[1] - more[1]), (high[0] + more[0], high[1] + more[1])
+
+
+def _patch(polygon: Polygon, **look: Any) -> PathPatch:
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
+    rings = [Path(list(ring), closed=True) for ring in polygon]
+    return PathPatch(Path.make_compound_path(*rings), **look)
+
+
+def _scale_bar(panel: Axes, length_m: float, start: tuple[float, float], theme: Theme) -> None:
+    x, y = start[0] + 0.15 * length_m, start[1]
+    panel.plot([x, x + length_m], [y, y], "-", color=theme.text, lw=3.0, solid_capstyle="butt")
+    panel.annotate(
+        f"{length_m:g} m",
+        (x + length_m, y),
+        xytext=(4, 0),
+        textcoords="offset points",
+        va="center",
+        size=8,
+    )
+
+
+def _legend(shown: Grid, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    way: dict[str, Any] = {"color": theme.data[0], "marker": "o", "ms": 5, "mfc": theme.background}
+    handles: list[Any] = [Line2D([], [], label="way, photos numbered from 0", **way)]
+    if shown.takeoff is not None:
+        home = HOME | {"mfc": theme.data[3], "mec": theme.background}
+        handles.append(Line2D([], [], label="take-off", **home))
+    return handles + [Patch(label=name, **look) for name, (_, look) in shapes.items()]

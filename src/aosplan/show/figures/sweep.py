@@ -1,0 +1,449 @@
+"""Results of a sweep: two of their columns against each other, or a third as a map over them.
+
+The table is streamed: what stays in memory is a number for each cell that is drawn, however many
+rows there are.
+"""
+
+from __future__ import annotations
+
+import os
+from glob import escape
+from math import isnan
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.files import check_input
+from aosplan.show.figures.style import (
+    entitle,
+    legend_below,
+    logarithmic,
+    plain,
+)
+from aosplan.sweeps.run import SUFFIXES
+from aosplan.sweeps.scenarios import polars
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import polars as pl
+    from matplotlib.figure import Figure
+
+    from aosplan.show.figures.style import Theme
+
+DEFAULT_X, DEFAULT_Y = "samples", "flight_time_s"
+"""The trade-off that is drawn unless columns are named."""
+
+MORE_IS_BETTER = (
+    "visibility_minimum",
+    "visibility_maximum",
+    "visibility_expected",
+    "visibility_normalized",
+    "visibility_effective_samples",
+    "visibility_contrast",
+)
+"""Results of which more is better; of all others less is."""
+
+BINS = (200, 150)
+"""Cells of a scatter along x and y: what lies in one is one point."""
+
+FEW = 500
+"""Points that may be large."""
+
+MOST_VALUES = 400
+"""Different values along a side of a map."""
+
+MOST_TICKS = 12
+
+WIDE, WIDE_MAP = 30.0, 20.0
+"""The most over the least from which an axis, and the colours of a map, are logarithmic."""
+
+UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
+
+
+class Scatter(NamedTuple):
+    """Two results against each other: a point for each cell that holds rows, and the front.
+
+    On the front no other row is as good in both and better in one.
+    """
+
+    x: str
+    y: str
+    rows: int
+    met: int
+    points: tuple[tuple[float, float], ...]
+    front: tuple[tuple[float, float], ...]
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        return f"{_word(self.y)} against {_word(self.x)} of {self.rows} scenarios"
+
+    def description(self) -> str:
+        """The front in words."""
+        few = (
+            self.front
+            if len(self.front) <= 5
+            else [self.front[k * (len(self.front) - 1) // 4] for k in range(5)]
+        )
+        text = f"{self.title}, {self.rows - self.met} of which cannot be met. "
+        text += f"The front, {_way(self.x)} and {_way(self.y)}: "
+        return text + "; ".join(f"{x:.4g} and {y:.4g}" for x, y in few) + "."
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values."""
+        return self._asdict()
+
+
+class Cell(NamedTuple):
+    """Scenarios with the same x and y: how many, how many are met, and the mean value of those."""
+
+    rows: int
+    met: int
+    value: float | None
+
+
+class Map(NamedTuple):
+    """A result over two other columns: a cell for each pair of their values; None: no scenario."""
+
+    x: str
+    y: str
+    value: str
+    rows: int
+    met: int
+    x_values: tuple[Any, ...]
+    y_values: tuple[Any, ...]
+    cells: tuple[tuple[Cell | None, ...], ...]
+
+    @property
+    def title(self) -> str:
+        """What it is, in one line."""
+        mean = "Mean " if any(cell and cell.rows > 1 for row in self.cells for cell in row) else ""
+        return f"{mean}{_word(self.value)} by {_word(self.x)} and {_word(self.y)}"
+
+    def description(self) -> str:
+        """The extremes in words, and where scenarios cannot be met."""
+        text = (
+            f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of {self.rows} "
+            f"scenarios, {self.rows - self.met} of which cannot be met"
+        )
+        filled = [
+            (cell.value, x, y)
+            for y, row in zip(self.y_values, self.cells, strict=True)
+            for x, cell in zip(self.x_values, row, strict=True)
+            if cell is not None and cell.value is not None
+        ]
+        if filled:
+            low, high = min(filled, key=_first), max(filled, key=_first)
+            text += "".join(
+                f"; the {name} {value:.4g} at {_word(self.x)} {_shown(x)} and "
+                f"{_word(self.y)} {_shown(y)}"
+                for name, (value, x, y) in (("least", low), ("most", high))
+            )
+        empty = sum(cell is not None and cell.met == 0 for row in self.cells for cell in row)
+        return f"{text}; cells where none can be met: {empty}."
+
+    def document(self) -> dict[str, Any]:
+        """The numbers as plain values."""
+        cells = [[None if cell is None else cell._asdict() for cell in row] for row in self.cells]
+        return self._asdict() | {"cells": cells}
+
+
+def _first(filled: tuple[float, Any, Any]) -> float:
+    return filled[0]
+
+
+def check_columns(
+    names: Sequence[str], x: str | None, y: str | None, value: str | None, *, flags: str = "--"
+) -> None:
+    """Refuse columns that the results do not have.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown, or a map has no two columns to lie over.
+    """
+    if value is not None and (x is None or y is None):
+        raise RequestError(
+            f"{flags}value without {flags}x and {flags}y", "a map lies over two columns"
+        )
+    for option, name in (("x", x or DEFAULT_X), ("y", y or DEFAULT_Y), ("value", value)):
+        if name is not None and name not in names:
+            raise RequestError(
+                f"{flags}{option}: the results have no column '{name}'",
+                nearest_hint(name, names) or f"columns: {', '.join(names)}",
+            )
+
+
+def results_of(
+    path: str, x: str | None = None, y: str | None = None, value: str | None = None
+) -> Scatter | Map:
+    """What is drawn of the results of a sweep.
+
+    Parameters
+    ----------
+    path
+        A result of ``aosplan sweep``: .csv, .parquet or .jsonl, or a folder.
+    x, y
+        Columns: results for a scatter, any for a map.
+    value
+        A result: a map of it over x and y.
+
+    Raises
+    ------
+    RequestError
+        Where there is no such file or column, or a map would have too many cells.
+    """
+    lazy = _scan(path)
+    names = _collected(lazy.head(0)).columns
+    check_columns(names, x, y, value)
+    if "status" not in names:
+        raise RequestError(f"'{path}' has no column 'status'", "aosplan sweep writes one")
+    if value is None:
+        return _scatter(lazy, x or DEFAULT_X, y or DEFAULT_Y)
+    assert x is not None  # the columns were checked
+    assert y is not None
+    return _map(lazy, x, y, value)
+
+
+def _scan(path: str) -> pl.LazyFrame:
+    pl = polars()
+    if os.path.isdir(path):
+        return pl.scan_parquet(path, glob=False)  # type: ignore[no-any-return]
+    ending = os.path.splitext(path)[1].lower()
+    scans = dict(zip(SUFFIXES, (pl.scan_csv, pl.scan_parquet, pl.scan_ndjson), strict=True))
+    if ending not in scans:
+        raise RequestError(
+            f"'{path}' ends in none of {', '.join(SUFFIXES)}", "results of a sweep do"
+        )
+    check_input(path)
+    # A name with brackets is no pattern of other names.
+    return scans[ending](escape(path))  # type: ignore[no-any-return]
+
+
+def _collected(lazy: Any) -> Any:
+    """The rows of a query, which is streamed."""
+    exceptions = polars().exceptions
+    try:
+        try:
+            return lazy.collect(engine="streaming")
+        except (TypeError, ValueError):  # before polars 1.23
+            return lazy.collect(streaming=True)
+    except exceptions.PolarsError as error:
+        raise RequestError(f"the results cannot be read: {str(error).splitlines()[0]}") from None
+
+
+def _scatter(lazy: Any, x: str, y: str) -> Scatter:
+    pl = polars()
+    numbers = [
+        pl.col(column).cast(pl.Float64, strict=False).alias(name)
+        for column, name in ((x, "x"), (y, "y"))
+    ]
+    rows = lazy.select(*numbers, (pl.col("status") == "ok").alias("ok"))
+    kept = rows.filter(pl.col("ok") & pl.col("x").is_finite() & pl.col("y").is_finite())
+    total, met = _collected(rows.select(pl.len(), pl.col("ok").sum())).row(0)
+    low, high = (
+        _collected(kept.select(getattr(pl, end)("x", "y"))).row(0) for end in ("min", "max")
+    )
+    if None in low:
+        raise RequestError(f"no scenario has numbers in '{x}' and '{y}': there is nothing to draw")
+    places = [
+        ((pl.col(name) - low[axis]) * (BINS[axis] / ((high[axis] - low[axis]) or 1.0)))
+        .floor()
+        .clip(0, BINS[axis] - 1)
+        .alias(place)
+        for axis, (name, place) in enumerate((("x", "i"), ("y", "j")))
+    ]
+    binned = kept.with_columns(*places)
+    # Of each cell its lower left corner among the rows: a mean would depend on their order.
+    points = _collected(binned.group_by("i", "j").agg(pl.min("x", "y"))).select("x", "y").rows()
+    front = _front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER)
+    return Scatter(x, y, total, met, tuple(sorted(points)), tuple(front))
+
+
+def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]:  # noqa: FBT001
+    """Rows that no other is better than, of each bin along x the best, in rising order."""
+    pl = polars()
+    signs = [-1.0 if more else 1.0 for more in (more_x, more_y)]
+    rated = binned.select("i", pl.col("x") * signs[0], pl.col("y") * signs[1])
+    best = rated.group_by("i").agg(pl.min("y").alias("best"))
+    tops = rated.join(best, on="i").filter(pl.col("y") == pl.col("best"))
+    tops = _collected(tops.group_by("i").agg(pl.min("x", "y"))).select("x", "y").rows()
+    front: list[tuple[float, float]] = []
+    for along, up in sorted(tops):
+        if not front or up < front[-1][1]:
+            front.append((along, up))
+    return [(along * signs[0], up * signs[1]) for along, up in front]
+
+
+def _map(lazy: Any, x: str, y: str, value: str) -> Map:
+    pl = polars()
+    for name in (x, y):
+        count = _collected(lazy.select(pl.col(name).approx_n_unique())).item()
+        if count > 1.1 * MOST_VALUES:
+            raise RequestError(
+                f"column '{name}' has about {count} different values, and a map at most "
+                f"{MOST_VALUES} a side",
+                f"leave out the value for a scatter, or sweep fewer values of {name}",
+            )
+    ok = pl.col("status") == "ok"
+    # The order in which rows are added up changes the last digits only.
+    found = pl.col(value).cast(pl.Float64, strict=False).filter(ok).mean().round_sig_figs(12)
+    table = _collected(
+        lazy.group_by(pl.col(x).alias("x"), pl.col(y).alias("y")).agg(
+            pl.len().alias("rows"), ok.sum().alias("met"), found.alias("value")
+        )
+    )
+    sides = [sorted(set(table[name].to_list()), key=_order) for name in "xy"]
+    cells = {
+        (row[0], row[1]): Cell(*row[2:])
+        for row in table.select("x", "y", "rows", "met", "value").rows()
+    }
+    if all(cell.value is None for cell in cells.values()):
+        raise RequestError(f"no scenario has a number in '{value}': there is nothing to draw")
+    return Map(
+        x,
+        y,
+        value,
+        table["rows"].sum(),
+        table["met"].sum(),
+        tuple(sides[0]),
+        tuple(sides[1]),
+        tuple(tuple(cells.get((along, up)) for along in sides[0]) for up in sides[1]),
+    )
+
+
+def _order(value: Any) -> tuple[int, Any]:
+    """Numbers before text, and nothing last."""
+    return (
+        (2, 0)
+        if value is None
+        else (0, value)
+        if isinstance(value, (int, float))
+        else (1, str(value))
+    )
+
+
+def _word(column: str) -> str:
+    """A column's name with spaces and its unit."""
+    for ending, unit in UNITS.items():
+        if column.endswith(ending):
+            return f"{column.removesuffix(ending).replace('_', ' ')} [{unit}]"
+    return column.replace("_", " ")
+
+
+def _way(column: str) -> str:
+    more = "more" if column in MORE_IS_BETTER else "less"
+    return f"the {more} {_word(column)} the better"
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
+    """A scatter with its front, or a map."""
+    if isinstance(shown, Scatter):
+        _draw_scatter(figure, shown, theme)
+    else:
+        _draw_map(figure, shown, theme)
+    entitle(figure, shown.title[0].upper() + shown.title[1:])
+
+
+def _spans(values: Sequence[float], factor: float) -> bool:
+    """Whether positive values differ by more than a factor."""
+    return min(values) > 0.0 and max(values) > factor * min(values)
+
+
+def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
+    panel = figure.subplots()
+    panel.plot(
+        *zip(*shown.points, strict=True),
+        "o",
+        ms=3.0 if len(shown.points) > FEW else 4.5,
+        mew=0.0,
+        color=theme.data[2],
+        alpha=0.55,
+        label=f"{shown.met} scenarios that are met",
+    )
+    panel.plot(
+        *zip(*shown.front, strict=True),
+        ":o",
+        lw=0.8,
+        color=theme.data[0],
+        mec=theme.background,
+        ms=5.5,
+        label="front: none is better in both",
+    )
+    if shown.rows > shown.met:
+        panel.plot([], [], " ", label=f"{shown.rows - shown.met} cannot be met")
+    for axis, name, column in ((panel.xaxis, "x", 0), (panel.yaxis, "y", 1)):
+        values = [point[column] for point in shown.points]
+        if _spans(values, WIDE):
+            getattr(panel, f"set_{name}scale")("log")
+            logarithmic(axis)
+    panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
+    panel.legend(loc="best")
+
+
+def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
+    import numpy as np
+    from matplotlib.colors import ListedColormap
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    panel = figure.subplots()
+    values = [
+        [float("nan") if cell is None or cell.value is None else cell.value for cell in row]
+        for row in shown.cells
+    ]
+    wide = _spans([value for row in values for value in row if not isnan(value)], WIDE_MAP)
+    image = panel.pcolormesh(
+        values, cmap=theme.map, norm="log" if wide else None, rasterized=len(values) > 60
+    )
+    hatched: dict[str, Any] = {"ec": theme.muted, "hatch": "////", "lw": 0.0}
+    dotted: dict[str, Any] = {"mfc": "white", "mec": "black", "ms": 4.0, "mew": 0.9}
+    missing = [[cell is not None and cell.met == 0 for cell in row] for row in shown.cells]
+    partly = [
+        (i + 0.5, j + 0.5)
+        for j, row in enumerate(shown.cells)
+        for i, cell in enumerate(row)
+        if cell is not None and 0 < cell.met < cell.rows
+    ]
+    handles: list[Any] = []
+    if any(map(any, missing)):
+        only = ListedColormap([theme.shade])
+        panel.pcolor(np.ma.masked_equal(missing, value=False), cmap=only, **hatched)
+        handles.append(Patch(label="none can be met", fc=theme.shade, **hatched))
+    if partly:
+        panel.plot(*zip(*partly, strict=True), "o", **dotted)
+        handles.append(Line2D([], [], ls="", marker="o", label="some cannot be met", **dotted))
+    if any(cell is None for row in shown.cells for cell in row):
+        handles.append(Patch(label="no scenario", fc=theme.background, ec=theme.muted, lw=0.6))
+    for axis, side in ((panel.xaxis, shown.x_values), (panel.yaxis, shown.y_values)):
+        places = ticked([plain(_shown(value), 18) for value in side])
+        axis.set_ticks(
+            [place + 0.5 for place in places], [plain(_shown(side[k]), 18) for k in places]
+        )
+    if max(len(plain(_shown(value), 18)) for value in shown.x_values) > 5:
+        panel.tick_params(axis="x", rotation=30)
+    panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
+    panel.grid(visible=False)
+    scale = figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
+    if wide:
+        logarithmic(scale.ax.yaxis)
+    if handles:
+        legend_below(figure, handles)
+
+
+def ticked(labels: Sequence[str]) -> range:
+    """Places of a side whose labels are shown: evenly spread, the roundest labels."""
+    step = next(
+        digit * 10**power
+        for power in range(len(str(len(labels))) + 1)
+        for digit in (1, 2, 5)
+        if digit * 10**power * MOST_TICKS >= len(labels)
+    )
+    choices = [range(first, len(labels), step) for first in range(min(step, len(labels)))]
+    figures = [len(label.rstrip("0")) for label in labels]
+    return min(choices, key=lambda places: sum(figures[k] for k in places) / len(places))

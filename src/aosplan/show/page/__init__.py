@@ -1,0 +1,4 @@
+"""The report: a plan as one self-contained page.
+
+`aosplan.show.page.page` fills ``page.html`` from a plan.
+"""

@@ -1,0 +1,46 @@
+"""Bounds of a plan along the axes of its curves: what the samples and the baseline may not pass."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from aosplan.grid.patterns import Sites
+    from aosplan.solver.problem import (
+        Problem,
+        Solution,
+    )
+
+
+class Bound(NamedTuple):
+    """A value that the quantity along the axis meets or may not pass, and why."""
+
+    value: float
+    text: str
+
+
+def baseline_bounds(problem: Problem, pattern: Sites) -> list[Bound]:
+    """Baselines beyond which nothing is gained, allowed or known."""
+    model, bounds = problem.model, problem.bounds
+    found = [
+        Bound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
+    ]
+    if pattern.longer_side > 0.0:
+        found.append(Bound(model.widest_aperture_m / pattern.longer_side, "the plot ends"))
+        if bounds.max_aperture_m is not None:
+            found.append(Bound(bounds.max_aperture_m / pattern.longer_side, "--max-aperture"))
+    if bounds.baseline_m is not None:
+        found.append(Bound(bounds.baseline_m, "--baseline"))
+    return [bound for bound in found if math.isfinite(bound.value)]
+
+
+def sample_bounds(problem: Problem, solution: Solution) -> list[Bound]:
+    """Numbers of samples that are asked for, or needed."""
+    bounds, required = problem.bounds, solution.samples_required
+    found = [] if required is None else [Bound(required, "fewest that meet the target")]
+    if bounds.max_samples is not None:
+        found.append(Bound(bounds.max_samples, "--max-samples"))
+    if bounds.samples is not None:
+        found.append(Bound(bounds.samples, "--samples"))
+    return found

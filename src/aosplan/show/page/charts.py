@@ -1,0 +1,225 @@
+"""Charts of the page: curves as lines of an SVG picture, with axes, bounds and the plan itself."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.show.figures.visibility import (
+    POINTS,
+    Curve,
+    by_baseline,
+    by_samples,
+)
+from aosplan.show.page.axis_bounds import (
+    Bound,
+    baseline_bounds,
+    sample_bounds,
+)
+from aosplan.show.page.number_text import spacing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from aosplan.planning.planner import Plan
+
+LEFT, RIGHT, TOP, BOTTOM = 46, 326, 14, 240
+"""The picture, and the frame of its axes, in units of which a letter is about 12 high."""
+
+TICKS_Y = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+
+
+class Tick(NamedTuple):
+    """A place along an axis, and what is written there."""
+
+    place: float
+    text: str
+
+
+FEW, COUNTED = 12, 2000
+"""Points of a measured stand's curve, where each photo of each is a count over all voxels.
+
+They are fewer, down to half, where their photos together would be more than the second.
+"""
+
+MANY = 10_000
+"""Photos of a plan whose curve goes on to twice as many."""
+
+APART = 13.0
+"""Distance of labels below each other."""
+
+
+class Line(NamedTuple):
+    """A straight line across the frame, and its label: where it stands, and how it is aligned."""
+
+    place: float
+    text: str
+    label: float
+    anchor: str
+
+
+class Chart(NamedTuple):
+    """A picture ready to be drawn, and the numbers behind it.
+
+    Attributes
+    ----------
+    name, title, axis, column
+        Of the element, of the picture, of the axis, and of the table's first column.
+    summary
+        What it shows, in a sentence.
+    x_ticks, y_ticks
+        Places along the axes.
+    normalized, expected
+        Lines of V̂ and V, as SVG has points.
+    chosen
+        The plan: along the axis, V̂ and V.
+    bounds, levels
+        Lines up and down with what bounds the plan, and across with target and limits.
+    rows
+        The numbers of the lines: along the axis, V̂ and V.
+    """
+
+    name: str
+    title: str
+    axis: str
+    column: str
+    summary: str
+    x_ticks: list[Tick]
+    y_ticks: list[Tick]
+    normalized: str
+    expected: str
+    chosen: tuple[float, float, float]
+    bounds: list[Line]
+    levels: list[Line]
+    rows: list[tuple[float, float, float]]
+
+
+def charts_of(plan: Plan) -> list[Chart]:
+    """Visibility against the number of samples, and against the baseline; none of a clear view."""
+    problem, solution = plan.problem, plan.solution
+    if problem is None or solution.baseline_m == 0.0:
+        return []
+    samples, baseline = solution.pattern.samples, solution.baseline_m
+    bounds = baseline_bounds(problem, solution.pattern)
+    # Of each only the first, the plan's own, is asked for.
+    rising = problem.model.rises_with_baseline
+    points = POINTS if rising else min(max(COUNTED // samples, FEW // 2), FEW)
+    many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
+    near = [1.2 * bound.value for bound in bounds if bound.value < 3.0 * baseline]
+    widest = max([1.5 * baseline, *near])
+    wide = next(by_baseline(problem, samples, widest, baseline, points), None)
+    found = []
+    if many is not None:
+        found.append(
+            _chart(
+                plan,
+                ("samples", f"Visibility by number of photos, {spacing(baseline)} apart", "N"),
+                "number of photos N",
+                many,
+                samples,
+                sample_bounds(problem, solution),
+            )
+        )
+    if wide is not None and samples > 1:
+        found.append(
+            _chart(
+                plan,
+                ("baseline", f"Visibility by baseline, {samples:,} photos", "b [m]"),
+                "baseline b [m]",
+                wide,
+                baseline,
+                bounds,
+            )
+        )
+    return found
+
+
+def _most_samples(planned: int) -> int:
+    """The last of the numbers: twice the plan's, but of very many, which take long, no more."""
+    return max(2 * planned, 8) if planned <= MANY else planned
+
+
+def _chart(
+    plan: Plan,
+    names: tuple[str, str, str],
+    axis: str,
+    curve: Curve,
+    planned: float,
+    bounds: Sequence[Bound],
+) -> Chart:
+    name, title, column = names
+    prediction = plan.solution.prediction
+    high = curve.x[-1]
+    x, y = scale(high, LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
+
+    def path(shares: Sequence[float]) -> str:
+        return " ".join(
+            f"{x(value):.2f},{y(share):.2f}" for value, share in zip(curve.x, shares, strict=True)
+        )
+
+    first, last = (
+        f"{curve.normalized[at]:.1%} and {curve.expected[at]:.1%} at {curve.x[at]:,.4g}"
+        for at in (0, -1)
+    )
+    return Chart(
+        name=name,
+        title=title,
+        axis=axis,
+        column=column,
+        summary=(
+            f"Along the {axis}, V̂ and V go from {first} to {last}; this plan has {planned:,.4g}, "
+            f"V̂ = {prediction.normalized:.2%} and V = {prediction.expected:.2%}."
+        ),
+        x_ticks=[Tick(x(value), f"{value:,.4g}") for value in ticks(0.0, high)],
+        y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],
+        normalized=path(curve.normalized),
+        expected=path(curve.expected),
+        chosen=(x(planned), y(prediction.normalized), y(prediction.expected)),
+        bounds=_bound_lines(bounds, x, high),
+        levels=_levels(plan, y),
+        rows=list(zip(curve.x, curve.normalized, curve.expected, strict=True)),
+    )
+
+
+def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: float) -> list[Line]:
+    """Bounds within the frame; those at one place share a line and a label."""
+    places: dict[float, list[str]] = {}
+    for bound in bounds:
+        if bound.value <= high * (1.0 + 1e-9):
+            places.setdefault(round(x(min(bound.value, high)), 1), []).append(bound.text)
+    lines = []
+    for place, texts in sorted(places.items()):
+        leftwards = place > 0.5 * (LEFT + RIGHT)
+        label = place - 5.0 if leftwards else place + 5.0
+        lines.append(Line(place, ", ".join(texts), label, "end" if leftwards else "start"))
+    return lines
+
+
+def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
+    """What one photo and endless ones see, and the target if the plan was made for one."""
+    from aosplan.planning.setup import requirement_of
+    from aosplan.solver.solution import BEST
+
+    requirement, prediction = requirement_of(plan.request), plan.solution.prediction
+    shares = [(prediction.maximum, "endless V"), (prediction.minimum, "one photo")]
+    if plan.request.optimize not in BEST:
+        shares.append((float(requirement.target), f"target {requirement.symbol}"))
+    lines: list[Line] = []
+    for share, text in sorted(shares, reverse=True):
+        label = max(y(share), lines[-1].label + APART if lines else TOP)
+        lines.append(Line(y(share), text, label, "start"))
+    return lines
+
+
+def scale(high: float, start: float, end: float) -> Callable[[float], float]:
+    """A map from values, from zero to the highest, to places."""
+    return lambda value: start + value / high * (end - start)
+
+
+def ticks(low: float, high: float) -> list[float]:
+    """Round values between two, four to six of them."""
+    rough = (high - low) / 6.0
+    unit = 10.0 ** math.floor(math.log10(rough))
+    step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= rough)
+    first, last = math.ceil(low / step * (1 - 1e-9)), math.floor(high / step * (1 + 1e-9))
+    return [step * place for place in range(first, last + 1)]

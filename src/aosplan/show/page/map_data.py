@@ -1,0 +1,78 @@
+"""What the page's map draws: waypoints as columns of bytes, and all that lies around them."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from base64 import b64encode
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aosplan.mission.mission import Waypoints
+    from aosplan.planning.planner import Plan
+    from aosplan.show.figures.grid import (
+        Grid,
+        Polygon,
+    )
+
+
+class Column(NamedTuple):
+    """A column of all waypoints: its name, how it is packed, and the text of it.
+
+    `packing` is ``f8`` for floats of eight bytes, ``u1`` for truth values of one, both
+    little-endian and in base64, or ``same`` for the one value that all waypoints have.
+    """
+
+    name: str
+    packing: str
+    text: str
+
+
+def columns_of(waypoints: Waypoints) -> list[Column]:
+    """The columns of waypoints, every digit of them."""
+    return [_column(name, values) for name, values in waypoints.columns().items()]
+
+
+def _column(name: str, values: Sequence[Any]) -> Column:
+    first = values[0]
+    if all(value == first for value in values):
+        return Column(name, "same", repr(first).lower())
+    if isinstance(first, bool):
+        return Column(name, "u1", b64encode(bytes(values)).decode())
+    packed = array("d", values)
+    if sys.byteorder == "big":
+        packed.byteswap()
+    return Column(name, "f8", b64encode(packed.tobytes()).decode())
+
+
+def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
+    """All of a plan and its grid that lies around the waypoints, in metres east and north, as plain values.
+
+    Size of the grid is given where there is one grid: neither over an area nor along a line that
+    is flown on.  Where the take-off is not known, it is below the first waypoint.
+    """
+    one_grid = plan.layout.area is None and plan.request.line_length is None
+    east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
+    return {
+        "heading_deg": grid.heading_deg,
+        "footprint_m": list(grid.footprint_m),
+        "common_footprint_m": grid.common_m and list(grid.common_m),
+        "extent_m": list(plan.extent_m) if one_grid else None,
+        "spacing_m": plan.solution.baseline_m,
+        "takeoff": {"east_m": east, "north_m": north, "known": grid.takeoff is not None},
+        "flights": [list(flight) for flight in grid.flights],
+        "area": _rings(grid.area),
+        "clear": _rings(grid.clear),
+        "no_fly": _rings(grid.no_fly),
+    }
+
+
+def _rings(polygons: tuple[Polygon, ...]) -> list[list[float]]:
+    """The rings of polygons to a centimetre, each east and north by turns; holes as they come."""
+    return [
+        [round(value, 2) for point in ring for value in point]
+        for polygon in polygons
+        for ring in polygon
+    ]

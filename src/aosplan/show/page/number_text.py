@@ -1,0 +1,95 @@
+"""Numbers of a plan's document as a page shows them: rounded, with units, and exact beside it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from aosplan.show.figures.style import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+LONGEST = 120
+"""Letters of a name that are shown at once."""
+
+
+def _length(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
+
+
+def percent(value: float) -> str:
+    """A share in per cent; near 100 % with as many digits as it takes not to be there."""
+    shown = 100.0 * value
+    decimals = 1
+    while decimals < 9 and value < 1.0 and float(f"{shown:.{decimals}f}") >= 100.0:
+        decimals += 1
+    return f"{shown:.{decimals}f}"
+
+
+def duration(seconds: float) -> str:
+    """Hours, minutes and seconds, as far as there are any."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
+    first = next((place for place, part in enumerate(parts) if part[0]), 2)
+    return " ".join(f"{value} {unit}" for value, unit in parts[first:])
+
+
+def spacing(value: float) -> str:
+    """A length to a centimetre, as far as that says something."""
+    return f"{value:.2f} m" if value == 0.0 or 0.1 <= value < 1000.0 else f"{_length(value)} m"
+
+
+KINDS: dict[str, Callable[[Any], str]] = {
+    "m": lambda value: f"{_length(value)} m",
+    "b": spacing,
+    "cm": lambda value: f"{100.0 * value:.3g} cm",
+    "ha": lambda value: f"{value / 1e4:,.4g} ha",
+    "m/s": lambda value: f"{value:.3g} m/s",
+    "deg": lambda value: f"{value:.4g}°",
+    "px": lambda value: f"{value:.3g} px",
+    "%": lambda value: f"{percent(value)} %",
+    "time": duration,
+    "count": lambda value: f"{value:,}",
+    "plain": lambda value: f"{value:.4g}",
+}
+"""How a number of each kind is written."""
+
+
+class Figures:
+    """Numbers of a document by their place: ``number("visibility.expected", "%")``."""
+
+    def __init__(self, document: dict[str, Any]) -> None:
+        self.document = document
+
+    def __call__(self, place: str, kind: str) -> Markup:
+        """The number as text, within an element that holds all its digits.
+
+        Parameters
+        ----------
+        place
+            Names and places within lists, with points between them.
+        kind
+            One of `KINDS`.
+        """
+        value: Any = self.document
+        for name in place.split("."):
+            value = value[int(name)] if isinstance(value, list) else value[name]
+        if value is None:
+            return Markup("–")
+        return Markup('<data value="{}" data-of="{}">{}</data>').format(
+            value, place, KINDS[kind](value)
+        )
+
+
+def long(text: str, most: int = LONGEST) -> bool:
+    """Whether a text is too long to be shown at once."""
+    return len(text) > most
+
+
+def short(text: str, most: int = LONGEST) -> str:
+    """The beginning of a text, in one line and without signs that cannot be seen."""
+    shown = printable(text[:most])
+    return f"{shown}…" if long(text, most) else shown

@@ -1,0 +1,143 @@
+"""The report: a plan as one self-contained page, to look at, to print and to run again.
+
+`report_page` gathers what the page shows from a plan, and fills ``page.html``; its style is
+``page.css``, its script `SCRIPTS`.  The page holds the plan's JSON document, waypoints as
+columns of bytes; every number on it is one of the document's, rounded.  Nothing is loaded from
+elsewhere: a content security policy forbids it, and admits the page's own style and script by
+their hashes alone.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from hashlib import sha256
+from importlib.resources import files
+from typing import TYPE_CHECKING
+
+from aosplan.errors import MissingExtraError
+
+if TYPE_CHECKING:
+    from aosplan.planning.planner import Plan
+
+EXTRA = "report"
+
+SUFFIXES = (".html", ".htm")
+"""Endings of a report's file."""
+
+SCRIPTS = ("waypoints.js", "map.js", "page.js")
+"""Parts of the page's script, in the order in which they build upon each other."""
+
+SEED = 1
+"""Of the simulated picture, unless told otherwise."""
+
+
+def check_extra(*, picture: bool) -> None:
+    """Refuse to begin what cannot be written.
+
+    Raises
+    ------
+    MissingExtraError
+        Where Jinja2 is not installed, or Pillow for a picture.
+    """
+    from importlib.util import find_spec
+
+    needed = ("jinja2", "PIL") if picture else ("jinja2",)
+    if any(find_spec(name) is None for name in needed):
+        raise MissingExtraError("a report", EXTRA)
+
+
+def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
+    """The page of a plan, UTF-8; the same bytes for the same plan and seed.
+
+    Parameters
+    ----------
+    plan
+        What to show.
+    seed
+        Of the simulated picture; None for a page without one.
+
+    Raises
+    ------
+    MissingExtraError
+        Where Jinja2, or Pillow for a picture, is not installed.
+    """
+    check_extra(picture=seed is not None)
+    import json
+
+    import jinja2
+    import tomli_w
+
+    from aosplan.show.figures.grid import grid_of
+    from aosplan.show.page.charts import charts_of
+    from aosplan.show.page.height_profile import profile_of
+    from aosplan.show.page.map_data import (
+        columns_of,
+        scenery_of,
+    )
+    from aosplan.show.page.number_text import (
+        Figures,
+        long,
+        short,
+        spacing,
+    )
+    from aosplan.show.page.simulated_photos import views_of
+    from aosplan.show.page.static_map import (
+        MOST_SITES,
+        still_of,
+    )
+
+    document = plan.document()
+    rows = len(document.pop("waypoints"))
+    grid = grid_of(plan, plan.layout.area)
+    style, script = _read("page.css"), "\n".join(_read(name) for name in SCRIPTS)
+    # The hash of a style or a script is that of the text between its tags, to the letter.
+    policy = {"style": _hash(style), "script": _hash(script)}
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_read),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.policies["json.dumps_kwargs"] = {
+        "sort_keys": False,
+        "allow_nan": False,
+        "separators": (",", ":"),
+    }
+    environment.filters |= {"short": short, "long": long, "spacing": spacing}
+    text = environment.get_template("page.html").render(
+        plan=document,
+        number=Figures(document),
+        rows=rows,
+        policy=policy,
+        style=style,
+        script=script,
+        columns=columns_of(plan.waypoints),
+        scenery=scenery_of(plan, grid),
+        still=still_of(plan, grid),
+        most_sites=MOST_SITES,
+        charts=charts_of(plan),
+        profile=profile_of(plan),
+        views=views_of(plan, seed),
+        camera=plan.camera.title or plan.camera.name,
+        place=plan.origin and _place(*plan.origin),
+        turns=plan.waypoints.photo is not None,
+        request_toml=tomli_w.dumps(document["request"]),
+        request_json=json.dumps(document["request"], ensure_ascii=False, indent=1),
+    )
+    # A file name may hold bytes that are no text.
+    return text.encode(errors="replace")
+
+
+def _read(name: str) -> str:
+    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def _place(latitude: float, longitude: float) -> str:
+    """A place on earth in words, to about a tenth of a metre."""
+    south, west = "NS"[latitude < 0.0], "EW"[longitude < 0.0]
+    return f"{abs(latitude):.6f}° {south}, {abs(longitude):.6f}° {west}"
+
+
+def _hash(text: str) -> str:
+    return "sha256-" + b64encode(sha256(text.encode()).digest()).decode()

@@ -1,0 +1,148 @@
+"""The map and the table of waypoints for readers whose browser runs no script."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.show.figures.grid import (
+    nice_length_m,
+    window,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from aosplan.planning.planner import Plan
+    from aosplan.show.figures.grid import (
+        Grid,
+        Polygon,
+    )
+
+MOST_SITES = 5000
+"""More waypoints would weigh more than the page, which says so in place of the map."""
+
+MOST_ROWS = 1000
+"""Of the table."""
+
+WIDTH = 640.0
+"""Of the picture; its height follows from what is shown."""
+
+MARGIN = 16.0
+
+
+class Still(NamedTuple):
+    """A map ready to be drawn, north up and to scale, and the rows of its table.
+
+    Attributes
+    ----------
+    summary
+        The way in words.
+    height
+        Of the picture, which is `WIDTH` wide.
+    shapes
+        Class and outline of what lies below the way, lowest first.
+    way
+        The path, flight by flight.
+    sites, turns
+        Waypoints with a photo and without, as lines of no length.
+    first, last, takeoff
+        Places of marks; the take-off, where it is not known, is below the first waypoint.
+    dot
+        Diameter of a site.
+    bar
+        Length of the scale's bar, and what it stands for.
+    columns, rows
+        Of the table, as text; no rows where they were more than `MOST_ROWS`.
+    """
+
+    summary: str
+    height: float
+    shapes: list[tuple[str, str]]
+    way: str
+    sites: str
+    turns: str
+    first: tuple[float, float]
+    last: tuple[float, float]
+    takeoff: tuple[float, float]
+    dot: float
+    bar: tuple[float, str]
+    columns: list[str]
+    rows: list[list[str]]
+
+
+def still_of(plan: Plan, grid: Grid) -> Still | None:
+    """What a page shows of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
+    ways = plan.waypoints
+    if len(ways) > MOST_SITES:
+        return None
+    low, high = window(grid)
+    wide, tall = high[0] - low[0], high[1] - low[1]
+    unit = (WIDTH - 2.0 * MARGIN) / max(wide, tall)
+    # A tall map is as high as it would be wide; the scale's bar has the lowest line for itself.
+    left = 0.5 * (WIDTH - unit * wide)
+    height = unit * tall + 2.0 * MARGIN + 24.0
+
+    def place(point: Sequence[float]) -> tuple[float, float]:
+        east, north = point
+        return round(left + unit * (east - low[0]), 1), round(MARGIN + unit * (high[1] - north), 1)
+
+    places = [place(point) for point in zip(grid.east_m, grid.north_m, strict=True)]
+    photo = grid.photo or [True] * len(places)
+    common: tuple[Polygon, ...] = () if grid.common is None else ((grid.common,),)
+    shapes = {
+        "area": grid.area,
+        "clear": grid.clear,
+        "no-fly": grid.no_fly,
+        "common": common,
+        "footprint": ((grid.footprint,),),
+    }
+    length_m = nice_length_m(max(wide, tall))
+    columns = ways.columns()
+    return Still(
+        summary=grid.description(),
+        height=round(height, 1),
+        shapes=[(name, _outline(parts, place)) for name, parts in shapes.items() if parts],
+        way="".join(_line(places[first : last + 1]) for first, last in grid.flights),
+        sites=_dots(at for at, taken in zip(places, photo, strict=True) if taken),
+        turns=_dots(at for at, taken in zip(places, photo, strict=True) if not taken),
+        first=places[0],
+        last=places[-1],
+        takeoff=place(grid.takeoff) if grid.takeoff else (places[0][0], places[0][1] + 14.0),
+        dot=min(max(0.44 * unit * plan.solution.baseline_m, 2.0), 9.0),
+        bar=(round(unit * length_m, 1), _length(length_m)),
+        columns=list(columns),
+        rows=[
+            [_cell(name, value) for name, value in zip(columns, row, strict=True)]
+            for row in zip(*columns.values(), strict=True)
+            if len(ways) <= MOST_ROWS
+        ],
+    )
+
+
+def _outline(
+    polygons: tuple[Polygon, ...], place: Callable[[Sequence[float]], tuple[float, float]]
+) -> str:
+    return "".join(
+        f"{_line([place(point) for point in ring])}Z" for polygon in polygons for ring in polygon
+    )
+
+
+def _line(places: Iterable[tuple[float, float]]) -> str:
+    return "M" + "L".join(f"{x:g} {y:g}" for x, y in places)
+
+
+def _dots(places: Iterable[tuple[float, float]]) -> str:
+    return "".join(f"M{x:g} {y:g}h0" for x, y in places)
+
+
+def _length(length_m: float) -> str:
+    return f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
+
+
+def _cell(name: str, value: float) -> str:
+    """A value, truth or a number to about a centimetre."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if name in ("latitude", "longitude"):
+        return f"{value:.7f}"
+    return f"{round(value, 2) + 0.0:.2f}"

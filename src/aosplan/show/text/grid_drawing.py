@@ -1,0 +1,193 @@
+"""Pictures of grids and flights as text: site by site where there is room, else to scale.
+
+A picture to scale has 2 x 4 dots a character, as the Braille block of Unicode offers them, or one
+letter a character where there is nothing but ASCII.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.grid.spiral import Spiral
+from aosplan.show.text.terminal import flowed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from aosplan.grid.patterns import (
+        Pattern,
+        Sites,
+    )
+
+WIDTH, HEIGHT = 72, 20
+"""Largest picture, in characters and lines."""
+
+MOST_POINTS = 20_000
+"""A spiral, or a flight, of more sites is drawn from every second, third, ... of them."""
+
+BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
+"""Bits of the dots of U+2800, by line and column."""
+
+
+class Marks(NamedTuple):
+    """Characters of a picture."""
+
+    site: str
+    first: str
+    last: str
+    arrow: str
+
+
+UNICODE, ASCII = Marks("●", "▶", "■", "→"), Marks("o", "S", "E", "->")
+
+
+def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> list[str]:
+    """A grid and its legend, x to the right and y down; nothing for a single site."""
+    if pattern.samples < 2:
+        return []
+    marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
+    legend = [f"{marks.first} first photo", f"{marks.last} last photo", f"{marks.arrow} heading"]
+    drawn = _site_by_site(pattern, marks, width)
+    if not drawn:
+        even = not isinstance(pattern, Spiral)
+        sites = list(_thinned(pattern, width))
+        drawn, step = to_scale(sites, marks, width, plain=plain, even=even)
+        legend.append(_scale_text(pattern, step, plain=plain))
+    return [*drawn, "", *flowed(legend, width)]
+
+
+def flight_picture(
+    points: Sequence[tuple[float, float]], *, plain: bool = False, width: int = WIDTH
+) -> list[str]:
+    """A flight from above, north up, and its legend; `points` are metres east and north."""
+    if len(points) < 2:
+        return []
+    marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
+    every = -(-len(points) // MOST_POINTS)
+    chosen = [*points[:-1:every], points[-1]]
+    drawn, step = to_scale([(x, -y) for x, y in chosen], marks, width, plain=plain)
+    legend = [f"{marks.first} first photo", f"{marks.last} last photo", "north is up"]
+    legend.append(f"a {'letter' if plain else 'dot'} is {_metres(step)}")
+    return [*drawn, "", *flowed(legend, width)]
+
+
+def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
+    """Each site a character, where that fits: two characters a baseline, of a line even one."""
+    for apart in (2, 1) if pattern.rows == 1 and not isinstance(pattern, Spiral) else (2,):
+        if pattern.samples > WIDTH * HEIGHT:
+            return []
+        places = _places(pattern, apart)
+        rows, columns = (max(place[axis] for place in places) + 1 for axis in (0, 1))
+        if columns <= width and rows <= HEIGHT:
+            lines = [[" "] * columns for _ in range(rows)]
+            shown = [marks.first, *[marks.site] * (len(places) - 2), marks.last]
+            for (row, column), mark in zip(places, shown, strict=True):
+                lines[row][column] = mark
+            return ["".join(line).rstrip() for line in lines]
+    return []
+
+
+def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
+    """Where the sites are drawn, as (line, character) in flight order.
+
+    Rows farther apart than one baseline are drawn with one empty line between them.
+    """
+    if isinstance(pattern, Spiral):
+        offsets = list(pattern.offsets())
+        left, top = (min(offset[axis] for offset in offsets) for axis in (0, 1))
+        return [(round(y - top), round(apart * (x - left))) for x, y in offsets]
+    lines = 2 if round(pattern.row_pitch) > 1 else 1
+    return [(lines * row, apart * column) for row, column in pattern.sites()]
+
+
+def _thinned(pattern: Sites, width: int) -> Iterable[tuple[float, float]]:
+    """Sites in flight order, from the first to the last, no more than a picture can tell apart."""
+    if isinstance(pattern, Spiral):
+        every = -(-pattern.samples // MOST_POINTS)
+        yield from islice(pattern.offsets(), 0, pattern.samples - 1, every)
+        yield next(islice(pattern.offsets(), pattern.samples - 1, None))
+        return
+    gone = set(pattern.removed)
+    rows = _spread(pattern.rows, 4 * HEIGHT)
+    columns = _spread(pattern.columns, 2 * width)
+    yield _end(pattern, gone, 0, range(pattern.columns))
+    for row in rows:
+        for column in columns:
+            if (row, column) not in gone:
+                yield float(column), row * pattern.row_pitch
+    last = pattern.rows - 1
+    backwards = range(pattern.columns)[:: 1 if last % 2 else -1]
+    yield _end(pattern, gone, last, backwards)
+
+
+def _end(
+    pattern: Pattern, gone: set[tuple[int, int]], row: int, columns: range
+) -> tuple[float, float]:
+    """The first site of a row, in an order of its columns."""
+    column = next(column for column in columns if (row, column) not in gone)
+    return float(column), row * pattern.row_pitch
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """All of a number of rows, or as many of them as are of use, evenly spread."""
+    if count <= most:
+        return list(range(count))
+    return [round(index * (count - 1) / (most - 1)) for index in range(most)]
+
+
+def to_scale(
+    points: Sequence[tuple[float, float]],
+    marks: Marks,
+    width: int,
+    *,
+    plain: bool,
+    even: bool = False,
+) -> tuple[list[str], float]:
+    """Points, x to the right and y down, in a picture to scale; and what a dot's width stands for.
+
+    The first and the last are marked, in a character of their own.  With `even`, units of the
+    points that are wider than a dot are whole numbers of dots.
+    """
+    per_column, per_line = (1, 1) if plain else (2, 4)
+    flat = 2.0 if plain else 1.0  # a character is twice as high as wide, four dots as two
+    (left, right), (top, bottom) = ((min(c), max(c)) for c in zip(*points, strict=True))
+    step = max(
+        (right - left) / (per_column * width - 1), (bottom - top) / flat / (per_line * HEIGHT - 1)
+    )
+    if step < 1.0:  # a whole number of dots from site to site: even spacing
+        step = 1.0 / math.floor(1.0 / step) if even and step > 0.0 else step or 1.0
+    cells: dict[tuple[int, int], int] = {}
+
+    def cell(point: tuple[float, float]) -> tuple[int, int, int, int]:
+        x, y = round((point[0] - left) / step), round((point[1] - top) / step / flat)
+        return y // per_line, x // per_column, y % per_line, x % per_column
+
+    for point in points:
+        line, column, low, aside = cell(point)
+        cells[line, column] = cells.get((line, column), 0) | BRAILLE[low][aside]
+    rows, columns = (max(place[axis] for place in cells) + 1 for axis in (0, 1))
+    lines = [[" "] * columns for _ in range(rows)]
+    for (line, column), bits in cells.items():
+        lines[line][column] = marks.site if plain else chr(0x2800 + bits)
+    for point, mark in ((points[-1], marks.last), (points[0], marks.first)):
+        line, column = cell(point)[:2]
+        lines[line][column] = mark
+    return ["".join(line).rstrip() for line in lines], step
+
+
+def _scale_text(pattern: Sites, step: float, *, plain: bool) -> str:
+    """How many sites a dot of a picture stands for."""
+    dot = "letter" if plain else "dot"
+    if isinstance(pattern, Spiral):
+        return f"a {dot} is {step:.2g} baselines"
+    along = min(math.ceil(step), pattern.columns)
+    across = min(math.ceil(step * (2.0 if plain else 1.0) / pattern.row_pitch), pattern.rows)
+    if along == across == 1:
+        return f"{dot}s are sites"
+    return f"a {dot} is up to {along} x {across} sites"
+
+
+def _metres(length: float) -> str:
+    return f"{length / 1e3:.3g} km" if length >= 1e3 else f"{length:.2g} m"

@@ -1,0 +1,473 @@
+"""Results for people: tables and a picture of the grid, in 80 columns or fewer."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+from rich.cells import cell_len
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from aosplan.grid.spiral import Spiral
+from aosplan.show.text.grid_drawing import (
+    flight_picture,
+    grid_picture,
+)
+from aosplan.show.text.terminal import (
+    is_coloured,
+    is_styled,
+    is_terminal,
+    readable,
+    speaks_unicode,
+    wrote,
+)
+from aosplan.solver.solution import BEST
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rich.console import RenderableType
+
+    from aosplan.areas.survey import Survey
+    from aosplan.grid.patterns import Sites
+    from aosplan.models.model import Prediction
+    from aosplan.planning.planner import Plan
+    from aosplan.planning.sensitivity import Change
+    from aosplan.scenes.scene import Scene
+    from aosplan.simulation.compare import Simulation
+
+WIDTH = 80
+
+NARROWEST = 20
+"""Columns below which a terminal has to wrap lines itself."""
+
+PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
+"""Spaces at the end of a line, and the escape sequences behind them."""
+
+UNBROKEN = 20
+"""Cells up to so many characters stay on one line."""
+
+BANDS = 20
+"""Most bands of a profile."""
+
+MOST_NAMED = 60
+"""Characters of a name that are shown."""
+
+HEADLINES = ("Baseline", "Samples", "Visibility")
+"""Rows of a plan that are what was asked for: in colour, where there are colours."""
+
+ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Bound by": "yellow"}
+
+
+def screen_width() -> int:
+    """Columns to write in: those of the terminal, at most 80; in a pipe 80."""
+    return max(min(Console().width, WIDTH), NARROWEST) if is_terminal(sys.stdout) else WIDTH
+
+
+def show(*parts: RenderableType) -> None:
+    """Print to stdout, no wider than 80 columns: styled on a terminal, plain text in a pipe."""
+    screen = Console(
+        width=screen_width(),
+        highlight=False,
+        color_system="standard" if is_styled(sys.stdout) else None,
+        no_color=not is_coloured(sys.stdout),
+        force_terminal=True,
+        legacy_windows=False,
+    )
+    with screen.capture() as capture:
+        screen.print(*parts, sep="\n")
+    # Tables are padded to the right, which nobody wants in a file.
+    print("\n".join(PADDING.sub(r"\1", line) for line in capture.get().splitlines()))
+
+
+def print_plan(plan: Plan, written: Sequence[str]) -> None:
+    """The summary of a plan, its grid, and what to do next."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    for name, text in _plan_rows(plan):
+        table.add_row(name, one_line(text, ROW_STYLES.get(name, "")))
+    picture = _picture(plan)
+    drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
+    show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
+
+
+def _picture(plan: Plan) -> list[str]:
+    """The flight over an area, or the grid of a plan."""
+    plain, width = not speaks_unicode(), screen_width() - 2
+    if plan.layout.survey is None:
+        return grid_picture(plan.solution.pattern, plain=plain, width=width)
+    flown = plan.waypoints
+    return flight_picture(
+        list(zip(flown.east_m, flown.north_m, strict=True)), plain=plain, width=width
+    )
+
+
+def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    solution, prediction = plan.solution, plan.solution.prediction
+    pattern, request = solution.pattern, plan.request
+    yield "Scene", _scene_text(plan.scene, custom_base=request.scene is None)
+    yield "Camera", _named(plan.camera.title, plan.camera.name)
+    above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
+    yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
+    rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
+    near = f", approximated by its {plan.approximation}" if plan.approximation else ""
+    measured = f"{near}, on a plot that wraps around at its edges"
+    yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
+    yield "", ""
+    yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
+    yield "Samples", f"N = {pattern.samples:,}, {_shape_text(pattern, plan.grid.name)}"
+    x, y = plan.extent_m
+    yield "Aperture", f"a = {plan.aperture_m:,.1f} m (grid {x:,.1f} x {y:,.1f} m)"
+    if prediction.density > 0.0:
+        symbol = "V̂" if request.visibility is None else "V"
+        wanted = request.vhat if request.visibility is None else request.visibility
+        target = "" if request.optimize in BEST else f" (target {symbol} = {wanted})"
+        errors = plan.uncertainty
+        yield (
+            "Visibility",
+            f"V̂ = {_percent(prediction.normalized)}{_error(errors and errors.normalized)}, "
+            f"V = {_percent(prediction.expected)}{_error(errors and errors.expected)}{target}",
+        )
+        contrast = prediction.contrast
+        yield (
+            "",
+            f"one photo {_percent(prediction.minimum)}, endless photos "
+            f"{_percent(prediction.maximum)}"
+            + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
+        )
+    else:
+        yield "Visibility", "V = 100 %: nothing is hidden"
+    yield "", ""
+    yield from _camera_rows(plan)
+    for limit in plan.limits:
+        yield "Bound by", limit.message
+    if plan.sensitivity:
+        yield "", ""
+        yield from _sensitivity_rows(plan.sensitivity)
+
+
+def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
+    """What the planned grid would show of other scenes, and what they would be planned with."""
+    for index, change in enumerate(changes):
+        name = change.quantity.removeprefix("occluder_")
+        text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
+        if change.visibility is not None:
+            normalized = "" if change.normalized is None else f"V̂ = {_percent(change.normalized)}, "
+            text += f"{normalized}V = {_percent(change.visibility)}"
+            text += "; " if change.reason is None else "; no plan: "
+        if change.reason is None:
+            text += f"plan N = {change.samples}, b = {change.baseline_m:.2f} m"
+        else:
+            text += change.reason
+        yield "If off" if index == 0 else "", text
+
+
+def _error(standard_error: float | None) -> str:
+    """A standard error behind its value, in per cent."""
+    if standard_error is None:
+        return ""
+    percent = 100.0 * standard_error
+    return f" ± {percent:.1f} %" if percent >= 0.05 or percent == 0.0 else f" ± {percent:.1g} %"
+
+
+def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    from aosplan.planning.document import disparity_document
+
+    camera, altitude = plan.camera, plan.altitude_m
+    footprint, common = camera.footprint_m(altitude), plan.common_footprint_m
+    yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm a pixel"
+    yield "Footprint", f"{footprint[0]:.1f} x {footprint[1]:.1f} m, along and across the heading"
+    if min(common) > 0.0:
+        yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is seen by all samples"
+    else:
+        yield "", "no ground is seen by all samples"
+    disparity = disparity_document(plan)
+    if disparity["pixels"] is not None:
+        yield (
+            "Disparity",
+            f"{disparity['pixels']:.3g} px, occluders {disparity['occluder_pixels']:.3g} px "
+            f"(d̂ = {disparity['normalized']:.3g})",
+        )
+    if plan.layout.survey is not None:
+        yield from _area_rows(plan.layout.survey)
+    yield from _flight_rows(plan)
+    if plan.layout.continuous is not None:
+        for integral in plan.layout.continuous.by_samples:
+            yield (
+                "Integral" if integral.samples == 1 else "",
+                f"of the last {integral.samples}: {integral.length_m:.1f} m, "
+                f"{integral.duration_s:.1f} s, V̂ = {_percent(integral.normalized)}, "
+                f"V = {_percent(integral.expected)}",
+            )
+
+
+def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
+    covered = 100.0 * survey.covered_share
+    yield (
+        "Area",
+        f"{survey.area_m2 / 1e4:.4g} ha, {covered if covered == 100.0 else min(covered, 99.99):.4g} % "
+        f"of it covered from {survey.sites:,} sites",
+    )
+    over = (
+        f", {survey.length_m / survey.shortest_m:.3g} of a lower bound" if survey.shortest_m else ""
+    )
+    yield "", f"lines {survey.axis} the heading{over}"
+
+
+def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    route, request = plan.route, plan.request
+    yield "Flight", f"{route.length_m:,.0f} m, {_minutes(route.time_s)} (first photo to last)"
+    if request.trigger == "distance":
+        yield (
+            "",
+            f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
+            f"run-in {route.timing.run_in_m:.3g} m",
+        )
+    known = (request.drone, request.takeoff, request.flight_time, request.resume_at)
+    if any(value is not None for value in known) or len(route.flights) > 1:
+        count = len(route.flights)
+        each = f"{count} flights, the longest" if count > 1 else "1 flight,"
+        longest = max(flight.time_s for flight in route.flights)
+        yield "", f"{each} {_minutes(longest)} with take-off and return"
+    if route.datum is not None:
+        low = plan.altitude_m + request.focal_height - route.hump_m
+        ground = plan.waypoints.ground_m
+        assert ground is not None  # the terrain gave it
+        yield (
+            "Terrain",
+            f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "
+            f"never below {low:.1f} m above ground",
+        )
+
+
+def _minutes(seconds: float) -> str:
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600:,} h {whole // 60 % 60} min"
+
+
+def _scene_text(scene: Scene, *, custom_base: bool) -> str:
+    low = min((slab.bottom_m for slab in scene.slabs()), default=0.0)
+    base = f"base {low:.3g} m" if custom_base else f"{low:.3g}"
+    joint = ", top" if custom_base else " to"
+    return (
+        f"{_named(scene.title, scene.name)}: p = {_percent(scene.integrated_density)}, "
+        f"{base}{joint} {scene.canopy_top_m:.3g} m"
+    )
+
+
+def one_line(text: str, style: str = "") -> Text:
+    """Text without markup and control characters, in characters that the screen has."""
+    return Text(readable(text), style=style)
+
+
+def _named(title: str, name: str) -> str:
+    return f"{_short(title)} ({_short(name)})" if title else _short(name)
+
+
+def _short(name: str) -> str:
+    """A name, which a file may have made as long as it likes."""
+    return name if len(name) <= MOST_NAMED else f"{name[: MOST_NAMED - 1]}…"
+
+
+def _shape_text(pattern: Sites, kind: str) -> str:
+    if isinstance(pattern, Spiral):
+        return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
+    text = f"{kind} grid of {pattern.rows} x {pattern.columns}"
+    return f"{text} less {len(pattern.removed)}" if pattern.removed else text
+
+
+def _percent(value: float) -> str:
+    percent = 100.0 * value
+    # Near 100 % the digits that matter come late.
+    decimals = 1
+    while decimals < 9 and value < 1.0 and float(f"{percent:.{decimals}f}") >= 100.0:
+        decimals += 1
+    return f"{percent:.{decimals}f} %"
+
+
+def _next_step(plan: Plan, written: Sequence[str]) -> str:
+    if written:
+        return wrote(written)
+    if not plan.request.has_place:
+        return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
+    return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
+
+
+def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """A plain table with a header; where it is too wide for the terminal, a paragraph a row."""
+    shown = [[readable(cell) for cell in row] for row in rows]
+    names = [readable(name) for name in header]
+    columns = list(zip(names, *shown, strict=True))
+    short = [max(map(cell_len, column)) <= UNBROKEN for column in columns]
+    least = sum(
+        max(cell_len(word) for cell in column for word in ([cell] if whole else cell.split(" ")))
+        for column, whole in zip(columns, short, strict=True)
+    )
+    if least + 2 * (len(names) - 1) > screen_width():
+        first, *others = names
+        for row in shown:
+            pairs = (
+                f"{name} {cell}" if name else cell
+                for name, cell in zip(others, row[1:], strict=True)
+            )
+            text = Text(f"{row[0] or first}: {', '.join(filter(None, pairs))}")
+            show(text)
+        return
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, header_style="bold")
+    for name, whole in zip(names, short, strict=True):
+        table.add_column(Text(name), overflow="fold", no_wrap=whole)
+    for row in shown:
+        table.add_row(*map(Text, row))
+    show(table)
+
+
+def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
+    """Names and what there is to say of each."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    for name, text in rows:
+        table.add_row(name, one_line(text))
+    show(table)
+
+
+def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
+    """Sets of samples side by side: their numbers, and what each shows."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("", *columns):
+        table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
+    table.add_row("N", *(str(count) for count, _ in columns.values()))
+    found = [prediction for _, prediction in columns.values()]
+    hidden = [each if each.density else None for each in found]
+    table.add_row("p", *(_percent(each.density) for each in found))
+    table.add_row("V", *(_percent(each.expected) for each in found))
+    table.add_row(one_line("V̂"), *(_percent(each.normalized) if each else "-" for each in hidden))
+    table.add_row(
+        "effective samples", *(f"{each.effective_samples:.4g}" if each else "-" for each in hidden)
+    )
+    table.add_row("contrast", *(f"{each.contrast:.4g}" if each else "-" for each in hidden))
+    show(table)
+
+
+def print_simulation(
+    simulation: Simulation, similar: dict[str, Any], written: Sequence[str]
+) -> None:
+    """A prediction beside its simulation, and whether they agree."""
+    plan, found, settings = simulation.plan, simulation.simulated, simulation.settings
+    pattern = plan.solution.pattern
+    view = "" if settings.forest == "noise" else f", {settings.view} view"
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("", "planned", "predicted", "simulated", "standard error"):
+        table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
+    for symbol, name in (("p", "density"), ("V", "expected"), ("V̂", "normalized")):
+        value, error = getattr(found, name), getattr(found, f"{name}_standard_error")
+        if math.isnan(value):
+            continue
+        models = (plan.solution.prediction, simulation.predicted)
+        numbers = [*(getattr(model, name) for model in models), value]
+        # Rounding around 0 is no minus.
+        shown = [_percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
+        table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
+    verdict = ["They agree."] if simulation.agree else ["They disagree:"]
+    verdict += [f"  {difference}" for difference in simulation.differences]
+    if similar:
+        single, integral = similar["similarity"].values()
+        verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
+    if written:
+        verdict.append(wrote(written))
+    kind = "blocks of the plot" if settings.forest == "cloud" else "volumes"
+    show(
+        one_line(
+            f"{plan.model} model against a {settings.forest} forest{view}: N = "
+            f"{pattern.samples}, b = {plan.solution.baseline_m:.2f} m"
+        ),
+        one_line(
+            f"{simulation.samples} {kind}, {simulation.targets} targets, seed {settings.seed}"
+        ),
+        Text(""),
+        table,
+        Text(""),
+        *map(one_line, verdict),
+    )
+
+
+def print_scene(document: dict[str, Any]) -> None:
+    """Occluder statistics: the summary, and a profile of the layers."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    rows = [
+        ("Scene", _named(document["title"], document["name"])),
+        ("Density", f"p = {_percent(document['integrated_density'])} of the ground is hidden"),
+        ("", f"mean {_percent(document['mean_density'])} a slice"),
+        ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
+    ]
+    if document["assumed"]:
+        rows.append(("Assumed", document["assumed"]))
+    if document.get("points"):
+        rows.append(
+            (
+                "Points",
+                f"{document['points']} ({document['points_per_m2']:.0f} a m²), voxels of "
+                f"{document['voxel_m']:g} m, ground by {document['ground']}",
+            )
+        )
+    if "edges" in document:
+        width, depth = document["plot_m"]
+        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; it wraps around at its edges"))
+    if "density_by_angle" in document:
+        rows.append(("p off nadir", _by_angle(document["density_by_angle"])))
+    for share in (0.5, 0.9, 0.98):
+        over_altitude = next(
+            (b for b, covered in document["baseline_curve"] if covered >= share), None
+        )
+        if over_altitude is not None:
+            rows.append(
+                (f"b at {100 * share:g} %", f"{over_altitude:.4g} of the altitude above ground")
+            )
+    for name, text in rows:
+        table.add_row(name, one_line(text))
+    profile = _profile(document["layers"])
+    show(table, *([Text(""), *profile] if profile else []))
+
+
+def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
+    """The density at a few angles, between those that were measured."""
+    shown = []
+    for wanted in (0.0, 10.0, 20.0, 30.0, 40.0):
+        for (low, before), (high, after) in pairwise(pairs):
+            if low <= wanted <= high:
+                between = before + (after - before) * (wanted - low) / (high - low)
+                shown.append(f"{wanted:.0f}° {_percent(between)}")
+                break
+    return ", ".join(shown)
+
+
+def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
+    """Density by height as bars, from the top down, in at most twenty bands."""
+    if not layers:
+        return []
+    top = max(layer["top_m"] for layer in layers)
+    band = max(top / BANDS, 1.0)
+    filled = [0.0] * (int(top / band - 1e-9) + 1)
+    for layer in layers:
+        low, high = layer["bottom_m"] / band, layer["top_m"] / band
+        for index in range(int(low), min(math.ceil(high), len(filled))):
+            within = max(min(high, index + 1) - max(low, index), 0.0)
+            filled[index] += layer["density"] * within
+    densest = max(filled) or 1.0
+    bar = "█" if speaks_unicode() else "#"
+    return [
+        Text(
+            f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}"
+        )
+        for index, density in reversed(list(enumerate(filled)))
+    ]

@@ -1,0 +1,506 @@
+"""A plan's prediction beside its simulation: the one place where models and experiments meet.
+
+**What is predicted** is the model's answer to the experiment's own question, which is not always
+the plan's.  The uniform and the layered model are asked for rays straight down; a flown plan
+looks at its target area at a slant, and of slices of cubes a ray with slopes s = |tan x| + |tan y|
+meets more: it is clear with probability Π q^(1 + r s), r the slices' thickness over the size of
+their occluders (Beer-Lambert).  So p is the mean of p_i(t) over views i and targets t, and
+
+    E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
+
+with the plan's own K.  The measured model is asked for the experiment's view, telecentric or
+perspective.  Noise patterns ask what the paper asks, and get the plan's own numbers.
+
+**They agree** where each of p, V and V̂ is as predicted within `MOST_ERRORS` standard errors and
+the experiment's own, stated error: what voxels do to p, V and K (`TOLERANCE`), and what cubes do
+to K, which look wider at a slant, up to 1 + s times (K of independent slices, at so much less
+disparity).  It excuses no model: noise patterns have no such error at all.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.mission.mission import local_sites
+from aosplan.models.equations import slice_density
+from aosplan.models.layered import LayeredModel
+from aosplan.models.measured import MeasuredModel
+from aosplan.models.model import Prediction
+from aosplan.scenes.scene import UniformScene
+from aosplan.simulation.experiments import (
+    FEWEST_SAMPLES,
+    Experiment,
+    ForestExperiment,
+    NoiseExperiment,
+    PlotExperiment,
+)
+from aosplan.simulation.forests import (
+    clumped_forest,
+    layered_forest,
+    uniform_forest,
+)
+from aosplan.simulation.moments import (
+    Estimate,
+    estimate,
+)
+from aosplan.simulation.voxel_views import VoxelViews
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from aosplan.planning.planner import Plan
+    from aosplan.scenes.occlusion import ViewKind
+    from aosplan.scenes.scene import Scene
+
+FORESTS = ("noise", "uniform", "layered", "clumped", "cloud")
+"""What a plan is simulated on, by name."""
+
+FOREST_OF = {"uniform": "uniform", "layered": "layered", "cloud": "cloud"}
+"""The forest that a kind of scene describes."""
+
+QUANTITIES = ("density", "expected", "normalized")
+
+MOST_ERRORS = 4.0
+"""Standard errors up to which chance is blamed: less than once in a thousand times."""
+
+MOST_VIEWS = 10_000
+"""More views than these are not simulated."""
+
+MOST_TARGETS = 100_000_000
+"""Targets of a simulation, unless told otherwise."""
+
+AREA_POINTS = 9
+"""Points along either side of the target area over which predictions are averaged."""
+
+
+TOLERANCE = {"density": 0.003, "expected": 0.003, "normalized": 0.03}
+"""Error of volumes of voxels: of p and V, and of V̂ as a share of 1 - V̂."""
+
+
+class Settings(NamedTuple):
+    """How a plan is simulated.
+
+    Attributes
+    ----------
+    seed
+        Of everything random, from 0.
+    precision
+        Standard error of V and V̂ at which the simulation is done.
+    forest
+        One of `FORESTS`; None for the one that the scene describes.
+    view
+        ``perspective``: the ground that all samples see, under one aperture.  ``telecentric``:
+        each target in the middle of its own.
+    most_targets
+        Targets after which the simulation ends, whatever its precision, but for
+        `FEWEST_SAMPLES` volumes.
+    """
+
+    seed: int = 1
+    precision: float = 0.005
+    forest: str | None = None
+    view: ViewKind = "perspective"
+    most_targets: int = MOST_TARGETS
+
+
+class Simulation(NamedTuple):
+    """A plan's prediction, beside what an experiment found.
+
+    Attributes
+    ----------
+    plan, settings
+        What was simulated, and how; `settings.forest` is a name.
+    predicted
+        The model's answer to the experiment's question.
+    simulated
+        What was found, with standard errors.
+    views, targets, samples
+        How many views each target had, how many targets there were in all, and in how many
+        independent volumes, patterns or blocks.
+    tolerance
+        Error of the experiment that is not chance, by quantity.
+    experiment
+        For pictures; None where nothing stands in the way.
+    """
+
+    plan: Plan
+    settings: Settings
+    predicted: Prediction
+    simulated: Estimate
+    views: int
+    targets: int
+    samples: int
+    tolerance: dict[str, float]
+    experiment: Experiment | None
+
+    @property
+    def differences(self) -> list[str]:
+        """Where prediction and simulation disagree, a sentence each."""
+        return [
+            text for name in QUANTITIES if (text := self._difference(name, self.tolerance[name]))
+        ]
+
+    @property
+    def agree(self) -> bool:
+        """Whether the prediction holds in the experiment."""
+        return not self.differences
+
+    @property
+    def precise(self) -> bool:
+        """Whether the standard errors came down to the wanted precision."""
+        return _worst(self.simulated) <= self.settings.precision
+
+    def document(self) -> dict[str, Any]:
+        """The plan's document, and the simulation beside it."""
+        found = {
+            name: value if math.isfinite(value) else None
+            for name, value in self.simulated._asdict().items()
+        }
+        clear = self.predicted.density == 0.0
+        predicted = {name: float(getattr(self.predicted, name)) for name in QUANTITIES}
+        return self.plan.document() | {
+            "predicted": predicted | ({"normalized": None} if clear else {}),
+            "simulated": found,
+            "agree": self.agree,
+            "differences": self.differences,
+            "tolerance": self.tolerance,
+            "forest": self.settings.forest,
+            "view": None if self.settings.forest == "noise" else self.settings.view,
+            "seed": self.settings.seed,
+            "precision": self.settings.precision,
+            "precise": self.precise,
+            "views": self.views,
+            "targets": self.targets,
+            "volumes": self.samples,
+        }
+
+    def _difference(self, name: str, tolerance: float) -> str:
+        predicted, found = getattr(self.predicted, name), getattr(self.simulated, name)
+        error = getattr(self.simulated, f"{name}_standard_error")
+        # Nothing hidden, no V̂; and rounding is no difference.
+        if math.isnan(found) or abs(predicted - found) <= MOST_ERRORS * error + tolerance + 1e-9:
+            return ""
+        symbol = {"density": "p", "expected": "V", "normalized": "V̂"}[name]
+        return (
+            f"{symbol} is {found:.4f} ± {error:.4f} where the {self.plan.model} model predicts "
+            f"{predicted:.4f}"
+        )
+
+
+def simulate(
+    plan: Plan,
+    settings: Settings | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Simulation:
+    """Fly a plan over a forest in the computer, and hold its prediction against what is seen.
+
+    Parameters
+    ----------
+    plan
+        What to fly.
+    settings
+        How to simulate it; by default the forest that its scene describes, in perspective.
+    progress
+        Called with volumes done and volumes expected in all.
+
+    Raises
+    ------
+    RequestError
+        As `posed`.
+    """
+    settings, experiment, predicted = posed(plan, settings or Settings())
+    views = plan.solution.pattern.samples
+    above = plan.scene.above(plan.request.focal_height)
+    if experiment is None or above is None:
+        return Simulation(
+            plan,
+            settings,
+            predicted,
+            Estimate(0.0, 1.0, math.nan, 0.0, 0.0, math.nan),
+            views,
+            0,
+            0,
+            dict.fromkeys(QUANTITIES, 0.0),
+            None,
+        )
+    samples = []
+    targets, check = 0, FEWEST_SAMPLES
+    for counts in experiment.samples():
+        samples.append(counts)
+        targets += counts.targets
+        if experiment.one_plot or len(samples) < FEWEST_SAMPLES:
+            continue
+        if targets + counts.targets > settings.most_targets:
+            break
+        if len(samples) < check:
+            continue
+        worst = _worst(estimate(samples))
+        if worst <= settings.precision:
+            break
+        # The standard error is itself a chance: to look at it often is to stop too early.
+        check = math.ceil(1.25 * len(samples))
+        if progress is not None:
+            progress(len(samples), math.ceil(len(samples) * (worst / settings.precision) ** 2))
+    found = estimate(samples, one_plot=experiment.one_plot)
+    tolerance = _tolerance(plan, above, experiment, predicted)
+    return Simulation(
+        plan, settings, predicted, found, views, targets, len(samples), tolerance, experiment
+    )
+
+
+def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
+    """The experiment that answers for a plan, and the model's answer to its question.
+
+    The settings come with the name of the forest; without occluders there is no experiment.
+
+    Raises
+    ------
+    RequestError
+        Where the forest does not go with the scene, there is no target area, there are more than
+        `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
+    """
+    if (views := plan.solution.pattern.samples) > MOST_VIEWS:
+        raise RequestError(
+            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
+            "--samples or --max-samples plan fewer",
+        )
+    if plan.request.hold_error > 0.0:
+        raise RequestError(
+            f"--hold-error {plan.request.hold_error:g}: a simulation flies to every site exactly",
+            "simulate the plan without --hold-error",
+        )
+    if plan.request.rays not in (None, "nadir"):
+        raise RequestError(
+            f"--rays {plan.request.rays}: a simulation knows how its rays run",
+            "simulate the plan with --rays nadir",
+        )
+    above = plan.scene.above(plan.request.focal_height)
+    settings = settings._replace(forest=_forest(plan, settings))
+    if above is None or plan.coverage is None:
+        return settings, None, plan.solution.prediction
+    return settings, *_experiment(plan, above, settings)
+
+
+class Pictures(NamedTuple):
+    """PNG files of a simulation, and the similarity (SSIM) of images to that of endless views.
+
+    `picture` shows a resolution chart through the trees, in the middle view, in the integral
+    image of all, and in that of endless views; `occlusion_map` the share of views that see
+    each target, white for all.
+    """
+
+    picture: bytes
+    occlusion_map: bytes
+    single: float
+    integral: float
+
+
+def pictures(simulation: Simulation) -> Pictures:
+    """Draw the first volume, pattern or plot of a simulation, the far end of the area on top.
+
+    Raises
+    ------
+    RequestError
+        Where nothing stands in the way.
+    MissingExtraError
+        Where Pillow or scikit-image is not installed.
+    """
+    from aosplan.simulation import pictures as p
+    from aosplan.simulation.ssim import similarity
+
+    if simulation.experiment is None:
+        raise RequestError("nothing stands above the focal plane: there is nothing to draw")
+    shown = p.panels(*simulation.experiment.images(), simulation.views)
+    return Pictures(
+        p.png(p.side_by_side([shown.single, shown.integral, shown.endless])),
+        p.png(1.0 - shown.share),
+        *(
+            similarity(image, shown.endless, span=1.0).ssim
+            for image in (shown.single, shown.integral)
+        ),
+    )
+
+
+def _worst(found: Estimate) -> float:
+    errors = (found.expected_standard_error, found.normalized_standard_error)
+    return max((error for error in errors if not math.isnan(error)), default=0.0)
+
+
+def _forest(plan: Plan, settings: Settings) -> str:
+    """The forest to simulate on, if it goes with the scene."""
+    if plan.approximation is not None:
+        raise RequestError(
+            f"scene '{plan.request.scene}' holds a correlogram, and no voxels to simulate",
+            "simulate its point cloud or .npz, or plan with --model layered",
+        )
+    kind = "cloud" if plan.volume is not None else plan.scene.kind
+    forest = settings.forest or FOREST_OF[kind]
+    if forest == "cloud" and plan.volume is None:
+        raise RequestError(
+            "--forest cloud needs the voxels of a point cloud",
+            "give --scene FILE.laz or FILE.npz, or another --forest",
+        )
+    if forest == "uniform" and plan.scene.kind != "uniform":
+        raise RequestError(
+            f"--forest uniform, and scene '{plan.scene.name}' has layers",
+            "--forest layered or clumped goes with it",
+        )
+    return forest
+
+
+def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experiment, Prediction]:
+    """The experiment, and the model's answer to its question."""
+    solution, h = plan.solution, plan.altitude_m
+    if settings.forest == "noise":
+        assert plan.coverage is not None  # a clear view is not simulated
+        in_occluders = _sites(plan, 0.0) / plan.coverage.baseline_m
+        density = solution.prediction.density
+        return NoiseExperiment(settings.seed, density, in_occluders), solution.prediction
+    if settings.forest == "cloud":
+        assert plan.volume is not None  # the forest was checked
+        plot = VoxelViews(
+            plan.volume, h, view=settings.view, focal_height_m=plan.request.focal_height
+        )
+        positions = _sites(plan, plan.heading_deg)
+        area = plan.volume.size_m
+        experiment: Experiment = PlotExperiment(plot, positions)
+    else:
+        positions = _sites(plan, 0.0)
+        area = _target_area(plan, settings.view)
+        size = min(layer.occluder_size_m for layer in above.slices())
+        make = _maker(above, str(settings.forest))
+        flown = positions, h, above.canopy_top_m
+        experiment = ForestExperiment(settings.seed, make, *flown, size, settings.view, area)
+        experiment.check()
+    if plan.model == "measured":
+        return experiment, _measured(plan, settings.view)
+    return experiment, slanted(
+        solution.prediction.shortfall, _lengths(above), positions, area, h, settings.view
+    )
+
+
+def _sites(plan: Plan, heading_deg: float) -> NDArray[np.float64]:
+    return np.column_stack(
+        local_sites(plan.solution.pattern, plan.solution.baseline_m, heading_deg)
+    )
+
+
+def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
+    """Ground that all samples see, across and along the heading."""
+    along, across = plan.common_footprint_m
+    if view == "telecentric":
+        return across, along  # not looked at: each target has its own aperture
+    if min(along, across) <= 0.0:
+        raise RequestError(
+            "no ground is seen by all samples, and that is what would be simulated",
+            "--view telecentric simulates a target in the middle of the aperture",
+        )
+    return across, along
+
+
+def _maker(above: Scene, forest: str) -> Callable[..., Any]:
+    """What grows a volume of a scene from random numbers, over a size along x and y."""
+    if forest == "uniform":
+        assert isinstance(above, UniformScene)
+        density = above.density
+        if density is None:
+            p = above.integrated_density
+            density = float(slice_density(p, above.volume_height_m, above.occluder_size_m))
+        numbers = density, above.occluder_size_m, above.volume_base_m, above.volume_height_m
+        return lambda rng, size: uniform_forest(rng, *numbers, size)
+    slices = above.slices()
+    if forest == "layered":
+        return lambda rng, size: layered_forest(rng, slices, size)
+    finest = min(layer.occluder_size_m for layer in slices)
+    base = min(layer.bottom_m for layer in slices)
+    stand = above.integrated_density, finest, base, above.canopy_top_m - base
+    return lambda rng, size: clumped_forest(rng, *stand, size)
+
+
+def _lengths(above: Scene) -> tuple[float, float]:
+    """Logarithm of the transparency straight down, and what a unit of slope adds to it."""
+    straight = slope = 0.0
+    for layer in above.slices():
+        cubes = (layer.top_m - layer.bottom_m) / layer.occluder_size_m
+        log_clear = math.log1p(-layer.density)
+        straight += log_clear
+        slope += log_clear * cubes / max(round(cubes), 1)
+    return straight, slope
+
+
+def _tolerance(
+    plan: Plan, above: Scene, experiment: Experiment, predicted: Prediction
+) -> dict[str, float]:
+    """Error of an experiment that is not chance, by quantity."""
+    if isinstance(experiment, NoiseExperiment):
+        return dict.fromkeys(QUANTITIES, 0.0)
+    wider = 0.0
+    if isinstance(experiment, ForestExperiment):
+        model = LayeredModel(above.slices(), plan.altitude_m)
+        pattern, baseline = plan.solution.pattern, plan.solution.baseline_m
+        straight, slope = _lengths(above)
+        # The mean slope along one axis, from what it costs in transparency.
+        mean_slope = 0.5 * (math.log(predicted.transparency) - straight) / slope
+        wide = model.predict(pattern, baseline / (1.0 + max(mean_slope, 0.0)))
+        wider = wide.shortfall - model.predict(pattern, baseline).shortfall
+    share = TOLERANCE["normalized"] * predicted.shortfall
+    return TOLERANCE | {"normalized": share + max(wider, 0.0)}
+
+
+def _measured(plan: Plan, view: ViewKind) -> Prediction:
+    assert plan.volume is not None
+    model = MeasuredModel(
+        plan.volume,
+        plan.altitude_m,
+        heading_deg=plan.heading_deg,
+        view=view,
+        focal_height_m=plan.request.focal_height,
+    )
+    return model.predict(plan.solution.pattern, plan.solution.baseline_m)
+
+
+def slanted(
+    shortfall: float,
+    log_transparency: tuple[float, float],
+    positions_m: NDArray[np.float64],
+    area_m: tuple[float, float],
+    altitude_m: float,
+    view: ViewKind,
+) -> Prediction:
+    """A prediction for the slanted rays of an experiment, as the module's text has it.
+
+    Parameters
+    ----------
+    shortfall
+        K of the plan.
+    log_transparency
+        Logarithm of the transparency straight down, and what a unit of slope adds to it.
+    positions_m
+        Of the cameras from the middle of the pattern, shape (N, 2).
+    area_m
+        Target area along x and y, of perspective views.
+    altitude_m
+        Of the cameras above the targets.
+    view
+        Whether all targets are under one aperture, or each under its own.
+    """
+    share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
+    scale = 0.0 if view == "telecentric" else 1.0
+    x, y = (
+        np.abs(positions_m[:, axis] - scale * area_m[axis] * share[:, np.newaxis]) / altitude_m
+        for axis in (0, 1)
+    )
+    straight, slope = log_transparency
+    slopes = x[:, np.newaxis, :] + y[np.newaxis, :, :]
+    clear = np.exp(straight + slope * slopes)
+    p, t = 1.0 - float(clear.mean()), float(clear.mean())
+    means = 1.0 - clear.mean(axis=2)
+    squares = float((means * means).mean()) + shortfall * float((clear * (1.0 - clear)).mean())
+    return Prediction(p, t, (squares - p * p) / (p * t))

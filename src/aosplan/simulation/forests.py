@@ -1,0 +1,322 @@
+"""Forests from a seed, as voxels: slices of cubes, and stands of trees.
+
+Two kinds, matched to the statistics of a scene:
+
+- `uniform_forest` and `layered_forest`: independent slices, each a plane of square cells at a
+  random phase, occupied with the slice's density; as thick as they are wide where the slice
+  allows, so that oblique rays meet their sides.
+- `clumped_forest`: trees with a trunk and a crown of leafy clumps, thinned until the share of the
+  ground that is hidden from straight above is the wanted one.  What independent slices
+  promise, it does not keep, as no real stand does.
+
+Everything is drawn from one `numpy.random.Generator`; `generator` makes it the same on every
+platform.  Plots wrap around.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.scenes.voxels import VoxelVolume
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.scene import Layer
+
+MOST_VOXELS = 1 << 26
+"""Voxels of one volume; where a forest takes more, its voxels become larger."""
+
+VOXELS_AN_OCCLUDER = 3
+"""Voxels along the edge of a cube, where the volume stays within bounds."""
+
+BISECTIONS = 40
+
+
+def generator(seed: int, index: int = 0) -> np.random.Generator:
+    """The random numbers of sample `index` of a simulation with a seed, the same everywhere."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+
+
+def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float) -> float:
+    """Voxel size [m] for cubes: a third, half or all of their edge, larger where that is too many.
+
+    Below a cube's edge, cells of different slices begin at different places, as they should.
+    """
+    for parts in range(VOXELS_AN_OCCLUDER, 0, -1):
+        voxel_m = occluder_size_m / parts
+        if _smallest_voxel_m(voxel_m, size_m, top_m) <= voxel_m:
+            return voxel_m
+    return _smallest_voxel_m(occluder_size_m, size_m, top_m)
+
+
+def _smallest_voxel_m(wanted_m: float, size_m: tuple[float, float], top_m: float) -> float:
+    """The wanted voxel size, or the smallest with which a volume stays within bounds."""
+    width, depth = (max(length, wanted_m) for length in size_m)
+    return max(wanted_m, math.cbrt(width * depth * max(top_m, wanted_m) / MOST_VOXELS))
+
+
+def uniform_forest(
+    rng: np.random.Generator,
+    slice_density: float,
+    occluder_size_m: float,
+    volume_base_m: float,
+    volume_height_m: float,
+    size_m: tuple[float, float],
+) -> VoxelVolume:
+    """One volume of cubes of one size: the paper's model (its section II), before projection.
+
+    Parameters
+    ----------
+    rng
+        Where the forest comes from.
+    slice_density
+        D, share of a slice one occluder thick that occluders fill.
+    occluder_size_m
+        o, edge length of an occluder.
+    volume_base_m, volume_height_m
+        Lower end of the volume, and its thickness l.
+    size_m
+        Extent of the plot along x and y.
+    """
+    if not 0.0 <= slice_density <= 1.0:
+        raise RequestError(f"forest: slice density {slice_density:g} is not between 0 and 1")
+    top_m = volume_base_m + volume_height_m
+    voxel_m = voxel_for(occluder_size_m, size_m, top_m)
+    canvas = _Canvas(size_m, voxel_m, top_m)
+    # Whole slices from the base up, and what is left of one: part of a cube, met by its share.
+    slices = volume_height_m / occluder_size_m
+    if voxel_m > occluder_size_m:
+        canvas.add(rng, volume_base_m, top_m, _thinned(slice_density, 1.0 / slices), voxel_m)
+    for k in range(math.ceil(slices - 1e-9) if voxel_m <= occluder_size_m else 0):
+        bottom = volume_base_m + k * occluder_size_m
+        share = min(slices - k, 1.0)
+        density = _thinned(slice_density, 1.0 / share)
+        canvas.add(rng, bottom, bottom + share * occluder_size_m, density, occluder_size_m)
+    return canvas.volume("uniform forest")
+
+
+def layered_forest(
+    rng: np.random.Generator, layers: Sequence[Layer], size_m: tuple[float, float]
+) -> VoxelVolume:
+    """Independent layers, each with its own occluder size and density.
+
+    Parameters
+    ----------
+    rng
+        Where the forest comes from.
+    layers
+        Bottom, top [m], share D that blocks a vertical ray, and occluder size [m] of each.
+        Layers thicker than their occluders are filled with several independent slices, which
+        together block the layer's share.
+    size_m
+        Extent of the plot along x and y.
+    """
+    filled = [layer for layer in layers if layer.density > 0.0]
+    top_m = max((layer.top_m for layer in filled), default=0.0)
+    finest = min(
+        (min(layer.occluder_size_m, layer.top_m - layer.bottom_m) for layer in filled),
+        default=min(size_m),
+    )
+    canvas = _Canvas(size_m, voxel_for(finest, size_m, top_m), top_m)
+    for layer in filled:
+        canvas.add(rng, layer.bottom_m, layer.top_m, layer.density, layer.occluder_size_m)
+    return canvas.volume("layered forest")
+
+
+def clumped_forest(
+    rng: np.random.Generator,
+    density: float,
+    occluder_size_m: float,
+    volume_base_m: float,
+    volume_height_m: float,
+    size_m: tuple[float, float],
+) -> VoxelVolume:
+    """A stand of trees that hides a given share of the ground from straight above.
+
+    Trees stand at random until their crowns cover half of what would otherwise be open; a crown
+    is an ellipsoid in which whole clumps are leafy or empty, and of the leafy voxels so many
+    are kept as the density takes.  Trunks reach from the volume's base into the crown.
+
+    Parameters
+    ----------
+    rng
+        Where the forest comes from.
+    density
+        p, share of the ground that a vertical ray does not reach, below 1.
+    occluder_size_m
+        Edge length of a voxel: of the smallest thing that hides something.
+    volume_base_m, volume_height_m
+        Lower end of the canopy, and its thickness: the highest tree is that high, the crowns
+        begin in its lower half.
+    size_m
+        Extent of the plot along x and y.
+
+    Raises
+    ------
+    RequestError
+        Where the density is not a share below 1.
+    """
+    if not 0.0 <= density < 1.0:
+        raise RequestError(f"forest: density {density:g} is not a share below 1")
+    top_m = volume_base_m + volume_height_m
+    voxel_m = _smallest_voxel_m(occluder_size_m, size_m, top_m)
+    canvas = _Canvas(size_m, voxel_m, top_m)
+    if density == 0.0:
+        return canvas.volume("clumped forest")
+    leafy = _clumps(rng, canvas.occupied.shape, max(round(0.04 * top_m / voxel_m), 1))
+    crowns = np.zeros_like(canvas.occupied)
+    trunks = np.zeros_like(canvas.occupied)
+    covered = np.zeros(crowns.shape[1:], dtype=np.bool_)
+    while covered.mean() < 0.5 * (1.0 + density) or trunks.any(axis=0).mean() == 0.0:
+        _plant(rng, crowns, trunks, covered, voxel_m, volume_base_m, top_m)
+    leaves = crowns & leafy
+    # Where empty clumps leave too little to hide the share, crowns are leafy throughout.
+    if leaves.any(axis=0).mean() <= density:
+        leaves = crowns
+    if trunks.any(axis=0).mean() > density:
+        trunks[:] = False
+    trunk = np.asarray(trunks.any(axis=0))
+    kept = _kept_share(leaves.sum(axis=0), trunk, density)
+    canvas.occupied[...] = leaves & (rng.random(leaves.shape, dtype=np.float32) < kept)
+    canvas.occupied[...] |= trunks
+    return canvas.volume("clumped forest")
+
+
+class _Canvas:
+    """An empty volume, and slices of cells to fill it with."""
+
+    def __init__(self, size_m: tuple[float, float], voxel_m: float, top_m: float) -> None:
+        columns, rows = (max(math.ceil(length / voxel_m - 1e-9), 1) for length in size_m)
+        self.voxel_m = voxel_m
+        self.occupied: NDArray[np.bool_] = np.zeros(
+            (math.floor(top_m / voxel_m + 0.5) + 1, rows, columns), dtype=np.bool_
+        )
+
+    def add(
+        self,
+        rng: np.random.Generator,
+        bottom_m: float,
+        top_m: float,
+        density: float,
+        occluder_size_m: float,
+    ) -> None:
+        """Fill a layer with independent slices of cells, about as thick as they are wide."""
+        low = math.floor(bottom_m / self.voxel_m + 0.5)
+        high = max(math.floor(top_m / self.voxel_m + 0.5), low + 1)
+        size = max(occluder_size_m / self.voxel_m, 1.0)
+        count = min(max(round((high - low) / size), 1), high - low)
+        share = _thinned(density, count)
+        for k in range(count):
+            first, last = (low + (high - low) * edge // count for edge in (k, k + 1))
+            self.occupied[first:last] |= _cells(rng, self.occupied.shape[1:], size, share)
+
+    def volume(self, source: str) -> VoxelVolume:
+        """What was filled, up to the highest slice that holds anything."""
+        filled = np.flatnonzero(self.occupied.any(axis=(1, 2)))
+        top = filled[-1] + 1 if filled.size else 0
+        return VoxelVolume(self.occupied[:top], self.voxel_m, source=source)
+
+
+def _thinned(density: float, count: float) -> float:
+    """Density of each of so many independent slices that together block a share."""
+    return 1.0 if density >= 1.0 else -math.expm1(math.log1p(-density) / count)
+
+
+def _cells(
+    rng: np.random.Generator, shape: tuple[int, ...], size: float, density: float
+) -> NDArray[np.bool_]:
+    """A plane of square cells, `size` voxels wide, at a random phase."""
+    width = _cell_width(size)
+    phases = rng.random(2) * width
+    rows, columns = (
+        np.floor((np.arange(count) + 0.5 + phase) / width).astype(np.intp)
+        for count, phase in zip(shape, phases.tolist(), strict=True)
+    )
+    cells = rng.random((rows[-1] + 1, columns[-1] + 1)) < density
+    plane: NDArray[np.bool_] = cells[rows[:, np.newaxis], columns]
+    return plane
+
+
+@lru_cache
+def _cell_width(size: float) -> float:
+    """Width of cells [voxels] whose integral range is a size once they are made of voxels.
+
+    The correlation of a plane of voxels is the triangle of its cells at whole lags and straight
+    between them.  At a width w = n + f it integrates to w + f (1 - f)/w, a little more than w.
+    """
+    low, high = float(math.floor(size)), size
+    for _ in range(BISECTIONS):
+        width = 0.5 * (low + high)
+        part = width % 1.0
+        low, high = (low, width) if width + part * (1.0 - part) / width > size else (width, high)
+    return high
+
+
+def _clumps(rng: np.random.Generator, shape: tuple[int, ...], clump: int) -> NDArray[np.bool_]:
+    """Blocks of `clump` voxels along each axis, half of them leafy."""
+    leafy = rng.random([-(-count // clump) for count in shape]) < 0.5
+    for axis in range(3):
+        leafy = leafy.repeat(clump, axis=axis)
+    return leafy[: shape[0], : shape[1], : shape[2]]
+
+
+def _plant(
+    rng: np.random.Generator,
+    crowns: NDArray[np.bool_],
+    trunks: NDArray[np.bool_],
+    covered: NDArray[np.bool_],
+    voxel_m: float,
+    base_m: float,
+    top_m: float,
+) -> None:
+    """Add one tree: its crown, its trunk, and what of the ground they cover."""
+    _, rows, columns = crowns.shape
+    east, north, *variation = rng.random(5).tolist()
+    height = base_m + (top_m - base_m) * (0.7 + 0.3 * variation[0])
+    half = 0.5 * (height - base_m) * (0.5 + 0.4 * variation[1])
+    radius = (top_m - base_m) * (0.1 + 0.08 * variation[2])
+    middle = height - half
+    (x, dx), (y, dy) = (
+        _around(count, place * count, radius / voxel_m)
+        for count, place in ((columns, east), (rows, north))
+    )
+    across = ((dx * dx)[np.newaxis] + (dy * dy)[:, np.newaxis]) * (voxel_m * voxel_m)
+    z = (np.arange(len(crowns)) + 0.5) * voxel_m
+    inside = across / (radius * radius)
+    up = (z - middle) / half
+    cells = np.ix_(y, x)
+    covered[cells] |= inside < 1.0
+    for level in np.flatnonzero(up * up < 1.0):
+        crowns[level][cells] |= inside + up[level] * up[level] < 1.0
+    stem_m = max(0.012 * height, 0.5 * voxel_m)
+    stem = across <= max(stem_m * stem_m, float(across.min()))
+    for level in np.flatnonzero((z > base_m) & (z < middle)):
+        trunks[level][cells] |= stem
+
+
+def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Cells within reach of a place on a ring of cells, each once, and their distances from it."""
+    span = min(2 * math.ceil(reach) + 1, count)
+    cells = math.floor(place) - span // 2 + np.arange(span)
+    return cells % count, np.abs(cells + 0.5 - place)
+
+
+def _kept_share(leaves: NDArray[np.int64], trunk: NDArray[np.bool_], density: float) -> float:
+    """Share of leafy voxels to keep, so that the expected share of hidden columns is a density."""
+    columns = np.bincount(leaves[~trunk])
+    always = np.count_nonzero(trunk)
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        share = 0.5 * (low + high)
+        open_columns = float((columns * (1.0 - share) ** np.arange(len(columns))).sum())
+        hidden = (always + float(columns.sum()) - open_columns) / leaves.size
+        low, high = (low, share) if hidden > density else (share, high)
+    return 0.5 * (low + high)

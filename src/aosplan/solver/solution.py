@@ -1,0 +1,160 @@
+"""Answers: a solution with what bound it, and values as messages show them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from aosplan.errors import InfeasibleError
+from aosplan.solver.problem import (
+    Limit,
+    Problem,
+    Solution,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.grid.patterns import Sites
+    from aosplan.models.model import Prediction
+
+
+BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
+"""What the objectives that are maximised look for."""
+
+
+def solution_of(
+    problem: Problem, pattern: Sites, baseline_m: float, samples_required: int | None
+) -> Solution:
+    """The solution of a pattern at a baseline, with what bound it."""
+    prediction = problem.model.predict(pattern, baseline_m)
+    return Solution(
+        pattern=pattern,
+        baseline_m=baseline_m,
+        prediction=prediction,
+        samples_required=samples_required,
+        limits=tuple(_limits(problem, pattern, baseline_m, prediction)),
+        met=problem.requirement.is_met(prediction),
+    )
+
+
+def limits_of(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
+    """What bound a solution."""
+    return tuple(_limits(problem, *solution[:3]))
+
+
+def _limits(
+    problem: Problem, pattern: Sites, baseline_m: float, prediction: Prediction
+) -> Iterator[Limit]:
+    bounds, requirement, model = problem.bounds, problem.requirement, problem.model
+    extent = pattern.longer_side * baseline_m
+    if bounds.baseline_m is not None:
+        yield Limit("baseline_m", baseline_m, bounds.baseline_m, "the baseline is fixed")
+    elif bounds.max_aperture_m is not None and extent >= bounds.max_aperture_m * (1 - 1e-9):
+        yield Limit(
+            "extent_m",
+            extent,
+            bounds.max_aperture_m,
+            "the baseline is as wide as --max-aperture lets it be",
+        )
+    elif extent >= model.widest_aperture_m * (1 - 1e-9):
+        yield Limit(
+            "extent_m",
+            extent,
+            model.widest_aperture_m,
+            "the plot that was scanned tells nothing of a larger aperture",
+        )
+    elif baseline_m >= (independent := model.independent_baseline_m / pattern.nearest) * (1 - 1e-9):
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            independent,
+            "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
+        )
+    elif (
+        model.sharp_baseline_m < model.independent_baseline_m
+        and baseline_m >= model.sharp_baseline_m / pattern.nearest * (1 - 1e-9)
+        and problem.bounds.samples is None
+    ):
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            baseline_m,
+            "neighbouring sites share no occluder; a wider baseline gains only what the hold error "
+            "takes",
+        )
+    elif problem.objective in BEST:
+        yield Limit(
+            "baseline_m", baseline_m, baseline_m, f"the baseline of {BEST[problem.objective]}"
+        )
+    else:
+        yield Limit(
+            "baseline_m",
+            baseline_m,
+            baseline_m,
+            f"the smallest baseline at which {pattern.samples} samples reach {requirement}",
+        )
+    if bounds.samples is not None:
+        yield Limit("samples", pattern.samples, bounds.samples, "the number of samples is fixed")
+    elif bounds.max_samples is not None and pattern.samples >= bounds.max_samples:
+        yield Limit(
+            "samples",
+            pattern.samples,
+            bounds.max_samples,
+            "as many samples as --max-samples allows",
+        )
+    elif problem.objective in BEST:
+        value = prediction.contrast if problem.objective == "contrast" else prediction.expected
+        yield Limit(
+            problem.objective,
+            value,
+            value,
+            f"the fewest samples near {BEST[problem.objective]}",
+        )
+    else:
+        message = {
+            "samples": "the fewest samples",
+            "aperture": "the fewest samples within 1 % of the least aperture",
+            "time": "the number of samples that takes the least time",
+        }[problem.objective]
+        yield Limit(
+            requirement.quantity,
+            requirement.value_of(prediction),
+            float(requirement.target),
+            f"{message} with {requirement}",
+        )
+
+
+def out_of_scan(
+    problem: Problem, reached: tuple[Sites, float, Prediction] | None, most: int
+) -> InfeasibleError:
+    """The error of a target that nothing searched meets: the most that is reached, and by what."""
+    requirement, widest = problem.requirement, problem.widest_aperture_m
+    if reached is None:
+        return InfeasibleError(
+            f"{requirement} is out of reach: no grid fits into an aperture of {widest:.4g} m",
+            "allow a larger aperture, or a smaller baseline",
+        )
+    pattern, baseline, prediction = reached
+    extent = pattern.longer_side * baseline
+    return InfeasibleError(
+        f"{requirement} is out of reach: of {problem.grid.name} grids of up to {most} samples "
+        f"within an aperture of {widest:.4g} m the best reach {value_text(problem, prediction)}, "
+        f"{pattern.samples} samples {baseline:.4g} m apart over {extent:.4g} m",
+        "ask for less, or for the best there is: --optimize contrast, or --optimize visibility",
+    )
+
+
+def value_text(problem: Problem, prediction: Prediction) -> str:
+    """What a prediction reaches of the wanted quantity."""
+    requirement = problem.requirement
+    return f"{requirement.symbol} = {requirement.value_of(prediction):.4g}"
+
+
+def rounded_up(value: float) -> str:
+    """A number as text of four digits that is not below it."""
+    text = f"{value:.4g}"
+    if not 0.0 < value < math.inf or float(text) >= value * (1.0 - 1e-13):
+        return text
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.ceil(value / unit) * unit:.4g}"

@@ -1,0 +1,461 @@
+"""Search where V̂ need not rise with the baseline, or where visibility itself is the objective.
+
+Patterns are looked at on one **scan** of baselines, the same for all, so that patterns share their
+views: each `SCAN_RATIO` times the one below, from `SCAN_STEPS` steps below the widest that a
+pattern may have, and that widest itself.  Between the first step that meets the target and the
+one below, the smallest baseline is sought by halving.
+
+**What is guaranteed.**  Of all patterns of a kind up to the most samples (`SEARCHED_SAMPLES` unless
+given), none has a lower cost at a step of the scan than the answer: no fewer samples, no longer
+flight, no less extent (of fullest patterns; then come the fewest samples within 1 % of it), no more
+visibility or contrast by more than half the slack (of fullest patterns; then come the fewest
+samples within the slack).  Fullest are the patterns of the most samples in one rectangle; of lines,
+lanes and spirals every one up to `THINNED_FROM` samples, and then the largest of each family, whose
+counts are those of one rectangle of the trimmed grid.  Candidates are taken in the order of their cost, each with the best that it could be, so the first
+one that holds is the best.
+
+**A sketch** of the model (`Problem.sketch`), quick and a little off, spares the model most of them:
+one is passed over where even a shortfall and a density lower by a margin would not do.  The
+margins are `CAUTION` times the largest error of the sketch that the search has seen, and no less
+than `LEAST_MARGINS`; whenever they have grown, the search begins anew with them.  Without a sketch
+the model judges everything, and the guarantee has no condition.  Every number of the answer is
+the model's.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache, partial
+from heapq import heapify, heappop, heappush
+from itertools import count, takewhile
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
+
+from aosplan.flight.kinematics import path_of
+from aosplan.models.model import Prediction
+from aosplan.solver.problem import GridKind
+from aosplan.solver.solution import (
+    out_of_scan,
+    solution_of,
+)
+from aosplan.solver.solve_monotone import (
+    APERTURE_SLACK,
+    SEARCHED_SAMPLES,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Sequence
+
+    from aosplan.grid.patterns import (
+        AnyFrame,
+        Sites,
+    )
+    from aosplan.solver.problem import (
+        Problem,
+        Solution,
+    )
+
+    Cost = Callable[["Candidate"], float]
+
+Found = TypeVar("Found")
+
+THINNED_FROM = 64
+"""Samples up to which every pattern is looked at for the least extent and the best value."""
+
+SCAN_RATIO, SCAN_STEPS = 8.0 / 7.0, 30
+"""A scan's baselines begin at about one fiftieth of the widest."""
+
+REFINEMENTS = 8
+"""Halvings of a scan's step."""
+
+LEAST_MARGINS = 0.03, 0.005, 0.003
+"""Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
+sketch may be off."""
+
+PROBES, PROBE_STEPS = (4, 9, 16), 5
+"""Samples of the patterns at which a sketch is measured at first, and steps of the scan between.
+
+Correlograms are off by the most where samples are few: of generated stands, by 1 to 6 % of the
+shortfall at 4 to 16 samples, and by 0 to 3 % at 49."""
+
+CAUTION = 1.5
+"""How much more than the largest error of a sketch is allowed for."""
+
+VISIBILITY_SLACK = 0.005
+"""How far below the best visibility the fewest samples may stay, where that is 0.5 or more."""
+
+RELATIVE_SLACK = 0.01
+"""The same for lower visibilities and for contrast, as a share of the best."""
+
+
+def near_best(objective: str, best: float) -> float:
+    """The least visibility or contrast that counts as near the best."""
+    enough = best * (1.0 - RELATIVE_SLACK)
+    return enough if objective == "contrast" else max(enough, best - VISIBILITY_SLACK)
+
+
+class Candidate(NamedTuple):
+    """A pattern at a baseline."""
+
+    pattern: Sites
+    baseline_m: float
+
+    @property
+    def extent_m(self) -> float:
+        """Its longer side."""
+        return self.pattern.longer_side * self.baseline_m
+
+
+def search(problem: Problem) -> Solution:
+    """Baseline and number of samples for a model whose visibility need not rise with either.
+
+    Raises
+    ------
+    InfeasibleError
+        Where nothing meets the target; the message says what is reachable.
+    """
+    bounds = problem.bounds
+    scan = Scan(problem)
+    if bounds.baseline_m is not None and bounds.samples is not None:
+        best: Candidate | None = Candidate(problem.grid.pattern(bounds.samples), bounds.baseline_m)
+    elif problem.objective in ("visibility", "contrast"):
+        best = scan.settled(_best)
+    elif problem.objective == "aperture":
+        best = scan.settled(_least_aperture)
+    elif problem.objective == "time":
+        best = scan.settled(_least_time)
+    else:
+        best = scan.settled(_fewest)
+    if best is None:
+        highest = scan.settled(_highest)
+        reached = None if highest is None else (*highest, scan.predict(highest))
+        raise out_of_scan(problem, reached, problem.bounds.max_samples or SEARCHED_SAMPLES)
+    required = _fewest_at(scan, best.baseline_m) if problem.count_required else None
+    return solution_of(problem, best.pattern, best.baseline_m, required)
+
+
+class Scan:
+    """What the model says of patterns at baselines, and what the sketch says that it may say."""
+
+    def __init__(self, problem: Problem, errors: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        self.problem = problem
+        self.errors = list(errors)
+        self._margins: tuple[float, ...] = LEAST_MARGINS
+        self._pattern = lru_cache(maxsize=None)(problem.grid.pattern)
+        self._known: dict[Candidate, Prediction] = {}
+        self._sketched: dict[Candidate, Prediction] = {}
+
+    def settled(self, look: Callable[[Scan], Found]) -> Found:
+        """What a search finds once the margins that it was made with prove wide enough."""
+        if self.problem.sketch is not None and not any(self.errors):
+            self._probe()
+        while True:
+            self._margins = self._wanted_margins()
+            found = look(self)
+            if self._wanted_margins() == self._margins:
+                return found
+
+    def _wanted_margins(self) -> tuple[float, ...]:
+        """The margins that the largest errors of the sketch ask for."""
+        return tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
+
+    def _probe(self) -> None:
+        """Measure the sketch at a few patterns and baselines, far from each other."""
+        fullest = [
+            fullest
+            for fullest, _ in takewhile(
+                lambda family: family[0].samples <= PROBES[-1], self.families()
+            )
+        ]
+        for wanted in PROBES:
+            for pattern in sorted(fullest, key=lambda each: abs(each.samples - wanted))[:1]:
+                for baseline in self.baselines_m(pattern)[::-PROBE_STEPS][:3]:
+                    self.predict(Candidate(pattern, baseline))
+
+    def predict(self, candidate: Candidate) -> Prediction:
+        """The model's prediction; the sketch is measured by it."""
+        known = self._known.get(candidate)
+        if known is None:
+            self._tell(candidate)
+            known = self.problem.model.predict(*candidate)
+            self._known[candidate] = known
+            if self.problem.sketch is not None:
+                guess = self._guess(candidate)
+                pairs = (
+                    (known.shortfall, guess.shortfall),
+                    (guess.transparency, known.transparency),
+                    (self.value(guess), self.value(known)),
+                )
+                off = (1.0 - low / high if high > low else 0.0 for low, high in pairs)
+                self.errors = list(map(max, self.errors, off))
+        return known
+
+    def hopeful(self, candidate: Candidate) -> Prediction:
+        """The best that the model might say."""
+        if self.problem.sketch is None or candidate in self._known:
+            return self.predict(candidate)
+        shortfall, transparency, _ = self._margins
+        guess = self._guess(candidate)
+        clear = min(guess.transparency / max(1.0 - transparency, 0.5), 1.0)
+        least = guess.shortfall * max(1.0 - shortfall, 0.0)
+        return Prediction(1.0 - clear, clear, least)
+
+    def value(self, prediction: Prediction) -> float:
+        """What is maximised: the objective, or what the target asks for."""
+        if self.problem.objective == "contrast":
+            return prediction.contrast
+        if self.problem.objective == "visibility":
+            return prediction.expected
+        return self.problem.requirement.value_of(prediction)
+
+    def near(self, value: float) -> float:
+        """The least value that counts as near the best."""
+        return near_best(self.problem.objective, value)
+
+    def hopeful_value(self, candidate: Candidate) -> float:
+        """The highest value that the model might say."""
+        if self.problem.sketch is None or candidate in self._known:
+            return self.value(self.predict(candidate))
+        return self.value(self._guess(candidate)) / max(1.0 - self._margins[2], 0.5)
+
+    def meets(self, candidate: Candidate) -> bool:
+        """Whether a candidate meets the target; the model is asked only where it may."""
+        requirement = self.problem.requirement
+        return requirement.is_met(self.hopeful(candidate)) and requirement.is_met(
+            self.predict(candidate)
+        )
+
+    def may_meet(self, candidate: Candidate) -> bool:
+        """Whether a candidate may meet the target."""
+        return self.problem.requirement.is_met(self.hopeful(candidate))
+
+    def _guess(self, candidate: Candidate) -> Prediction:
+        guess = self._sketched.get(candidate)
+        if guess is None:
+            assert self.problem.sketch is not None
+            self._tell(candidate)
+            guess = self._sketched[candidate] = self.problem.sketch.predict(*candidate)
+        return guess
+
+    def _tell(self, candidate: Candidate) -> None:
+        if self.problem.trying is not None:
+            self.problem.trying(self.problem, *candidate)
+
+    def families(
+        self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
+    ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
+        """The patterns that may be planned, in families: the fullest one, and all of them.
+
+        Those of one frame, which are of one size, are a family.  Where each count has a size of its
+        own, it is one by itself; or, `thinned` and above `thinned_from` samples, one with the
+        counts of one frame of the trimmed grid.
+        """
+        bounds, grid = self.problem.bounds, self.problem.grid
+        if bounds.samples is not None:
+            pattern = grid.pattern(bounds.samples)
+            yield pattern, (pattern,)
+            return
+        most = bounds.max_samples or SEARCHED_SAMPLES
+        first = 1
+        while first <= most:
+            framing = GridKind() if thinned and first > thinned_from else grid
+            frame = framing.frame(framing.index_of(first))
+            counts = range(first, min(frame.most, most) + 1)
+            patterns = map(self._pattern, counts)
+            family = [each for each in patterns if each.samples in counts]
+            if family:
+                yield family[-1], dict.fromkeys(family)
+            first = frame.most + 1
+
+    def baselines_m(self, sites: Sites | AnyFrame) -> list[float]:
+        """The baselines of the scan that a pattern may have, rising."""
+        problem = self.problem
+        fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
+        if fixed is not None:
+            reach = problem.widest_aperture_m * (1.0 + 1e-12)
+            return [fixed] if fixed * sites.longer_side <= reach else []
+        if problem.model.rises_with_baseline or sites.longer_side == 0.0:
+            return [widest]
+        top = problem.model.independent_baseline_m
+        first = math.ceil(math.log(top / widest) / math.log(SCAN_RATIO) + 1e-9)
+        steps = range(first + SCAN_STEPS - 1, first - 1, -1)
+        return [*(top * SCAN_RATIO**-step for step in steps), widest]
+
+    def refined(
+        self, pattern: Sites, lower: float, baseline: float, halvings: int = REFINEMENTS
+    ) -> Candidate:
+        """The smallest baseline that meets the target, between one that does not and one that does."""
+        if self.problem.bounds.baseline_m is None:
+            for _ in range(halvings):
+                middle = 0.5 * (lower + baseline)
+                if self.problem.requirement.is_met(self.predict(Candidate(pattern, middle))):
+                    baseline = middle
+                else:
+                    lower = middle
+        return Candidate(pattern, baseline)
+
+    def smallest(self, pattern: Sites, halvings: int = REFINEMENTS) -> Candidate | None:
+        """A pattern at its smallest baseline that meets the target, by the scan."""
+        lower = 0.0
+        for baseline in self.baselines_m(pattern):
+            if self.meets(Candidate(pattern, baseline)):
+                return self.refined(pattern, lower, baseline, halvings)
+            lower = baseline
+        return None
+
+
+def _fewest(scan: Scan) -> Candidate | None:
+    """The fewest samples that meet the target, at their smallest baseline."""
+    for fullest, patterns in scan.families():
+        steps = scan.baselines_m(fullest)
+        if not steps or any(scan.may_meet(Candidate(fullest, b)) for b in steps):
+            found = next(filter(None, map(scan.smallest, patterns)), None)
+            if found is not None:
+                return found
+    return None
+
+
+def _least_time(scan: Scan) -> Candidate | None:
+    timing = scan.problem.timing
+    path = lru_cache(maxsize=None)(partial(path_of, timing=timing))
+    patterns = ((fullest, pattern) for fullest, patterns in scan.families() for pattern in patterns)
+    return _least(scan, patterns, lambda at: path(at.pattern).time_s(at.baseline_m, timing))
+
+
+def _least_aperture(scan: Scan) -> Candidate | None:
+    """The fewest samples within 1 % of the least extent."""
+    fullest = ((fullest, fullest) for fullest, _ in scan.families(thinned=True))
+    least = _least(scan, fullest, lambda at: at.extent_m)
+    if least is None:
+        return None
+    allowed = APERTURE_SLACK * least.extent_m
+    for whole, patterns in scan.families():
+        if whole.samples > least.pattern.samples:
+            break
+        if not _fits(scan, whole, allowed, scan.may_meet):
+            continue
+        for pattern in patterns:
+            if pattern.samples >= least.pattern.samples:
+                break
+            if _fits(scan, pattern, allowed, scan.meets):
+                found = scan.smallest(pattern)
+                if found is not None and found.extent_m <= allowed:
+                    return found
+    return least
+
+
+def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate], bool]) -> bool:
+    """Whether a pattern passes a test at the widest baseline that an extent leaves it."""
+    widest, side = scan.problem.widest_m(pattern), pattern.longer_side
+    fixed = scan.problem.bounds.baseline_m
+    if fixed is not None:
+        return fixed * side <= extent_m and test(Candidate(pattern, fixed))
+    return test(Candidate(pattern, min(widest, extent_m / side) if side > 0.0 else widest))
+
+
+def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> Candidate | None:
+    """The candidate of least cost that meets the target; cost rises with the baseline.
+
+    Parameters
+    ----------
+    scan
+        The scan.
+    patterns
+        Each behind the fullest pattern of its frame, below whose smallest hopeful baseline
+        none of the frame is tried.
+    cost
+        What is minimised.
+    """
+    order = count()
+    starts: dict[Sites, float] = {}
+    waiting: list[tuple[float, int, int, Sites, int, Sites | None]] = []
+
+    def hopeful_from(pattern: Sites, step: int) -> int | None:
+        steps = enumerate(scan.baselines_m(pattern)[step:], step)
+        return next((i for i, b in steps if scan.may_meet(Candidate(pattern, b))), None)
+
+    def push(pattern: Sites, step: int | None, frame: Sites | None = None) -> None:
+        if step is None:
+            return
+        below = scan.baselines_m(pattern)[step - 1] if step else 0.0
+        if scan.problem.bounds.baseline_m is not None:
+            below = scan.problem.bounds.baseline_m
+        lowest = cost(Candidate(pattern, below))
+        heappush(waiting, (lowest, pattern.samples, next(order), pattern, step, frame))
+
+    for fullest, pattern in patterns:
+        if scan.baselines_m(pattern):
+            push(pattern, 0, fullest)
+    final: dict[int, Candidate] = {}
+    while waiting:
+        _, samples, place, pattern, step, frame = heappop(waiting)
+        if place in final:
+            return final[place]
+        steps = scan.baselines_m(pattern)
+        if frame is not None:
+            if frame not in starts:
+                lowest = scan.baselines_m(frame)
+                first = hopeful_from(frame, 0) if lowest else None
+                starts[frame] = lowest[first] if first is not None else math.inf if lowest else 0.0
+            below = sum(baseline < starts[frame] for baseline in steps)
+            push(pattern, hopeful_from(pattern, below))
+        elif scan.meets(Candidate(pattern, steps[step])):
+            found = scan.refined(pattern, steps[step - 1] if step else 0.0, steps[step])
+            place = next(order)
+            final[place] = found
+            heappush(waiting, (cost(found), samples, place, pattern, step, None))
+        else:
+            push(pattern, hopeful_from(pattern, step + 1))
+    return None
+
+
+def _highest(scan: Scan) -> Candidate | None:
+    """The candidate of the highest value among the fullest patterns, to half the slack."""
+    best: Candidate | None = None
+    enough = -math.inf
+    waiting: list[tuple[float, int, int, Candidate]] = []
+    for fullest, _ in scan.families(thinned=True):
+        for baseline in scan.baselines_m(fullest):
+            at = Candidate(fullest, baseline)
+            waiting.append((-scan.hopeful_value(at), fullest.samples, len(waiting), at))
+    heapify(waiting)
+    while waiting:
+        hopeful, _, _, at = heappop(waiting)
+        if -hopeful <= enough:
+            break
+        value = scan.value(scan.predict(at))
+        if best is None or value > scan.value(scan.predict(best)):
+            best, enough = at, value + 0.5 * (value - scan.near(value))
+    return best
+
+
+def _best(scan: Scan) -> Candidate | None:
+    """The fewest samples that come near the best visibility or contrast there is."""
+    best = _highest(scan)
+    if best is None:
+        return None
+    enough = scan.near(scan.value(scan.predict(best)))
+    for fullest, patterns in scan.families():
+        if fullest.samples > best.pattern.samples:
+            break
+        steps = scan.baselines_m(fullest)
+        if steps and all(scan.hopeful_value(Candidate(fullest, b)) < enough for b in steps):
+            continue
+        for pattern in patterns:
+            at = (Candidate(pattern, baseline) for baseline in scan.baselines_m(pattern))
+            near = [each for each in at if scan.hopeful_value(each) >= enough]
+            found = max(near, key=lambda each: scan.value(scan.predict(each)), default=None)
+            if found is not None and scan.value(scan.predict(found)) >= enough:
+                return found
+    return best
+
+
+def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
+    """Fewest samples that meet the target at one baseline; None where none that was looked at."""
+    problem = scan.problem
+    if problem.model.rises_with_baseline:
+        from aosplan.solver.solve_monotone import fewest_at
+
+        return fewest_at(problem, baseline_m)
+    bounds = problem.bounds._replace(baseline_m=baseline_m, samples=None, max_aperture_m=None)
+    found = Scan(problem._replace(bounds=bounds), scan.errors).settled(_fewest)
+    return None if found is None else found.pattern.samples

@@ -1,0 +1,384 @@
+"""Solving for the baseline b and the number of samples N.
+
+For a pattern that keeps its shape, V̂ rises with b, so a smallest baseline exists for every
+pattern that can meet the target at all.  Along the frames of a kind of grid (`aosplan.grid.patterns`)
+V̂ rises with N while b is fixed; within one frame it always does.  The solver uses both, and
+evaluates no pattern that cannot be the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from aosplan.errors import InfeasibleError
+from aosplan.flight.kinematics import (
+    Path,
+    Timing,
+    path_of,
+)
+from aosplan.grid.patterns import (
+    MOST_SITES,
+    AnyFrame,
+    Sites,
+    check_size,
+)
+from aosplan.roots import smallest, smallest_whole
+from aosplan.solver.problem import (
+    TOLERANCE,
+    Bounds,
+    Problem,
+    Solution,
+)
+from aosplan.solver.solution import (
+    rounded_up,
+    solution_of,
+    value_text,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+APERTURE_SLACK = 1.01
+"""How far the least aperture may be exceeded to save samples."""
+
+SEARCHED_FRAMES = 2000
+"""Frames that a search looks at: squares of up to a million samples, lines of some thousand."""
+
+SEARCHED_SAMPLES = 400
+"""Samples up to which the objectives search that would add samples without end."""
+
+
+def solve(problem: Problem) -> Solution:
+    """Baseline and number of samples that meet a target best.
+
+    Raises
+    ------
+    InfeasibleError
+        Where nothing within the bounds meets the target; the message says what is reachable.
+    RequestError
+        Where the answer has more sites than one plan may have.
+    """
+    bounds = problem.bounds
+    if not problem.model.rises_with_baseline or problem.objective in ("visibility", "contrast"):
+        from aosplan.solver.solve_by_scan import search
+
+        return search(problem)
+    if bounds.baseline_m is not None and bounds.samples is not None:
+        return _solution(problem, problem.grid.pattern(bounds.samples), bounds.baseline_m)
+    if bounds.max_samples is None:
+        check_size(_fewest_independent(problem), f"{problem.requirement} needs")
+    if bounds.baseline_m is not None:
+        return _for_baseline(problem, bounds.baseline_m)
+    if bounds.samples is not None:
+        return _for_samples(problem, bounds.samples)
+    if problem.objective == "aperture":
+        return _least_aperture(problem)
+    if problem.objective == "time":
+        return _least_time(problem)
+    return _fewest_samples(problem)
+
+
+def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
+    """Fewest samples that meet the target at one baseline; None where no count up to the limit does.
+
+    V̂ of whole frames rises from frame to frame, and within a frame with every sample.
+    """
+    fewest = problem.requirement.fewest_independent(problem.model)
+    if fewest is None:
+        return None
+    first = problem.grid.index_of(fewest)
+
+    def at(pattern: Sites) -> float:
+        return problem.widest_m(pattern) if baseline_m is None else baseline_m
+
+    def frame_meets(index: int) -> bool:
+        whole = problem.grid.frame(index).whole
+        hopeful = problem.requirement.is_met(problem.model.at_best(whole, at(whole)))
+        return hopeful and problem.meets(whole, at(whole))
+
+    last = problem.grid.index_of(MOST_SITES)
+    if first > last:
+        return None
+    low = high = first
+    while not frame_meets(high):
+        if high == last:
+            return None
+        low, high = high + 1, min(2 * high, last)
+    frame = problem.grid.frame(smallest_whole(frame_meets, low, high))
+    samples = smallest_whole(
+        lambda samples: problem.meets(pattern := frame.pattern(samples), at(pattern)),
+        min(max(frame.fewest, fewest), frame.most),
+        frame.most,
+    )
+    return samples if samples <= MOST_SITES else None
+
+
+def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
+    bounds = problem.bounds
+    samples = fewest_at(problem, baseline_m)
+    if samples is None or samples > (bounds.max_samples or MOST_SITES):
+        needed = f"more than {MOST_SITES}" if samples is None else samples
+        raise InfeasibleError(
+            f"{problem.requirement} at --baseline {baseline_m:g} needs {needed} samples, more than "
+            f"{'one plan may have' if bounds.max_samples is None else 'allowed'}",
+            f"neighbours share no occluder from --baseline "
+            f"{rounded_up(problem.model.independent_baseline_m)} on, where "
+            f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
+        )
+    pattern = problem.grid.pattern(samples)
+    extent = pattern.longer_side * baseline_m
+    most = bounds.max_aperture_m
+    if most is not None and extent > most * (1.0 + TOLERANCE):
+        raise InfeasibleError(
+            f"{problem.requirement} at --baseline {baseline_m:g} needs {samples} samples over "
+            f"{extent:.4g} m, more than --max-aperture {most:g}",
+            "leave the baseline free, or allow a larger aperture",
+        )
+    return _solution(problem, pattern, baseline_m)
+
+
+def _for_samples(problem: Problem, samples: int) -> Solution:
+    pattern = problem.grid.pattern(samples)
+    widest = problem.widest_m(pattern)
+    prediction = problem.model.predict(pattern, widest)
+    if not problem.requirement.is_met(prediction):
+        raise InfeasibleError(
+            f"{problem.requirement} is out of reach with --samples {samples}: at most "
+            f"{value_text(problem, prediction)}, {widest:.4g} m apart",
+            f"it takes at least {_fewest_independent(problem)} samples; with --baseline given as "
+            "well, the plan is evaluated as it is",
+        )
+    return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
+
+
+def _fewest_samples(problem: Problem) -> Solution:
+    if problem.bounds.max_aperture_m is None:
+        samples = fewest_at(problem, None)
+        if samples is None or samples > _most_samples(problem):
+            raise _out_of_reach(problem)
+        pattern = problem.grid.pattern(samples)
+        return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
+    for frame in _candidate_frames(problem):
+        # The frame is as wide as the bound lets it be, so its fewest samples lie at one baseline.
+        baseline = problem.widest_m(frame)
+        most = min(frame.most, _most_samples(problem))
+        if problem.meets(frame.pattern(most), baseline):
+            pattern = frame.pattern(_fewest_in(problem, frame, baseline, most))
+            return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
+    raise _out_of_reach(problem)
+
+
+def _least_aperture(problem: Problem) -> Solution:
+    solution = _least_aperture_or_none(problem)
+    if solution is None:
+        raise _out_of_reach(problem)
+    return solution
+
+
+def _least_aperture_or_none(problem: Problem) -> Solution | None:
+    """The fewest samples within 1 % of the least extent; None where nothing meets the target."""
+    # Within a frame more samples need less baseline, so its best is its fullest pattern; and one
+    # look at the extent that is to be beaten tells whether a frame can.
+    least = math.inf
+    for frame in _candidate_frames(problem):
+        fullest = _fullest(problem, frame)
+        widest = problem.widest_m(frame)
+        if frame.longer_side > 0.0:
+            widest = min(widest, least / frame.longer_side)
+        if problem.meets(fullest, widest):
+            baseline = problem.smallest_baseline_m(fullest)
+            assert baseline is not None  # it meets the target at `widest`
+            least = min(least, baseline * frame.longer_side)
+    if math.isinf(least):
+        return None
+    for frame in _candidate_frames(problem):
+        widest = problem.widest_m(frame)
+        if frame.longer_side > 0.0:
+            widest = min(widest, APERTURE_SLACK * least / frame.longer_side)
+        if problem.meets(_fullest(problem, frame), widest):
+            most = min(frame.most, _most_samples(problem))
+            pattern = frame.pattern(_fewest_in(problem, frame, widest, most))
+            baseline = problem.smallest_baseline_m(pattern)
+            assert baseline is not None
+            return _solution(problem, pattern, baseline)
+    raise AssertionError("the least extent is a frame's own")
+
+
+def _fullest(problem: Problem, frame: AnyFrame) -> Sites:
+    """The pattern of the most samples of a frame that may be planned."""
+    return frame.pattern(min(frame.most, _most_samples(problem)))
+
+
+def _least_time(problem: Problem) -> Solution:
+    timing = problem.timing
+    # Without a least run-in the time rises with the baseline, and bounds what is flown.
+    rising = timing._replace(least_run_in_m=0.0)
+    calm = rising._replace(wind=(0.0, 0.0))
+    best: tuple[float, Sites, float] | None = None
+    for frame in _candidate_frames(problem):
+        most = min(frame.most, _most_samples(problem))
+        fewest = _lower_bound(problem, frame, most)
+        if best is not None:
+            if fewest * timing.hold_s >= best[0]:
+                break
+            # No leg is shorter than a baseline, and no pattern of the frame needs less than its
+            # fullest: one look there tells whether any of them can be faster.
+            shortest = Path.shortest(fewest, timing)
+            allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame))
+            if allowed is None or not problem.meets(frame.pattern(most), allowed):
+                continue
+        for samples in range(fewest, most + 1):
+            pattern = frame.pattern(samples)
+            path = path_of(pattern, timing)
+            if best is not None:
+                # One look at the widest baseline that is still faster spares most searches.
+                allowed = _widest_within(path, rising, best[0], problem.widest_m(frame))
+                if allowed is None or not problem.meets(pattern, allowed):
+                    continue
+            baseline = problem.smallest_baseline_m(pattern)
+            if baseline is None:
+                continue
+            time = path.time_s(baseline, timing)
+            if best is None or time < best[0]:
+                best = time, pattern, baseline
+    if best is None:
+        raise _out_of_reach(problem)
+    return _solution(problem, best[1], best[2])
+
+
+def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -> float | None:
+    """Widest baseline, up to a limit, at which a path takes no longer than a time."""
+    if path.time_s(0.0, timing) >= time_s:
+        return None
+    if path.time_s(widest_m, timing) < time_s:
+        return widest_m
+    return smallest(lambda baseline: path.time_s(baseline, timing) >= time_s, 0.0, widest_m)
+
+
+def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
+    """Frames from the first that could meet the target to the most samples allowed."""
+    grid = problem.grid
+    most = _most_samples(problem)
+    first = grid.index_of(_fewest_independent(problem))
+    for index in range(first, first + SEARCHED_FRAMES):
+        frame = grid.frame(index)
+        if frame.fewest > most:
+            return
+        yield frame
+
+
+def _most_samples(problem: Problem) -> int:
+    if problem.bounds.max_samples is not None:
+        return problem.bounds.max_samples
+    if problem.bounds.max_aperture_m is None and problem.objective == "samples":
+        return MOST_SITES
+    return max(SEARCHED_SAMPLES, 4 * _fewest_independent(problem))
+
+
+def _fewest_independent(problem: Problem) -> int:
+    """Lower bound of the samples; an error where no number of them reaches the target."""
+    fewest = problem.requirement.fewest_independent(problem.model)
+    if fewest is None:
+        low, high = problem.model.transparency, problem.model.density
+        high = low * (1.0 + high)
+        raise InfeasibleError(
+            f"{problem.requirement} is out of reach for this scene: one sample has {low:.4g}, "
+            f"infinitely many have {high:.4g}",
+            f"ask for a --visibility below {high:.4g}, or for a --vhat",
+        )
+    return fewest
+
+
+def _lower_bound(problem: Problem, frame: AnyFrame, most: int) -> int:
+    return min(max(frame.fewest, _fewest_independent(problem)), most)
+
+
+def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) -> int:
+    """Fewest samples of a frame that meet the target at a baseline; `most` of them do."""
+    return smallest_whole(
+        lambda samples: problem.meets(frame.pattern(samples), baseline_m),
+        _lower_bound(problem, frame, most),
+        most,
+    )
+
+
+def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
+    """The model's own rule where it has one and samples are the objective, else the smallest."""
+    rule = problem.model.rule_baseline_m
+    if rule is not None and problem.objective == "samples":
+        preferred = min(rule / pattern.nearest, problem.widest_m(pattern))
+        if problem.meets(pattern, preferred):
+            return preferred
+    baseline = problem.smallest_baseline_m(pattern)
+    assert baseline is not None  # callers have checked the widest
+    return baseline
+
+
+def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
+    if not problem.count_required:
+        return solution_of(problem, pattern, baseline_m, None)
+    trimmed = problem.grid._replace(name="trimmed")
+    whole = problem.grid.name in ("rectangle", "square")
+    counted = problem._replace(grid=trimmed) if whole else problem
+    return solution_of(problem, pattern, baseline_m, fewest_at(counted, baseline_m))
+
+
+def _out_of_reach(problem: Problem) -> InfeasibleError:
+    """The error of a target that the bounds exclude: what they allow, and what would do."""
+    bounds, requirement = problem.bounds, problem.requirement
+    within = []
+    if bounds.max_aperture_m is not None:
+        within.append(f"--max-aperture {bounds.max_aperture_m:g}")
+    if bounds.max_samples is not None:
+        within.append(f"--max-samples {bounds.max_samples}")
+    fewest = problem.grid.pattern(_fewest_independent(problem)).samples
+    if bounds.max_samples is not None and bounds.max_samples < fewest:
+        return InfeasibleError(
+            f"{requirement} needs at least {fewest} samples, more than --max-samples "
+            f"{bounds.max_samples}: at most {_best_within(problem._replace(objective='aperture'))}",
+            f"allow {fewest} samples, or ask for less"
+            if bounds.max_aperture_m is None
+            else f"raise --max-samples to {fewest} or more, and --max-aperture, or ask for less",
+        )
+    return InfeasibleError(
+        f"{requirement} is out of reach within {' and '.join(within) or 'any baseline'}: "
+        f"at most {_best_within(problem)}",
+        _remedy(problem) if problem.seek_remedy else "",
+    )
+
+
+def _best_within(problem: Problem) -> str:
+    """The best that the bounds allow, as text."""
+    limit = problem.bounds.max_samples or SEARCHED_SAMPLES
+    searched = map(problem.grid.frame, range(1, SEARCHED_FRAMES + 1))
+    frames = takewhile(lambda frame: frame.fewest <= limit, searched)
+    reachable = (
+        (problem.model.predict(pattern, widest), pattern, widest)
+        for pattern in (frame.pattern(min(frame.most, limit)) for frame in frames)
+        for widest in (problem.widest_m(pattern),)
+    )
+    best = min(reachable, key=lambda found: found[0].shortfall, default=None)
+    if best is None:
+        return "nothing, for no grid of this kind has so few samples"
+    prediction, pattern, baseline = best
+    return (
+        f"{value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"
+    )
+
+
+def _remedy(problem: Problem) -> str:
+    """What would reach the target if the aperture were free."""
+    free = Bounds(max_samples=problem.bounds.max_samples)
+    solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
+    if solution is None:
+        return "ask for less, or allow more samples"
+    if problem.bounds.max_aperture_m is None:
+        return (
+            f"ask for less, or allow more samples; {solution.pattern.samples} do where --optimize "
+            "aperture makes the baseline wider"
+        )
+    extent = solution.pattern.longer_side * solution.baseline_m
+    return f"--max-aperture {rounded_up(extent)} is enough, with {solution.pattern.samples} samples"

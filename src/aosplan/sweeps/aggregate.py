@@ -1,0 +1,186 @@
+"""What is gathered from a sweep on the way, part by part, and kept while it is interrupted."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.sweeps.parts import write_durably
+from aosplan.sweeps.summary import (
+    Summary,
+    empty,
+    summarised,
+)
+from aosplan.sweeps.verify import (
+    Draw,
+    Drawing,
+    drawn,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from aosplan.sweeps.grouping import Outline
+    from aosplan.sweeps.parts import Part
+    from aosplan.sweeps.run import Sweep
+    from aosplan.sweeps.scenarios import Block
+
+EVERY_S = 5.0
+"""Seconds after which what was gathered is written again."""
+
+
+class Gathered(NamedTuple):
+    """What is gathered from some parts."""
+
+    summary: Summary
+    draw: Draw
+
+    def state(self) -> list[Any]:
+        """The same as plain values, for a file."""
+        return [self.summary.state(), self.draw.state()]
+
+    @classmethod
+    def of_state(cls, state: list[Any]) -> Gathered:
+        """What `state` was made of."""
+        return cls(Summary.of_state(state[0]), Draw.of_state(state[1]))
+
+
+class Gather(NamedTuple):
+    """What is to be gathered: a summary, and a sample of rows to simulate, if any."""
+
+    outline: Outline
+    drawing: Drawing | None = None
+
+    def nothing(self, results: Sequence[str]) -> Gathered:
+        """What is gathered from no part."""
+        return Gathered(empty(self.outline, results), Draw())
+
+    def of(
+        self,
+        results: Sequence[str],
+        block: Block,
+        frame: pl.DataFrame,
+        kept: NDArray[np.intp],
+    ) -> Gathered:
+        """What is gathered from one part: a block, a row for each of its scenarios, those kept."""
+        return Gathered(
+            summarised(self.outline, results, block, frame, kept),
+            Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
+        )
+
+    def joined(self, first: Gathered, second: Gathered) -> Gathered:
+        """What is gathered from the parts of both."""
+        rows = 0 if self.drawing is None else self.drawing.rows
+        return Gathered(
+            first.summary.joined(second.summary, most=self.outline.most),
+            first.draw.joined(second.draw, rows=rows),
+        )
+
+
+class Gathering:
+    """What is gathered so far, from which parts, and the file that keeps it.
+
+    The file appears only when a sweep has taken `EVERY_S`, or is interrupted; it is always whole.
+    """
+
+    def __init__(self, gather: Gather, results: Sequence[str], path: str, fingerprint: str) -> None:
+        self.gather = gather
+        self.path = path
+        self.fingerprint = fingerprint
+        self.done: set[int] = set()
+        self.gathered = gather.nothing(results)
+        self._written_s = time.monotonic()
+
+    def start(self, *, resume: bool, force: bool) -> None:
+        """Take up what lies in the file.
+
+        Raises
+        ------
+        RequestError
+            Where it is not to be resumed, or belongs to another sweep.
+        """
+        if not os.path.lexists(self.path):
+            return
+        if not resume:
+            if force:
+                os.unlink(self.path)
+                return
+            raise RequestError(
+                f"'{self.path}' holds what an interrupted sweep gathered",
+                "--resume goes on with it, --force begins again",
+            )
+        try:
+            with open(self.path, encoding="utf-8") as file:
+                found = json.load(file)
+            if found["fingerprint"] == self.fingerprint:
+                self.done = set(found["done"])
+                self.gathered = Gathered.of_state(found["gathered"])
+                return
+        except (OSError, ValueError, TypeError, LookupError):
+            pass  # no file of ours
+        raise RequestError(
+            f"'{self.path}' holds what another sweep gathered",
+            "give the same file, options and version, or --force to begin again",
+        )
+
+    def add(self, part: Part) -> None:
+        """Join what a part gave, once."""
+        if part.part in self.done:
+            return
+        assert part.gathered is not None  # the sweep says what to gather
+        self.done.add(part.part)
+        self.gathered = self.gather.joined(self.gathered, part.gathered)
+        if time.monotonic() - self._written_s >= EVERY_S:
+            self.write()
+
+    def write(self) -> bool:
+        """Write the file; whether that was possible."""
+        self._written_s = time.monotonic()
+        state = {
+            "fingerprint": self.fingerprint,
+            "done": sorted(self.done),
+            "gathered": self.gathered.state(),
+        }
+        try:
+            write_durably(json.dumps(state).encode(), self.path)
+        except OSError:
+            return False
+        return True
+
+    def remove(self) -> None:
+        """Remove the file."""
+        if os.path.lexists(self.path):
+            os.unlink(self.path)
+
+
+def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Gathering:
+    """What keeps together what a sweep gathers, with what a file holds of an interrupted run.
+
+    Raises
+    ------
+    RequestError
+        As `Gathering.start`.
+    """
+    assert sweep.gather is not None  # there is something to gather
+    gathering = Gathering(sweep.gather, sweep.results, path, sweep.fingerprint())
+    gathering.start(resume=resume, force=force)
+    return gathering
+
+
+@contextlib.contextmanager
+def kept(gathering: Gathering | None) -> Iterator[None]:
+    """Write what was gathered if what is done within does not come to its end."""
+    try:
+        yield
+    except BaseException:
+        if gathering is not None and gathering.done:
+            gathering.write()
+        raise

@@ -1,0 +1,209 @@
+"""Blocks of scenarios as data frames: inputs, results, status and reason."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.sweeps.row_solver import (
+    RESULTS,
+    WHOLE,
+    forget_scenes,
+    solve_rows,
+)
+from aosplan.sweeps.scenarios import (
+    Block,
+    column_of,
+    polars,
+)
+from aosplan.sweeps.status import STATUSES
+from aosplan.sweeps.vectorized.inputs import uniform_scene
+from aosplan.sweeps.vectorized.solve import solve_columns
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+USUAL = (
+    "baseline_m",
+    "samples",
+    "aperture_m",
+    "visibility_density",
+    "visibility_expected",
+    "visibility_normalized",
+    "visibility_contrast",
+    "camera_gsd_m",
+    "flight_length_m",
+    "flight_time_s",
+)
+"""Results that are written unless others are asked for."""
+
+
+def input_column(name: str) -> str:
+    """Column of an option: its own name, unless a result has that name."""
+    return f"request_{name}" if name in RESULTS else name
+
+
+def chosen_results(text: str | None) -> tuple[str, ...]:
+    """Results by name: the usual ones, ``all``, or a list with commas.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown.
+    """
+    if text is None:
+        return USUAL
+    if text == "all":
+        return RESULTS
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    for name in names:
+        if name not in RESULTS:
+            raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, RESULTS))
+    return names
+
+
+def solve_block(
+    block: Block, names: Sequence[str], results: Sequence[str], folder: str = ""
+) -> pl.DataFrame:
+    """The scenarios of a block as a frame, in order.
+
+    Parameters
+    ----------
+    block
+        The scenarios.
+    names
+        Inputs to show, of the block's columns.
+    results
+        Results to show, of `RESULTS`.
+    folder
+        Where the scenarios' file names are looked for first.
+    """
+    pl = polars()
+    numbers = {name: np.full(block.rows, np.nan) for name in results}
+    status = np.zeros(block.rows, dtype=np.uint8)
+    reason = np.full(block.rows, -1, dtype=np.int32)
+    texts: list[str] = []
+    for part, places in _alike(block):
+        solved = solve_columns(part, folder, results)
+        left: NDArray[np.intp]
+        if solved is None:
+            left = np.arange(part.rows)
+        else:
+            left = np.flatnonzero(solved.left)
+            verdicts, at = solved.verdicts, slice(None) if places is None else places
+            status[at] = verdicts.status.reshape(-1)
+            reason[at] = _moved(verdicts.reason.reshape(-1), len(texts))
+            texts += verdicts.texts
+            holds = solved.holds.reshape(-1)
+            whole = places is None and holds.all()
+            for name in results:
+                column = np.broadcast_to(solved.columns[name], part.shape).reshape(-1)
+                if whole:
+                    numbers[name] = column
+                else:
+                    rows = np.flatnonzero(holds)
+                    numbers[name][rows if places is None else places[rows]] = column[rows]
+        for row, (state, why, found) in zip(
+            left.tolist(), solve_rows(part, left, folder, results), strict=True
+        ):
+            place = row if places is None else int(places[row])
+            status[place] = STATUSES.index(state)
+            if why:
+                reason[place] = len(texts)
+                texts.append(why)
+            for name in results:
+                numbers[name][place] = found.get(name, np.nan)
+    columns = [
+        _input(pl, input_column(name), block.flat(name), block.kinds.get(name)) for name in names
+    ]
+    columns += [_result(pl, name, numbers[name]) for name in results]
+    columns.append(_status(pl, status))
+    columns.append(_reason(pl, reason, texts))
+    return pl.DataFrame(columns)  # type: ignore[no-any-return]
+
+
+def forget_files() -> None:
+    """Forget what was read of files: they may change while this process lives."""
+    forget_scenes()
+    uniform_scene.cache_clear()
+
+
+def _moved(reason: NDArray[np.int32], by: int) -> NDArray[np.int32]:
+    return np.where(reason < 0, reason, reason + by) if by else reason
+
+
+def _status(pl: Any, status: NDArray[np.uint8]) -> Any:
+    kinds = pl.Series(list(STATUSES), dtype=pl.Enum(list(STATUSES)))
+    if status.any():
+        return kinds.gather(status).alias("status")
+    return pl.repeat(STATUSES[0], len(status), dtype=kinds.dtype, eager=True).alias("status")
+
+
+def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
+    """Reasons by their places among the texts; nothing where there is none."""
+    if not texts:
+        return pl.repeat(None, len(reason), dtype=pl.String, eager=True).alias("reason")
+    told = pl.Series("reason", [*texts, None], dtype=pl.String)
+    return told.gather(np.where(reason < 0, len(texts), reason))
+
+
+def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
+    """Parts of a block whose rows give the same options, and where they lie; None: everywhere."""
+    holes = {
+        name: np.array([value is None for value in column.flat])
+        for name, column in block.columns.items()
+        if column.dtype == object
+    }
+    holes = {name: hole for name, hole in holes.items() if hole.any()}
+    if not holes:
+        # A column of numbers that has holes in other blocks is one of objects in this one too.
+        columns = {name: _narrowed(column) for name, column in block.columns.items()}
+        yield block._replace(columns=columns), None
+        return
+    # Only tables have holes, and their blocks have one axis.
+    patterns, places = np.unique(np.stack(list(holes.values())), axis=1, return_inverse=True)
+    for index, pattern in enumerate(patterns.T):
+        rows = np.flatnonzero(places.reshape(-1) == index)
+        left_out = {name for name, missing in zip(holes, pattern, strict=True) if missing}
+        columns = {
+            name: _narrowed(column[rows])
+            for name, column in block.columns.items()
+            if name not in left_out
+        }
+        yield Block(block.start, (len(rows),), columns), rows
+
+
+def _narrowed(column: NDArray[Any]) -> NDArray[Any]:
+    if column.dtype != object:
+        return column
+    return column_of(list(column.flat)).reshape(column.shape)
+
+
+def _input(pl: Any, name: str, values: NDArray[Any], kinds: frozenset[type] | None) -> Any:
+    if values.dtype != object:
+        return pl.Series(name, values)
+    if kinds is None:
+        kinds = frozenset(map(type, values.flat)) - {type(None)}
+    if kinds <= {int, float}:
+        return pl.Series(name, values.tolist(), dtype=pl.Float64 if float in kinds else pl.Int64)
+    return pl.Series(name, [_text(value) for value in values.tolist()], dtype=pl.String)
+
+
+def _text(value: Any) -> str | None:
+    if value is None or isinstance(value, str):
+        return value
+    return ",".join(map(repr, value)) if isinstance(value, tuple) else repr(value)
+
+
+def _result(pl: Any, name: str, values: NDArray[Any]) -> Any:
+    if name in WHOLE:
+        if values.dtype == np.int64:
+            return pl.Series(name, values)
+        return pl.Series(name, values, nan_to_null=True).cast(pl.Int64)
+    return pl.Series(name, np.asarray(values, dtype=np.float64), nan_to_null=True)

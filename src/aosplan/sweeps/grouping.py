@@ -1,0 +1,147 @@
+"""What is told apart of a sweep: its inputs' values, in a few groups, and what is best.
+
+Known before anything is solved, from what is swept alone, so that parts can be summarised apart.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.sweeps.row_solver import RESULTS
+from aosplan.sweeps.scenarios import (
+    Block,
+    Crossing,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.sweeps.scenarios import Table
+
+MOST_GROUPS = 20
+"""Values of an input that are told apart; numbers beyond go into `BINS` of about as many values."""
+
+BINS = 10
+
+OBJECTIVES = {
+    "samples": ("samples", False),
+    "aperture": ("aperture_m", False),
+    "time": ("flight_time_s", False),
+    "visibility": ("visibility_expected", True),
+    "contrast": ("visibility_contrast", True),
+}
+"""Column of what a plan optimises, and whether the most of it is the best."""
+
+
+class Groups(NamedTuple):
+    """Values of one input that are told apart: numbers by where they begin, and words.
+
+    `numbers` are single values or, for a bin, the first and the last value in it, in rising order;
+    `words` all else, None among them, in the order of the sweep.
+    """
+
+    name: str
+    numbers: tuple[tuple[float, float], ...]
+    words: tuple[Any, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of groups, those that hold what is not told apart included."""
+        return len(self.numbers) + len(self.words) + 1
+
+    def labels(self) -> list[dict[str, Any]]:
+        """What each group is, for a document."""
+        numbers = [
+            {"value": low} if low == high else {"first": low, "last": high}
+            for low, high in self.numbers
+        ]
+        return [*numbers, *({"value": word} for word in self.words), {"others": True}]
+
+    def places(self, values: NDArray[Any]) -> NDArray[np.intp]:
+        """Group of each of an array of values."""
+        lows = [low for low, _ in self.numbers]
+        if values.dtype != object:
+            return np.searchsorted(lows, values, "right") - 1
+        known = {word: len(lows) + place for place, word in enumerate(self.words)}
+        found = [
+            bisect_right(lows, value) - 1 if _is_number(value) else known.get(value, self.size - 1)
+            for value in values.flat
+        ]
+        return np.array(found, dtype=np.intp).reshape(values.shape)
+
+
+class Outline(NamedTuple):
+    """What a summary tells apart: the inputs with several values, and the column that is best."""
+
+    objective: str
+    most: bool
+    groups: tuple[Groups, ...]
+    fixed: tuple[tuple[str, Any], ...]
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Results that the summary takes, beside those that are written."""
+        return (self.objective,)
+
+
+def outline(scenarios: Crossing | Table, best: str | None = None) -> Outline:
+    """The outline of a sweep's summary.
+
+    Parameters
+    ----------
+    scenarios
+        What is swept.
+    best
+        Column that is best where it is most, or after a minus least; by default what the sweep
+        optimises, or the number of samples where that differs from row to row.
+    """
+    wanted = best or ""
+    objective, most = wanted.lstrip("-"), not wanted.startswith("-")
+    if objective not in RESULTS:
+        chosen = set(scenarios.values.get("optimize", np.array(["samples"], dtype=object)).flat)
+        only = chosen.pop() if len(chosen) == 1 else "samples"
+        objective, most = OBJECTIVES.get(only, OBJECTIVES["samples"])
+    groups, fixed = [], []
+    for name, values in scenarios.values.items():
+        found = _groups(name, values)
+        if len(found.numbers) + len(found.words) > 1:
+            groups.append(found)
+        else:
+            single = values.flat[0]
+            fixed.append((name, single.item() if isinstance(single, np.generic) else single))
+    return Outline(objective, most, tuple(groups), tuple(fixed))
+
+
+def _groups(name: str, values: NDArray[Any]) -> Groups:
+    words: list[Any] = []
+    if values.dtype != object:
+        numbers = np.unique(values)
+    else:
+        distinct = list(dict.fromkeys(values.flat))
+        words = [value for value in distinct if not _is_number(value)][:MOST_GROUPS]
+        numbers = np.unique([value for value in distinct if _is_number(value)])
+    parts = np.array_split(numbers, BINS if len(numbers) > MOST_GROUPS else max(len(numbers), 1))
+    bounds = tuple((part[0].item(), part[-1].item()) for part in parts if len(part))
+    return Groups(name, bounds, tuple(words))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def scenario(scenarios: Crossing | Table, row: int) -> dict[str, Any]:
+    """The inputs of one row, from 0, as a request names them."""
+    sizes = [len(values) for values in scenarios.values.values()]
+    crossed = isinstance(scenarios, Crossing)
+    places = map(int, np.unravel_index(row, sizes)) if crossed else [row] * len(sizes)
+    columns = {
+        name: values[[place]]
+        for (name, values), place in zip(scenarios.values.items(), places, strict=True)
+    }
+    values = Block(row, (1,), columns).request_values(0)
+    return {
+        name: list(value) if isinstance(value, tuple) else value for name, value in values.items()
+    }

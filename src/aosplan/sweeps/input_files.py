@@ -1,0 +1,72 @@
+"""Files that the scenarios of a sweep name: on what is in them the results depend."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.planning.inputs import (
+    cloud_files,
+    located,
+)
+from aosplan.planning.options import BY_NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+
+class Named(NamedTuple):
+    """A value of an option, where it was found, and the files that it stands for."""
+
+    option: str
+    value: str
+    found: str
+    files: tuple[str, ...]
+
+
+def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Named]:
+    """The values of a sweep that stand for files which are there.
+
+    Parameters
+    ----------
+    values
+        Values by option.
+    folder
+        Where they are looked for first.
+    """
+    for name, column in values.items():
+        if not any(mark in BY_NAME[name].metavar for mark in ("FILE", ".")):
+            continue
+        for value in sorted({value for value in column.flat if isinstance(value, str)}):
+            found = located(value, folder)
+            try:
+                stood_for = cloud_files(found) or (found,)
+            except RequestError:  # a folder or pattern without any, as its rows will say
+                continue
+            there = tuple(file for file in stood_for if os.path.isfile(file))
+            if there:
+                yield Named(name, value, found, there)
+
+
+def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str, str, str]]:
+    """Option, value and SHA-256 of every file that can be read; the parameters of `named_files`."""
+    sums = []
+    for named in named_files(values, folder):
+        for file in named.files:
+            with contextlib.suppress(OSError):  # as its rows will say
+                known = os.stat(file)
+                digest = _checksum(file, known.st_size, known.st_mtime_ns)
+                sums.append((named.option, named.value, digest))
+    return sums
+
+
+@lru_cache(maxsize=1000)
+def _checksum(path: str, _size: int, _modified_ns: int) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,131 @@
+"""A result that is a folder of Parquet files, a part each.
+
+The folder takes its name when all of it is there.  Nothing else lies in it, so that programs can be
+given the folder; its journal stays beside it, so that a later run finds what was damaged.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import uuid
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError, SurroundingsError
+from aosplan.sweeps.parts import Parts
+
+if TYPE_CHECKING:
+    from aosplan.sweeps.run import Sweep
+
+OF_A_SWEEP = re.compile(r"part-\d{5,}\.parquet(\.[0-9a-f]{32}\.tmp)?|writing-[0-9a-f]{32}")
+
+
+def is_folder(out: str) -> bool:
+    """Whether a result is a folder: one is there, or the path ends like one."""
+    return out.endswith(os.sep) or os.path.isdir(out)
+
+
+def check_folder(out: str, *, resume: bool, force: bool) -> None:
+    """Refuse a folder that cannot be written, or holds what no sweep wrote.
+
+    Raises
+    ------
+    RequestError
+        Where it may not be replaced, or there is no folder to make it in.
+    """
+    place = os.path.abspath(out)
+    above = os.path.dirname(place)
+    if os.path.splitext(place)[1].lower() in (".csv", ".jsonl"):
+        raise RequestError(
+            f"output '{out}' is a folder, which holds Parquet", "leave out the last /"
+        )
+    if not os.path.isdir(above):
+        raise RequestError(f"output '{out}': there is no folder '{above}'", "make it first")
+    if not os.path.isdir(place):
+        if os.path.lexists(place):
+            raise RequestError(f"output '{out}' is a file", "leave out the last /")
+        return
+    strange = sorted(name for name in os.listdir(place) if not OF_A_SWEEP.fullmatch(name))
+    if strange:
+        raise RequestError(
+            f"output '{out}' holds '{strange[0]}', which is no part of a sweep",
+            f"name a folder in it: {os.path.join(out, 'results.parquet', '')}",
+        )
+    if os.listdir(place) and not (resume or force):
+        raise RequestError(
+            f"output '{out}' exists",
+            "--resume writes what is damaged of it anew, --force all of it",
+        )
+
+
+class Partitions(Parts):
+    """The parts of a sweep whose result they are."""
+
+    def __init__(self, out: str, sweep: Sweep) -> None:
+        super().__init__(os.path.realpath(out), sweep)
+        self.part_suffix = ".parquet"
+        self.journal = f"{self.out}.journal.jsonl"
+        self.count = sweep.scenarios.blocks
+        self.digits = max(5, len(str(self.count - 1)))
+
+    def start(self, *, resume: bool, force: bool) -> None:
+        """Make the folder, or take up what lies in it or in the result."""
+        if resume and not os.path.isdir(self.folder) and os.path.isdir(self.out):
+            self.folder = self.out if os.listdir(self.out) else self.folder
+        super().start(resume=resume, force=force)
+
+    def path(self, index: int) -> str:
+        """File of a part."""
+        return os.path.join(self.folder, f"part-{index:0{self.digits}d}.parquet")
+
+    def join(self, sweep: Sweep, count: int) -> str:  # noqa: ARG002 (nothing is to be joined)
+        """The folder, with all parts and nothing else.
+
+        Raises
+        ------
+        SurroundingsError
+            Where a part has gone since it was written.
+        """
+        names = {os.path.basename(self.path(index)) for index in range(self.count)}
+        found = {entry.name: entry for entry in os.scandir(self.folder)}
+        for name in found.keys() - names:
+            if found[name].is_dir():
+                shutil.rmtree(found[name].path)
+            else:
+                os.unlink(found[name].path)
+        for index, part in sorted(self.done.items()):
+            name = os.path.basename(self.path(index))
+            if name not in found or found[name].stat().st_size != part.bytes:
+                raise SurroundingsError(
+                    f"'{self.path(index)}' is not as it was written", "--resume writes it anew"
+                )
+        return self.folder
+
+    def put(self, whole: str, *, resume: bool, force: bool) -> None:
+        """Give the folder its name; what had it goes afterwards, for that takes a while.
+
+        Raises
+        ------
+        RequestError
+            As `check_folder`.
+        """
+        if whole == self.out:
+            return
+        check_folder(self.out, resume=resume, force=force)
+        earlier = f"{self.out}.{uuid.uuid4().hex}.earlier" if os.path.isdir(self.out) else None
+        if earlier is not None:
+            os.replace(self.out, earlier)
+        os.replace(whole, self.out)
+        if earlier is not None:
+            shutil.rmtree(earlier)
+
+    def remove(self) -> None:
+        """Put the journal in order; nothing is removed."""
+        self.note_all()
+
+    def discard(self) -> None:
+        """Remove the folder of a run that has done nothing, unless it is the result."""
+        if self.folder != self.out:
+            super().discard()
+            os.unlink(self.journal)

@@ -1,0 +1,248 @@
+"""Parts of a sweep's result in a folder, and a journal of those that are whole.
+
+A part has its name only when it is whole and on the disk, and its line in the journal, with the
+checksum of its file, after that.  So whatever ends a run, what is done can be told from what is not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import json
+import os
+import shutil
+import uuid
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.files import check_output
+from aosplan.sweeps.scenarios import polars
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from aosplan.sweeps.aggregate import Gathered
+    from aosplan.sweeps.run import Sweep
+
+JOURNAL = "journal.jsonl"
+
+BEGUN = ".tmp"
+"""Ending of a file that is not yet whole."""
+
+
+class Part(NamedTuple):
+    """A part that is whole: its place, the rows it has, what its file holds, what was gathered."""
+
+    part: int
+    rows: int
+    bytes: int
+    sha256: str
+    gathered: Gathered | None = None
+
+    def note(self) -> dict[str, Any]:
+        """Its line in a journal."""
+        return {name: value for name, value in self._asdict().items() if name != "gathered"}
+
+
+class Parts:
+    """The folder of a sweep's parts, and its journal of those that are whole."""
+
+    def __init__(self, out: str, sweep: Sweep) -> None:
+        # A link stays, and what it points to is replaced.
+        self.out = os.path.realpath(out) if os.path.islink(out) else out
+        self.folder = f"{self.out}.parts"
+        self.journal = os.path.join(self.folder, JOURNAL)
+        self.suffix = os.path.splitext(out)[1].lower()
+        # The best rows of the parts are compared once more, so they keep their types.
+        self.part_suffix = self.suffix if sweep.best is None else ".parquet"
+        self.fingerprint = sweep.fingerprint()
+        self.done: dict[int, Part] = {}
+
+    def start(self, *, resume: bool, force: bool) -> None:
+        """Make the folder, or take up what lies in it.
+
+        Raises
+        ------
+        RequestError
+            Where there are parts that are not to be resumed, or belong to another sweep.
+        """
+        if os.path.isdir(self.folder):
+            if resume:
+                self._take_up()
+                return
+            if not force:
+                raise RequestError(
+                    f"'{self.folder}' holds parts of an interrupted sweep",
+                    "--resume goes on with it, --force begins again",
+                )
+            shutil.rmtree(self.folder)
+        os.mkdir(self.folder)
+        self.note_all()
+
+    def _take_up(self) -> None:
+        notes = _notes(self.journal)
+        if not notes:
+            raise RequestError(
+                f"'{self.folder}' has no journal '{self.journal}'", "--force begins again"
+            )
+        if notes[0] != {"fingerprint": self.fingerprint}:
+            raise RequestError(
+                f"'{self.folder}' holds parts of another sweep",
+                "give the same file, options and version, or --force to begin again",
+            )
+        for note in notes[1:]:
+            try:
+                part = Part(**note)
+                whole = _is_whole(self.path(part.part), part)
+            except (TypeError, ValueError):  # no line of a journal
+                continue
+            if whole:
+                self.done[part.part] = part
+        self.note_all()
+
+    def path(self, index: int) -> str:
+        """File of a part."""
+        return os.path.join(self.folder, f"{index:08d}{self.part_suffix}")
+
+    def add(self, part: Part) -> None:
+        """Note that a part is whole."""
+        with open(self.journal, "a", encoding="utf-8") as file:
+            file.write(json.dumps(part.note()) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        self.done[part.part] = part._replace(gathered=None)
+
+    def note_all(self) -> None:
+        """Write the journal anew: the parts that are whole, in order."""
+        notes = [{"fingerprint": self.fingerprint}]
+        notes += [part.note() for _, part in sorted(self.done.items())]
+        text = "".join(json.dumps(note) + "\n" for note in notes)
+        write_durably(text.encode(), self.journal)
+
+    def join(self, sweep: Sweep, count: int) -> str:
+        """Join all parts into one file beside the result; its temporary name."""
+        whole = os.path.join(self.folder, f"whole{self.suffix}")
+        paths = [self.path(index) for index in range(count)]
+        if sweep.best is not None:
+            pl = polars()
+            frames = [pl.read_parquet(path, glob=False) for path in paths]
+            write_frame(sweep.best_of(pl.concat(frames)), whole)
+        elif self.suffix == ".parquet":
+            _join_parquet(paths, whole)
+        else:
+            _join_text(paths, whole, header=self.suffix == ".csv")
+        # The parts go when the result has its name, so it has to be on the disk.
+        with open(whole, "r+b") as file:
+            os.fsync(file.fileno())
+        return whole
+
+    def put(self, whole: str, *, resume: bool, force: bool) -> None:  # noqa: ARG002
+        """Give the result its name.
+
+        Raises
+        ------
+        RequestError
+            Where something has taken it meanwhile that may not be replaced.
+        """
+        check_output(self.out, force=force)
+        os.replace(whole, self.out)
+
+    def remove(self) -> None:
+        """Remove what only the run needs: here the folder."""
+        shutil.rmtree(self.folder)
+
+    def drop_begun(self) -> None:
+        """Remove what processes that have been ended had begun to write."""
+        for name in os.listdir(self.folder):
+            if name.endswith(BEGUN):
+                with contextlib.suppress(OSError):
+                    os.unlink(os.path.join(self.folder, name))
+
+    def discard(self) -> None:
+        """Remove the folder of a run that has done nothing."""
+        shutil.rmtree(self.folder)
+
+
+def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tuple[int, str]:
+    """Write a frame in the format of the path's ending, as `write_durably`; its bytes and SHA-256."""
+    content = io.BytesIO()
+    if path.endswith(".parquet"):
+        frame.write_parquet(content, compression="lz4")
+    elif path.endswith(".csv"):
+        frame.write_csv(content)
+    else:
+        frame.write_ndjson(content)
+    with content.getbuffer() as whole:
+        write_durably(whole, path, folder)
+        return len(whole), hashlib.sha256(whole).hexdigest()
+
+
+def write_durably(content: bytes | memoryview, path: str, folder: str | None = None) -> None:
+    """Write a file; the name appears when it is whole and on the disk.
+
+    Parameters
+    ----------
+    content, path
+        What, and where.
+    folder
+        Where it lies until it is whole, on the same disk; beside `path` unless given.
+
+    Raises
+    ------
+    OSError
+        Where it cannot be written; nothing is left.
+    """
+    name = f"{os.path.basename(path)}.{uuid.uuid4().hex}{BEGUN}"
+    temporary = os.path.join(os.path.dirname(path) if folder is None else folder, name)
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        if isinstance(error, OSError):
+            error.filename = path
+        raise
+
+
+def _notes(journal: str) -> list[dict[str, Any]]:
+    """The lines of a journal; one that was cut short with its run is passed over."""
+    notes = []
+    try:
+        with open(journal, encoding="utf-8", errors="replace") as file:
+            for line in file:
+                with contextlib.suppress(ValueError):
+                    notes.append(json.loads(line))
+    except FileNotFoundError:
+        return []
+    return notes
+
+
+def _is_whole(path: str, part: Part) -> bool:
+    """Whether a part's file is as it was written."""
+    if not os.path.isfile(path) or os.path.getsize(path) != part.bytes:
+        return False
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == part.sha256
+
+
+def _join_parquet(paths: list[str], whole: str) -> None:
+    if len(paths) == 1:
+        os.replace(paths[0], whole)
+        return
+    pl = polars()
+    # The row groups of the result are the parts.
+    pl.scan_parquet(paths, glob=False).sink_parquet(whole, compression="lz4", maintain_order=True)
+
+
+def _join_text(paths: list[str], whole: str, *, header: bool) -> None:
+    with open(whole, "wb") as target:
+        for place, path in enumerate(paths):
+            with open(path, "rb") as part:
+                if header and place:
+                    part.readline()
+                shutil.copyfileobj(part, target, 1 << 20)

@@ -1,0 +1,253 @@
+"""Scenarios solved one at a time: whatever `aosplan.sweeps.vectorized.solve` leaves.
+
+Those over the same scene from the same altitude are taken one after the other, whatever their
+order, and share what the models make of it: views of voxels, correlograms, predictions.  Of each
+only the draft is made (`aosplan.draft`), and of the flight only what it takes.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.camera.disparity import disparity_px
+from aosplan.draft import draft_of, route_of
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.flight.kinematics import path_of
+from aosplan.models.equations import aperture
+from aosplan.planning.inputs import (
+    ResolvedScene,
+    scene_of,
+)
+from aosplan.planning.options import OPTIONS
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.route import flown
+from aosplan.planning.sites import (
+    layout_of,
+    ways_in_zones,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from aosplan.draft import Draft
+    from aosplan.flight.kinematics import Path
+    from aosplan.grid.patterns import Sites
+    from aosplan.sweeps.scenarios import Block
+
+WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
+"""Results that are whole numbers."""
+
+NOT_OF_CLEAR_VIEWS = (
+    "visibility_normalized",
+    "visibility_shortfall",
+    "visibility_effective_samples",
+    "visibility_contrast",
+    "disparity_normalized",
+    "disparity_pixels",
+)
+"""Results that a scene in which nothing is hidden does not have."""
+
+RESULTS = (
+    "altitude_m",
+    "baseline_m",
+    "samples",
+    "samples_required",
+    "aperture_m",
+    "grid_rows",
+    "grid_columns",
+    "grid_extent_x_m",
+    "grid_extent_y_m",
+    "visibility_density",
+    "visibility_minimum",
+    "visibility_maximum",
+    "visibility_expected",
+    *NOT_OF_CLEAR_VIEWS,
+    "camera_gsd_m",
+    "camera_footprint_x_m",
+    "camera_footprint_y_m",
+    "flight_length_m",
+    "flight_time_s",
+)
+"""Numbers of a plan's JSON document, by place and name."""
+
+SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
+"""Options that decide what is read of a scene."""
+
+GEOMETRY = (
+    *(option.name for option in OPTIONS if option.panel in ("Altitude", "Scene", "Camera")),
+    *("model", "view", "rays", "hold_error", "drone"),
+)
+"""Options that decide what models see; scenarios with the same of them are solved together."""
+
+NOT_PLAIN = (
+    "area",
+    "line_length",
+    "wind_speed",
+    "terrain",
+    "takeoff",
+    "flight_time",
+    "resume_at",
+)
+"""Options with which a flight is more than its pattern."""
+
+MOST_SCENES = 16
+"""Scenes kept; voxels may be large."""
+
+_scenes: dict[tuple[Any, ...], ResolvedScene] = {}
+
+
+class Outcome(NamedTuple):
+    """Status and reason of a scenario, and its results by name."""
+
+    status: str
+    reason: str = ""
+    results: Mapping[str, float] = {}
+
+
+def solve_rows(
+    block: Block, rows: NDArray[np.intp], folder: str, results: Sequence[str] = RESULTS
+) -> list[Outcome]:
+    """What becomes of some scenarios of a block, in their order.
+
+    Parameters
+    ----------
+    block, rows
+        The scenarios, and which of them.
+    folder
+        Where their file names are looked for first.
+    results
+        Results that are wanted.
+    """
+    values = [block.request_values(row) for row in rows.tolist()]
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    for place, each in enumerate(values):
+        alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
+    outcomes: dict[int, Outcome] = {}
+    for places in alike.values():
+        kept: dict[tuple[Any, ...], Any] = {}  # not for long: views take memory
+        for place in places:
+            outcomes[place] = solve_row(values[place], folder, results, kept)
+    return [outcomes[place] for place in range(len(values))]
+
+
+def solve_row(
+    values: Mapping[str, Any],
+    folder: str,
+    results: Sequence[str] = RESULTS,
+    kept: dict[tuple[Any, ...], Any] | None = None,
+) -> Outcome:
+    """What becomes of one scenario; one that cannot be met is no error."""
+    try:
+        request = PlanRequest(**values)
+        draft = draft_of(
+            request,
+            folder=folder,
+            scene=partial(scene_for, folder=folder),
+            kept=kept,
+            count_required="samples_required" in results,
+            seek_remedy=False,  # a row has no hint
+        )
+        return Outcome("ok", "", _results(draft, *_flight(draft, folder)))
+    except InfeasibleError as error:
+        return Outcome("infeasible", error.message)
+    except RequestError as error:
+        return Outcome("invalid", error.message)
+
+
+def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
+    """The scene of a request, read once for all rows that have it."""
+    key = (folder, *(getattr(request, name) for name in SCENE))
+    found = _scenes.get(key)
+    if found is None:  # threads of a worker may both read it
+        if len(_scenes) >= MOST_SCENES:
+            _scenes.clear()
+        found = scene_of(request, folder=folder)
+        if (
+            found.volume is not None
+            and found.correlogram is None
+            and request.model in (None, "measured")
+        ):
+            from aosplan.scenes.correlogram import correlogram
+
+            found = found._replace(correlogram=correlogram(found.volume))
+        _scenes[key] = found
+    return found
+
+
+def forget_scenes() -> None:
+    """Forget the scenes that were read."""
+    _scenes.clear()
+
+
+def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
+    """The numbers of a draft by the names of `RESULTS`; nan where it has none."""
+    task, solution, rule = draft.task, draft.solution, draft.coverage
+    pattern, baseline, shown = solution.pattern, solution.baseline_m, solution.prediction
+    camera, altitude = task.camera, task.altitude_m
+    footprint, required = task.footprint_m, solution.samples_required
+    clear = shown.density == 0.0
+    pixels = (
+        math.nan
+        if rule is None
+        else disparity_px(baseline, rule.height_m, altitude, camera.focal_length_px)
+    )
+    return {
+        "altitude_m": altitude,
+        "baseline_m": baseline,
+        "samples": pattern.samples,
+        "samples_required": math.nan if required is None else required,
+        "aperture_m": float(aperture(pattern.samples, baseline)),
+        "grid_rows": _number(pattern.rows),
+        "grid_columns": _number(pattern.columns),
+        "grid_extent_x_m": pattern.extent[0] * baseline,
+        "grid_extent_y_m": pattern.extent[1] * baseline,
+        "visibility_density": shown.density,
+        "visibility_minimum": shown.minimum,
+        "visibility_maximum": shown.maximum,
+        "visibility_expected": shown.expected,
+        "visibility_normalized": math.nan if clear else shown.normalized,
+        "visibility_shortfall": math.nan if clear else shown.shortfall,
+        "visibility_effective_samples": math.nan if clear else _finite(shown.effective_samples),
+        "visibility_contrast": math.nan if clear else _finite(shown.contrast),
+        "disparity_normalized": math.nan if rule is None else baseline / rule.baseline_m,
+        "disparity_pixels": pixels,
+        "camera_gsd_m": task.gsd_m,
+        "camera_footprint_x_m": footprint[0],
+        "camera_footprint_y_m": footprint[1],
+        "flight_length_m": length_m,
+        "flight_time_s": time_s,
+    }
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+def _flight(draft: Draft, folder: str) -> tuple[float, float]:
+    """Length [m] and time [s] of a flight from the first photo to the last."""
+    request, baseline = draft.task.request, draft.solution.baseline_m
+    if request.trigger == "stop" and all(getattr(request, name) is None for name in NOT_PLAIN):
+        path = _path(draft.solution.pattern)
+        timing, _ = flown(request, draft.task.gsd_m, baseline)
+        return path.length_m(baseline), path.time_s(baseline, timing)
+    layout = layout_of(
+        request, draft.area, draft.solution, draft.problem, draft.task.camera, draft.task.altitude_m
+    )
+    route = route_of(draft, layout, folder)
+    list(ways_in_zones(request, draft.area, route))  # which may be in the way
+    return route.length_m, route.time_s
+
+
+@lru_cache(maxsize=4096)
+def _path(pattern: Sites) -> Path:
+    """The legs of a pattern that is flown with a stop at every site, in still air."""
+    return path_of(pattern)

@@ -1,0 +1,405 @@
+"""What is swept: a crossing of lists and ranges, or a table with a scenario a row.
+
+Both hand out blocks: columns of parsed option values that broadcast against each other.  A
+crossing's columns keep an axis each, so what depends on few of them is computed few times.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError, needs_extra
+from aosplan.files import read_table
+from aosplan.planning.options import BY_NAME
+from aosplan.units import (
+    nearest_hint,
+    number,
+    shown,
+    whole,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+ROWS_A_BLOCK = 1 << 18
+"""Scenarios evaluated, and written, at a time: some tens of megabytes."""
+
+ROWS_ALONE = 1 << 10
+"""Of those that are solved one by one: what an interruption loses, and what workers share."""
+
+SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
+
+MOST_HEADER = 1 << 16
+"""Bytes that the header of a CSV may have; all options take a fiftieth of it."""
+
+MOST_VALUES = 10_000_000
+"""Values that one range or list may have."""
+
+
+class Block(NamedTuple):
+    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`.
+
+    `kinds` are the types that values of columns of objects have in any block, None apart.
+    """
+
+    start: int
+    shape: tuple[int, ...]
+    columns: dict[str, NDArray[Any]]
+    kinds: Mapping[str, frozenset[type]] = {}
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return math.prod(self.shape)
+
+    def flat(self, name: str) -> NDArray[Any]:
+        """A column with a value for every scenario, in order."""
+        return np.broadcast_to(self.columns[name], self.shape).reshape(-1)
+
+    def request_values(self, row: int) -> dict[str, Any]:
+        """The options of one scenario, by name."""
+        place = np.unravel_index(row, self.shape)
+        values = {
+            name: np.broadcast_to(column, self.shape)[place]
+            for name, column in self.columns.items()
+        }
+        return {
+            name: value.item() if isinstance(value, np.generic) else value
+            for name, value in values.items()
+            if value is not None
+        }
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Every combination of the axes' values, the last axis fastest.
+
+    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    """
+
+    values: dict[str, NDArray[Any]]
+    alone: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """The options that are swept, in order."""
+        return list(self.values)
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return math.prod(len(axis) for axis in self.values.values())
+
+    @cached_property
+    def _steps(self) -> list[int]:
+        """How much of each axis a block has: one of the leading ones, a cut of one, all of the rest."""
+        steps, room = [], _room(self.alone)
+        for axis in reversed(self.values.values()):
+            steps.append(min(len(axis), room))
+            room = max(room // len(axis), 1)
+        return steps[::-1]
+
+    @cached_property
+    def _cuts(self) -> tuple[int, ...]:
+        """How many blocks lie along each axis."""
+        sizes = [len(axis) for axis in self.values.values()]
+        return tuple(-(-size // step) for size, step in zip(sizes, self._steps, strict=True))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return math.prod(self._cuts)
+
+    def block(self, index: int) -> Block:
+        """A block by its place in order; together they are all scenarios, once and in order."""
+        columns, shape, start = {}, [], 0
+        for axis, (name, values) in enumerate(self.values.items()):
+            index_along = index // math.prod(self._cuts[axis + 1 :]) % self._cuts[axis]
+            low = index_along * self._steps[axis]
+            part = values[low : low + self._steps[axis]]
+            start = start * len(values) + low
+            shape.append(len(part))
+            columns[name] = part.reshape(
+                [-1 if at == axis else 1 for at in range(len(self.values))]
+            )
+        return Block(start, tuple(shape), columns, self._kinds)
+
+    @cached_property
+    def _kinds(self) -> dict[str, frozenset[type]]:
+        return _kinds(self.values)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A scenario a row: columns of the same length, None where a row leaves an option out.
+
+    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    """
+
+    values: dict[str, NDArray[Any]]
+    alone: float = 0.0
+
+    @property
+    def names(self) -> list[str]:
+        """The options that are swept, in order."""
+        return list(self.values)
+
+    @property
+    def rows(self) -> int:
+        """Number of scenarios."""
+        return len(next(iter(self.values.values())))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return -(-self.rows // _room(self.alone))
+
+    def block(self, index: int) -> Block:
+        """A block by its place in order."""
+        room = _room(self.alone)
+        start = index * room
+        part = slice(start, min(start + room, self.rows))
+        columns = {name: values[part] for name, values in self.values.items()}
+        return Block(start, (part.stop - start,), columns, self._kinds)
+
+    @cached_property
+    def _kinds(self) -> dict[str, frozenset[type]]:
+        return _kinds(self.values)
+
+
+@dataclass(frozen=True)
+class Single(Table):
+    """One block of scenarios, in its place among others that are not there."""
+
+    only: Block = field(kw_only=True)
+
+    def block(self, index: int) -> Block:  # noqa: ARG002 (there is one)
+        """The block."""
+        return self.only
+
+
+def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
+    """Types of the values of columns of objects, None apart."""
+    return {
+        name: frozenset(map(type, column.flat)) - {type(None)}
+        for name, column in columns.items()
+        if column.dtype == object
+    }
+
+
+def _room(alone: float) -> int:
+    """Scenarios that a block may have, by the share of those that are solved one by one."""
+    room = ROWS_A_BLOCK if alone * ROWS_A_BLOCK <= ROWS_ALONE else round(ROWS_ALONE / alone)
+    return min(room, ROWS_A_BLOCK)
+
+
+def read_crossing(path: str) -> Crossing:
+    """The crossing of a TOML or JSON file: its table ``sweep``, in the order written.
+
+    A value, a list of values, a range ``{ start, stop, count, spacing = "linear" or "log" }`` or
+    the values of a file, one a line, ``{ file = "altitudes.txt" }``.
+
+    Raises
+    ------
+    RequestError
+        Where a name is unknown, a value wrong, or an axis has no values; the message names the
+        place.
+    """
+    table = read_table(path)
+    sweep = table.get("sweep")
+    if not isinstance(sweep, dict):
+        raise RequestError(f"'{path}' has no table [sweep]", "its keys are the options of `plan`")
+    if not sweep:
+        raise RequestError(f"'{path}': [sweep] is empty, so there are no scenarios")
+    folder = os.path.dirname(path)
+    axes = {}
+    for name, given in sweep.items():
+        place = f"'{path}': {name}"
+        if name not in BY_NAME:
+            raise RequestError(f"'{path}': unknown name '{name}'", nearest_hint(name, BY_NAME))
+        values = _values(given, place, folder, pair=BY_NAME[name].kind == "pair")
+        if not values:
+            raise RequestError(f"{place} has no values, so there are no scenarios")
+        axes[name] = column_of([BY_NAME[name].parse(value, place) for value in values])
+    return Crossing(axes, share_alone(axes, folder))
+
+
+def read_scenarios(path: str) -> Crossing | Table:
+    """What a file sweeps: a table of scenarios (``.csv``, ``.parquet``), or a crossing."""
+    suffix = os.path.splitext(path)[1].lower()
+    if suffix in SPREADSHEETS:
+        raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
+    return read_rows(path) if suffix in (".csv", ".parquet") else read_crossing(path)
+
+
+def read_rows(path: str) -> Table:
+    """The scenarios of a CSV or Parquet file, a row each; an empty cell leaves an option out.
+
+    Raises
+    ------
+    RequestError
+        Where a column is no option, or a cell no value of it; the message names row and column.
+    """
+    pl = polars()
+    as_text = path.lower().endswith(".csv")
+    _check_start(path, as_text=as_text)
+    try:
+        # A name with brackets is no pattern of other names.
+        frame = (
+            pl.read_csv(path, infer_schema=False, glob=False)
+            if as_text
+            else pl.read_parquet(path, glob=False)
+        )
+    except (pl.exceptions.PolarsError, OSError) as error:
+        reason = str(error).strip().splitlines()[0]
+        raise RequestError(f"'{path}' is no table of scenarios: {reason}") from None
+    if not frame.height or not frame.width:
+        raise RequestError(f"'{path}' has no rows, so there are no scenarios")
+    _check_names(frame.columns, path)
+    values = {name: _parsed_column(frame, name, path) for name in frame.columns}
+    return Table(values, share_alone(values, os.path.dirname(path)))
+
+
+def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
+    """About how many of the scenarios are beyond what is solved as whole columns."""
+    from aosplan.sweeps.vectorized.inputs import known_share
+
+    shares = (known_share(name, column, folder) for name, column in values.items())
+    return 1.0 - math.prod(shares)
+
+
+def _check_start(path: str, *, as_text: bool) -> None:
+    """Refuse what is no table by its first bytes: before a library reads all of it."""
+    from aosplan.files import read_start
+
+    start = read_start(path, MOST_HEADER)
+    if start.startswith(b"PK\x03\x04"):
+        raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
+    if not as_text:
+        return
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise RequestError(f"'{path}' is UTF-16 text, not UTF-8", "save it as CSV in UTF-8")
+    line = start.decode("utf-8-sig", errors="replace").partition("\n")[0].rstrip("\r")
+    if len(start) == MOST_HEADER and "\n" not in start.decode("latin-1"):
+        raise RequestError(f"'{path}': its header is longer than {MOST_HEADER} bytes")
+    header = next(csv.reader([line]), [])
+    for other, title in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and other in line:
+            raise RequestError(
+                f"'{path}': its columns are separated by {title}",
+                "save it with commas between columns, and points in numbers",
+            )
+    _check_names(header, path)
+
+
+def _check_names(names: Sequence[str], path: str) -> None:
+    """Refuse columns that are no options, or are there twice."""
+    for place, name in enumerate(names):
+        if name not in BY_NAME:
+            hint = nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens"
+            if name.startswith("__index_level_"):
+                hint = "pandas wrote its index: give to_parquet index=False"
+            raise RequestError(f"'{path}': column {shown(name)} is no option of plan", hint)
+        if name in names[:place]:
+            raise RequestError(f"'{path}': column '{name}' is there twice", "keep one of them")
+
+
+def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
+    """A column's values, each distinct one parsed once."""
+    series = frame.get_column(name)
+    if series.dtype.is_nested():  # lists, such as a place; as a CSV has them
+        series = series.map_elements(_cell, return_dtype=polars().String)
+    distinct = series.unique(maintain_order=True)
+    parsed: list[Any] = []
+    for value in distinct.to_list():
+        if value is None or value == "":
+            parsed.append(None)
+            continue
+        try:
+            parsed.append(BY_NAME[name].parse(value, f"'{path}', column '{name}':"))
+        except RequestError as error:
+            row = series.eq_missing(value).arg_max() + 1
+            raise RequestError(f"{error.message} (row {row})", error.hint) from None
+    places = series.replace_strict(distinct, list(range(len(parsed))), return_dtype=polars().UInt32)
+    column: NDArray[Any] = column_of(parsed)[places.to_numpy()]
+    return column
+
+
+def _cell(value: Any) -> str:
+    plain = value.to_list() if hasattr(value, "to_list") else value
+    return ",".join(map(str, plain)) if isinstance(plain, list) else str(plain)
+
+
+def _values(given: Any, place: str, folder: str, *, pair: bool) -> list[Any]:
+    if isinstance(given, dict):
+        return _range(given, place, folder)
+    if isinstance(given, list) and not (pair and given and isinstance(given[0], (int, float))):
+        return given
+    return [given]
+
+
+def _range(given: Mapping[str, Any], place: str, folder: str) -> list[Any]:
+    known = {"file"} if "file" in given else {"start", "stop", "count", "spacing"}
+    for name in given:
+        if name not in known:
+            raise RequestError(f"{place}: unknown name '{name}'", nearest_hint(name, known))
+    if "file" in given:
+        return _lines(os.path.join(folder, str(given["file"])))
+    for name in ("start", "stop", "count"):
+        if name not in given:
+            raise RequestError(
+                f"{place}: a range lacks {name}", "{ start = 20, stop = 120, count = 50 }"
+            )
+    start, stop = (number(given[name], f"{place}.{name}") for name in ("start", "stop"))
+    count = whole(given["count"], f"{place}.count")
+    if count > MOST_VALUES:
+        raise RequestError(f"{place}.count {count} is more than {MOST_VALUES}")
+    spacing = given.get("spacing", "linear")
+    if spacing == "linear":
+        return [float(value) for value in np.linspace(start, stop, count)]
+    if spacing != "log":
+        raise RequestError(f"{place}.spacing {shown(spacing)} is neither linear nor log")
+    if start <= 0.0 or stop <= 0.0:
+        raise RequestError(f"{place}: a logarithmic range from {start:g} to {stop:g}")
+    values = np.geomspace(start, stop, count)
+    return [float(value) for value in values]
+
+
+def polars() -> Any:
+    """The columnar library.
+
+    Raises
+    ------
+    MissingExtraError
+        Where it is not installed.
+    """
+    with needs_extra("a sweep", "sweep"):
+        import polars as pl
+    return pl
+
+
+def _lines(path: str) -> list[str]:
+    from aosplan.files import read_bytes
+
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
+    return [line.strip() for line in text.splitlines() if line.strip()]
+
+
+def column_of(values: Sequence[Any]) -> NDArray[Any]:
+    """Values as an array: floats and whole numbers as such, anything else as objects."""
+    if all(type(value) is int for value in values):
+        return np.array(values, dtype=np.int64)
+    if all(isinstance(value, float) for value in values):
+        return np.array(values, dtype=np.float64)
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return column

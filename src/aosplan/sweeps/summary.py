@@ -1,0 +1,443 @@
+"""What came out of a sweep, gathered while it runs, without storing a row.
+
+Each part of a sweep is summarised alone, and summaries are added.  Addition is exact, so neither
+the order nor the size of the parts changes a digit: counts are whole numbers, and so are sums, in
+units of the smallest float (`exact_sum`); an extreme is a value and the first row that has it; medians
+are counted out over fixed bins, as in HdrHistogram: they are named approximate, and are within `MEDIAN_ERROR`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+from itertools import chain
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.sweeps.grouping import scenario
+from aosplan.sweeps.row_solver import WHOLE
+from aosplan.sweeps.scenarios import polars
+from aosplan.sweeps.status import STATUSES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from aosplan.sweeps.grouping import (
+        Groups,
+        Outline,
+    )
+    from aosplan.sweeps.scenarios import (
+        Block,
+        Crossing,
+        Table,
+    )
+
+MOST_REASONS = 100
+"""Kinds of reasons that are told apart: the first of the alphabet."""
+
+BITS = 8
+"""Leading bits of a number's fraction that its bin keeps."""
+
+MOST_BINS = 1 << 14
+"""Bins that are counted where they lie; if they lie farther apart, only those that are filled."""
+
+MEDIAN_ERROR = 2.0 ** -(BITS + 1)
+"""Relative error of an approximate median; whole numbers below 512 are exact."""
+
+_SMALLEST = 1074
+"""Every float is a whole number of 2 ** -1074."""
+
+_NUMBER = re.compile(r"(?<![\w.'-])-?\d+(\.\d+)?(e[+-]?\d+)?(?![\w'])")
+
+Extreme = tuple[float, int]
+"""A value, and the first row that has it."""
+
+
+class Column(NamedTuple):
+    """A result over the rows that are kept: how many have it, their sum, and its extremes."""
+
+    known: int = 0
+    total: int = 0
+    least: Extreme | None = None
+    most: Extreme | None = None
+
+    def __add__(self, other: object) -> Column:
+        """Over the rows of both."""
+        assert isinstance(other, Column)
+        return Column(
+            self.known + other.known,
+            self.total + other.total,
+            min((e for e in (self.least, other.least) if e), default=None),
+            min((e for e in (self.most, other.most) if e), key=_downwards, default=None),
+        )
+
+    @property
+    def mean(self) -> float | None:
+        """The mean, correctly rounded."""
+        return float(Fraction(self.total, self.known << _SMALLEST)) if self.known else None
+
+
+def _downwards(extreme: Extreme) -> tuple[float, int]:
+    return -extreme[0], extreme[1]
+
+
+class Group(NamedTuple):
+    """Scenarios with one value of an input: all, those kept, those met; the best, and its bins."""
+
+    scenarios: int = 0
+    rows: int = 0
+    met: int = 0
+    best: float | None = None
+    bins: Mapping[int, int] = {}
+
+    def joined(self, other: Group, *, most: bool) -> Group:
+        """Over the scenarios of both."""
+        found = [best for best in (self.best, other.best) if best is not None]
+        return Group(
+            self.scenarios + other.scenarios,
+            self.rows + other.rows,
+            self.met + other.met,
+            (max if most else min)(found, default=None),
+            _added(self.bins, other.bins),
+        )
+
+
+def _added(first: Mapping[Any, int], second: Mapping[Any, int]) -> dict[Any, int]:
+    return {key: first.get(key, 0) + second.get(key, 0) for key in chain(first, second)}
+
+
+class Reason(NamedTuple):
+    """A kind of reason: how many scenarios have it, and the first of them."""
+
+    scenarios: int
+    row: int
+    text: str
+
+    def __add__(self, other: object) -> Reason:
+        """Over the scenarios of both."""
+        assert isinstance(other, Reason)
+        first = min(self, other, key=lambda reason: reason.row)
+        return Reason(self.scenarios + other.scenarios, first.row, first.text)
+
+
+class Summary(NamedTuple):
+    """What is known of some scenarios.
+
+    `rows` are those that the sweep's condition keeps; `statuses` and `reasons`, by status and kind, count
+    all scenarios, and `columns` and `groups` are of the rows that are kept.
+    """
+
+    scenarios: int
+    rows: int
+    statuses: dict[str, int]
+    reasons: dict[tuple[str, str], Reason]
+    columns: dict[str, Column]
+    groups: tuple[tuple[Group, ...], ...]
+
+    def joined(self, other: Summary, *, most: bool) -> Summary:
+        """Of the scenarios of both."""
+        reasons = dict(self.reasons)
+        for kind, reason in other.reasons.items():
+            reasons[kind] = reasons[kind] + reason if kind in reasons else reason
+        return Summary(
+            self.scenarios + other.scenarios,
+            self.rows + other.rows,
+            _added(self.statuses, other.statuses),
+            # A kind that is left out once has as many before it ever after, so none is half counted.
+            dict(sorted(reasons.items())[:MOST_REASONS]),
+            {name: self.columns[name] + other.columns[name] for name in self.columns},
+            tuple(
+                tuple(a.joined(b, most=most) for a, b in zip(mine, theirs, strict=True))
+                for mine, theirs in zip(self.groups, other.groups, strict=True)
+            ),
+        )
+
+    def state(self) -> list[Any]:
+        """The summary as plain values, for a file."""
+        groups = [[[*group[:4], [*group.bins.items()]] for group in parts] for parts in self.groups]
+        reasons = [[*kind, *reason] for kind, reason in self.reasons.items()]
+        return [self.scenarios, self.rows, self.statuses, reasons, self.columns, groups]
+
+    @classmethod
+    def of_state(cls, state: list[Any]) -> Summary:
+        """The summary that `state` was made of."""
+        scenarios, rows, statuses, reasons, columns, groups = state
+        return cls(
+            scenarios,
+            rows,
+            statuses,
+            {(status, kind): Reason(*rest) for status, kind, *rest in reasons},
+            {
+                name: Column(count, total, *(tuple(e) if e else None for e in extremes))
+                for name, (count, total, *extremes) in columns.items()
+            },
+            tuple(
+                tuple(Group._make([*rest, dict(bins)]) for *rest, bins in parts) for parts in groups
+            ),
+        )
+
+
+def empty(outline: Outline, results: Sequence[str]) -> Summary:
+    """The summary of nothing, to which others are added."""
+    groups = tuple((Group(),) * groups.size for groups in outline.groups)
+    return Summary(0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, Column()), groups)
+
+
+def summarised(
+    outline: Outline,
+    results: Sequence[str],
+    block: Block,
+    frame: pl.DataFrame,
+    kept: NDArray[np.intp],
+) -> Summary:
+    """The summary of one block.
+
+    Parameters
+    ----------
+    outline
+        What to tell apart.
+    results
+        Results to summarise, columns of the frame.
+    block, frame
+        The scenarios, and a row for each of them.
+    kept
+        Rows that the sweep's condition keeps.
+    """
+    status = frame.get_column("status").to_physical().to_numpy()
+    counts = np.bincount(status, minlength=len(STATUSES)).tolist()
+    met = kept[status[kept] == 0]
+    everything = len(met) == block.rows
+    columns = {}
+    for name in results:
+        values = frame.get_column(name).to_numpy()
+        columns[name] = _column(values if everything else values[met], met, block.start)
+    values = frame.get_column(outline.objective).to_numpy()
+    rated = _rated(values if everything else values[met], met)
+    grouped = tuple(
+        _grouped(groups, block, kept, met, rated, most=outline.most) for groups in outline.groups
+    )
+    return Summary(
+        block.rows,
+        len(kept),
+        dict(zip(STATUSES, counts, strict=True)),
+        _reasons(frame, block.start) if counts[0] < block.rows else {},
+        columns,
+        grouped,
+    )
+
+
+def _column(values: NDArray[Any], rows: NDArray[np.intp], start: int) -> Column:
+    known = np.isfinite(values)
+    if not known.all():
+        values, rows = values[known], rows[known]
+    if not len(values):
+        return Column()
+    least, most = int(values.argmin()), int(values.argmax())
+    return Column(
+        len(values),
+        exact_sum(values),
+        (values[least].item(), start + int(rows[least])),
+        (values[most].item(), start + int(rows[most])),
+    )
+
+
+def exact_sum(values: NDArray[Any]) -> int:
+    """The exact sum of an array, as a whole number of 2 ** -1074.
+
+    Parameters
+    ----------
+    values
+        Finite, below 1e280 in size; at least one.
+
+    Notes
+    -----
+    Of each number the leading bits are taken at which sums of them all are exact, then of what is
+    left, until nothing is: Rump, Ogita and Oishi, "Accurate floating-point summation part I",
+    SIAM J. Sci. Comput. 31 (2008), algorithm 3.2 (ExtractVector).
+    """
+    if values.dtype.kind in "iu":
+        # Within a part, whole numbers below 2 ** 53 add up to less than 2 ** 63 in halves.
+        high, low = values >> 32, values & 0xFFFFFFFF
+        return ((int(high.sum()) << 32) + int(low.sum())) << _SMALLEST
+    total, rest = 0, values
+    # What is left of each number is at most half a unit in the last place of `around`.
+    room = 2.0 ** (len(values) + 1).bit_length()
+    around = room * 2.0 ** math.frexp(max(float(values.max()), -float(values.min())))[1]
+    while rest.any():
+        leading = (rest + around) - around
+        total += _whole(float(leading.sum()))
+        rest = rest - leading
+        around = max(around * room * 2.0**-53, 2.0**-1022)
+    return total
+
+
+def _whole(value: float) -> int:
+    above, below = value.as_integer_ratio()
+    return (above << _SMALLEST) // below
+
+
+class _Rated(NamedTuple):
+    """Values of the objective, their rows, and their bins by place among `distinct` ones."""
+
+    values: NDArray[np.float64]
+    rows: NDArray[np.intp]
+    bins: NDArray[np.int64]
+    distinct: NDArray[np.int64]
+
+
+def _rated(values: NDArray[Any], rows: NDArray[np.intp]) -> _Rated:
+    values = values.astype(np.float64)
+    known = np.isfinite(values)
+    if not known.all():
+        values, rows = values[known], rows[known]
+    bins = bins_of(values)
+    low, high = (int(bins.min()), int(bins.max())) if len(bins) else (0, 0)
+    if high - low < MOST_BINS:
+        return _Rated(values, rows, bins - low, np.arange(low, high + 1))
+    distinct, places = np.unique(bins, return_inverse=True)
+    return _Rated(values, rows, places, distinct)
+
+
+def _grouped(
+    groups: Groups,
+    block: Block,
+    kept: NDArray[np.intp],
+    met: NDArray[np.intp],
+    rated: _Rated,
+    *,
+    most: bool,
+) -> tuple[Group, ...]:
+    """One block by the values of one input."""
+    places = np.broadcast_to(groups.places(block.columns[groups.name]), block.shape).reshape(-1)
+    everything = np.bincount(places, minlength=groups.size)
+    counts = [
+        (
+            everything
+            if len(part) == block.rows
+            else np.bincount(places[part], minlength=groups.size)
+        )
+        for part in (kept, met)
+    ]
+    own = places if len(rated.rows) == block.rows else places[rated.rows]
+    size = len(rated.distinct)
+    table = np.bincount(own * size + rated.bins, minlength=groups.size * size)
+    table = table.reshape(groups.size, size)
+    # Bins rise with their numbers, so the best is in the last of them.
+    last = size - 1 - (table[:, ::-1] > 0).argmax(axis=1) if most else (table > 0).argmax(axis=1)
+    nearest = np.flatnonzero(rated.bins == last[own])
+    best = np.full(groups.size, -math.inf if most else math.inf)
+    (np.maximum if most else np.minimum).at(best, own[nearest], rated.values[nearest])
+    found = []
+    for place, row in enumerate(table):
+        filled = np.flatnonzero(row)
+        bins = dict(zip(rated.distinct[filled].tolist(), row[filled].tolist(), strict=True))
+        numbers = [int(part[place]) for part in (everything, *counts)]
+        found.append(Group._make([*numbers, best[place].item() if bins else None, bins]))
+    return tuple(found)
+
+
+def bins_of(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Bin of each number, rising with it: its sign, its exponent and `BITS` of its fraction."""
+    bits = (values + 0.0).view(np.int64)
+    magnitude = (bits & np.int64(2**63 - 1)) >> (52 - BITS)
+    return np.where(bits < 0, -magnitude, magnitude)
+
+
+def value_of(at: int, *, whole: bool) -> float:
+    """The number in the middle of a bin; of whole numbers the whole one before it."""
+    edges = np.array([abs(at), abs(at) + 1], dtype=np.int64) << (52 - BITS)
+    low, high = edges.view(np.float64).tolist()
+    middle = math.copysign(low + (high - low) / 2.0, at) if at else 0.0
+    return math.floor(middle) if whole else middle
+
+
+def _reasons(frame: pl.DataFrame, start: int) -> dict[tuple[str, str], Reason]:
+    pl = polars()
+    unmet = frame.with_row_index("_row").filter(pl.col("reason").is_not_null())
+    found: dict[tuple[str, str], Reason] = {}
+    table = unmet.group_by("status", "reason").agg(pl.len(), pl.col("_row").min())
+    for status, text, count, row in table.iter_rows():
+        kind = (status, _NUMBER.sub("#", text))
+        reason = Reason(count, start + row, text)
+        found[kind] = found[kind] + reason if kind in found else reason
+    return dict(sorted(found.items())[:MOST_REASONS])
+
+
+def summary_document(
+    summary: Summary, outline: Outline, scenarios: Crossing | Table
+) -> dict[str, Any]:
+    """A summary as plain values, rows counted from 1 and named by their inputs."""
+
+    def named(row: int) -> dict[str, Any]:
+        return {"row": row + 1, "request": scenario(scenarios, row)}
+
+    def extreme(name: str, found: Extreme | None) -> dict[str, Any] | None:
+        return {"value": _own(name, found[0]), **named(found[1])} if found else None
+
+    told = sum(reason.scenarios for reason in summary.reasons.values())
+    unmet = sum(count for status, count in summary.statuses.items() if status != "ok")
+    return {
+        "scenarios": summary.scenarios,
+        "rows": summary.rows,
+        "statuses": summary.statuses,
+        "reasons": [
+            {"status": status, "reason": kind, "count": reason.scenarios}
+            | {"first": {"reason": reason.text, **named(reason.row)}}
+            for (status, kind), reason in sorted(
+                summary.reasons.items(), key=lambda item: (-item[1].scenarios, item[0])
+            )
+        ],
+        "other_reasons": unmet - told,
+        "results": {
+            name: {
+                "count": column.known,
+                "mean": column.mean,
+                "minimum": extreme(name, column.least),
+                "maximum": extreme(name, column.most),
+            }
+            for name, column in summary.columns.items()
+        },
+        "objective": {
+            "column": outline.objective,
+            "best": "most" if outline.most else "least",
+            "median_error": MEDIAN_ERROR,
+        },
+        "inputs": [
+            {"name": groups.name, "groups": list(_shown(groups, parts, outline))}
+            for groups, parts in zip(outline.groups, summary.groups, strict=True)
+        ],
+        "fixed": dict(outline.fixed),
+    }
+
+
+def _shown(groups: Groups, parts: Sequence[Group], outline: Outline) -> Iterable[dict[str, Any]]:
+    for label, group in zip(groups.labels(), parts, strict=True):
+        if group.scenarios:
+            yield label | {
+                "scenarios": group.scenarios,
+                "rows": group.rows,
+                "met": group.met,
+                "met_share": group.met / group.rows if group.rows else None,
+                "best": _own(outline.objective, group.best),
+                "approximate_median": _median(group.bins, whole=outline.objective in WHOLE),
+            }
+
+
+def _own(name: str, value: float | None) -> float | None:
+    """A value in the result's own type: columns with gaps hold whole numbers as floats."""
+    return int(value) if value is not None and name in WHOLE else value
+
+
+def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
+    """The middle value, of an even number the lower one."""
+    left = (sum(bins.values()) + 1) // 2
+    for at, count in sorted(bins.items()):
+        left -= count
+        if left <= 0:
+            return value_of(at, whole=whole)
+    return None

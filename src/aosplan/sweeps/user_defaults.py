@@ -1,0 +1,97 @@
+"""The user's own defaults below every scenario, as `aosplan plan` takes them below a request file.
+
+What a scenario says wins, and drops what it contradicts: a ``gsd`` the altitude of the defaults, a
+``drone`` their camera and speeds.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.planning.request import own_beneath
+from aosplan.sweeps.scenarios import (
+    Crossing,
+    Table,
+    column_of,
+    share_alone,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+DECIDING = ("grid", "trigger")
+"""Options whose value decides what goes with them; of others it is enough that they are given."""
+
+
+def with_defaults(
+    scenarios: Crossing | Table, own: Mapping[str, Any], where: str, folder: str = ""
+) -> Crossing | Table:
+    """The scenarios, each with those of the user's own defaults that it leaves room for.
+
+    Parameters
+    ----------
+    scenarios
+        What is swept.
+    own, where
+        Options by name, and the file that they are from.
+    folder
+        Where the scenarios' file names are looked for first.
+
+    Raises
+    ------
+    RequestError
+        Where the defaults contradict each other, or one goes with some values of a crossing alone.
+    """
+    if isinstance(scenarios, Table):
+        filled = _filled(scenarios.values, own, where)
+        return Table(filled, share_alone(filled, folder))
+    values = scenarios.values
+    deciding = {name: dict.fromkeys(values[name].flat) for name in DECIDING if name in values}
+    asked = {name: axis.flat[0] for name, axis in values.items()}
+    found = [
+        own_beneath(own, asked | dict(zip(deciding, chosen, strict=True)), where)
+        for chosen in product(*deciding.values())
+    ]
+    for name in {name for each in found for name in each}:
+        if not all(name in each for each in found):
+            raise RequestError(
+                f"'{where}': {name} does not go with every {' and '.join(deciding)} of the sweep",
+                f"give {name} in the sweep's own file, or --defaults none",
+            )
+    values = values | {name: column_of([value]) for name, value in found[0].items()}
+    return Crossing(values, share_alone(values, folder))
+
+
+def _filled(
+    values: Mapping[str, NDArray[Any]], own: Mapping[str, Any], where: str
+) -> dict[str, NDArray[Any]]:
+    """Columns of a table, with the defaults in rows that leave them out."""
+    given = {
+        name: np.array([value is not None for value in column.flat])
+        for name, column in values.items()
+        if column.dtype == object
+    }
+    rows = len(next(iter(values.values())))
+    # Rows that give the same options, and the same values of those that decide, are alike.
+    alike = np.zeros(rows, dtype=np.int64)
+    for name, hole in given.items():
+        kinds = list(dict.fromkeys(values[name].flat)) if name in DECIDING else []
+        known = {kind: place for place, kind in enumerate(kinds)}
+        part = np.array([known[kind] for kind in values[name].flat]) if kinds else hole
+        alike = np.unique(alike * (len(kinds) + 2) + part, return_inverse=True)[1].reshape(-1)
+    filled: dict[str, list[Any]] = {}
+    for kind, first in zip(*np.unique(alike, return_index=True), strict=True):
+        asked = {name: column[first] for name, column in values.items()}
+        asked = {name: value for name, value in asked.items() if value is not None}
+        for name, value in own_beneath(own, asked, where).items():
+            if name not in filled:
+                filled[name] = values[name].tolist() if name in values else [None] * rows
+            for row in np.flatnonzero(alike == kind).tolist():
+                filled[name][row] = value
+    return dict(values) | {name: column_of(column) for name, column in filled.items()}

@@ -1,0 +1,102 @@
+"""Shapes of grids, and lengths and times of the flights over them, for whole columns."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.flight.kinematics import path_of
+from aosplan.grid.patterns import (
+    MOST_SITES,
+    Sites,
+    pattern_for,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+
+class _Layout(NamedTuple):
+    pattern: Sites
+    legs: tuple[tuple[float, int], ...]
+
+
+class Layouts(NamedTuple):
+    """Grids by scenario: samples, rows, columns, extents in baselines; and the legs of each.
+
+    `places` has the place of each scenario's legs.
+    """
+
+    samples: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    legs: list[tuple[tuple[float, int], ...]]
+    places: NDArray[np.intp]
+
+
+@lru_cache(maxsize=4096)
+def _layout(grid: str, samples: int) -> _Layout:
+    pattern = pattern_for(grid, min(samples, MOST_SITES))
+    lengths: Counter[float] = Counter()
+    for leg, count in path_of(pattern).legs:
+        lengths[math.hypot(leg.x, leg.y)] += count
+    return _Layout(pattern, tuple(lengths.items()))
+
+
+def layouts(wanted: Any, grid: Any) -> Layouts:
+    """The smallest grids with so many samples, each distinct one made once."""
+    kinds, kind_places = np.unique(grid.astype(str), return_inverse=True)
+    counts, count_places = np.unique(wanted, return_inverse=True)
+    pairs, places = np.unique(
+        kind_places.reshape(grid.shape) * len(counts) + count_places.reshape(wanted.shape),
+        return_inverse=True,
+    )
+    found = [
+        _layout(str(kinds[pair // len(counts)]), int(counts[pair % len(counts)]))
+        for pair in pairs.tolist()
+    ]
+    shape = np.broadcast_shapes(grid.shape, wanted.shape)
+
+    def column(function: Callable[[Sites], float], dtype: Any) -> NDArray[Any]:
+        table = np.array([function(layout.pattern) for layout in found], dtype=dtype)
+        return np.asarray(table[places]).reshape(shape)
+
+    return Layouts(
+        column(lambda pattern: pattern.samples, np.int64),
+        column(lambda pattern: pattern.rows, np.int64),
+        column(lambda pattern: pattern.columns, np.int64),
+        column(lambda pattern: pattern.extent[0], np.float64),
+        column(lambda pattern: pattern.extent[1], np.float64),
+        [layout.legs for layout in found],
+        places.reshape(shape),
+    )
+
+
+def flights(layout: Layouts, baseline: Any, timing: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+    """Length of each path [m], and its time with a stop at every site [s].
+
+    `timing` is the speed, the acceleration and the hold.
+    """
+    most = max(map(len, layout.legs))
+    table = np.zeros((2, most, len(layout.legs)))
+    for column, found in enumerate(layout.legs):
+        if found:
+            table[:, : len(found), column] = np.transpose(found)
+    speed, acceleration, hold = timing
+    length, time = 0.0, layout.samples * hold
+    for kind in range(most):
+        leg = table[0, kind][layout.places] * baseline
+        count = table[1, kind][layout.places]
+        length = length + leg * count
+        slow = 2.0 * np.sqrt(leg / acceleration)
+        fast = leg / speed + speed / acceleration
+        time = time + np.where(leg >= speed**2 / acceleration, fast, slow) * count
+    return length, time

@@ -1,0 +1,279 @@
+"""Uniform scenarios solved as whole columns.
+
+A block of scenarios is a handful of array operations, and every quantity is an array over just the
+axes on which it depends.  The steps are those of `aosplan.planning.planner`, in its order: what is wrong
+(`aosplan.sweeps.status`), what options stand for (`aosplan.sweeps.vectorized.inputs`), how many samples how
+far apart (`aosplan.sweeps.vectorized.samples`), and the flight over them (`aosplan.sweeps.vectorized.flights`).  What
+columns do not know is left to `aosplan.sweeps.row_solver`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.grid.patterns import MOST_SITES
+from aosplan.sweeps.row_solver import (
+    NOT_OF_CLEAR_VIEWS,
+    RESULTS,
+)
+from aosplan.sweeps.status import (
+    INFEASIBLE,
+    INVALID,
+    LEFT,
+    OK,
+    Verdicts,
+)
+from aosplan.sweeps.vectorized.flights import (
+    flights,
+    layouts,
+)
+from aosplan.sweeps.vectorized.inputs import (
+    GRIDS,
+    altitude_columns,
+    camera_columns,
+    scene_columns,
+    target_columns,
+    timing_columns,
+    understood,
+)
+from aosplan.sweeps.vectorized.samples import (
+    Answer,
+    Asked,
+    answer,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.sweeps.scenarios import Block
+    from aosplan.sweeps.vectorized.flights import Layouts
+    from aosplan.sweeps.vectorized.inputs import (
+        CameraColumns,
+        SceneColumns,
+    )
+
+    Columns = Mapping[str, NDArray[Any]]
+
+
+class Solved(NamedTuple):
+    """Results of a block by name, each broadcasting to its shape, and what became of each scenario.
+
+    Where a scenario was refused or left, its results mean nothing.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    verdicts: Verdicts
+
+    @property
+    def holds(self) -> NDArray[np.bool_]:
+        """Where the results are a plan's."""
+        return np.asarray(self.verdicts.status == OK)
+
+    @property
+    def left(self) -> NDArray[np.bool_]:
+        """Where a scenario is to be solved by itself."""
+        return np.asarray(self.verdicts.status == LEFT)
+
+
+class _Rule(NamedTuple):
+    """The coverage rule: the height of the occluder that decides it, and its baseline."""
+
+    height_m: Any
+    unit_m: Any
+
+
+def solve_columns(
+    block: Block, folder: str = "", results: Sequence[str] = RESULTS
+) -> Solved | None:
+    """Solve what columns can of a block; None where its options are beyond them.
+
+    Parameters
+    ----------
+    block
+        The scenarios.
+    folder
+        Where the scenarios' file names are looked for first.
+    results
+        Results that are wanted; what none of them needs is not computed.
+    """
+    mask = understood(block)
+    if mask is None:
+        return None
+    given, verdicts = block.columns, Verdicts(block.shape)
+    with np.errstate(all="ignore"):
+        camera, scene = camera_columns(given, folder), scene_columns(given, folder)
+        verdicts.leave(~(mask & camera.known & scene.known))
+        altitude = altitude_columns(given, camera)
+        focal = camera.focal_length_px
+        if "samples" in given and "max_samples" in given:
+            verdicts.refuse(
+                INVALID,
+                given["samples"] > given["max_samples"],
+                "--samples {} is more than --max-samples {}".format,
+                given["samples"],
+                given["max_samples"],
+            )
+        _refuse_altitudes(given, scene, altitude, verdicts)
+        rule = _rule(given, scene, altitude, focal)
+        _refuse_scenes(given, scene, rule, verdicts)
+        sound = ~scene.clear & np.isfinite(rule.unit_m) & (rule.unit_m > 0.0)
+        verdicts.leave(~sound & ~scene.clear)
+        sound = np.True_ if sound.all() else sound
+        grid = given.get("grid", np.array("trimmed", dtype=object))
+        grid = np.where(np.isin(grid.astype(str), GRIDS), grid, "trimmed").astype(object)
+        target = target_columns(given, scene)
+        found = answer(
+            Asked(
+                sound,
+                grid,
+                target,
+                scene.density,
+                scene.transparency,
+                rule.unit_m,
+                given.get("baseline"),
+                given.get("samples"),
+                given.get("max_aperture"),
+                given.get("max_samples"),
+            ),
+            verdicts,
+            count_required="samples_required" in results,
+        )
+        found = found._replace(samples=_of_plans(found.samples, verdicts))
+        cleared = bool(np.any(scene.clear))
+        if cleared:
+            verdicts.leave(scene.clear & (given.get("samples", 1) > MOST_SITES))
+            found = _with_clear_views(given, scene.clear, found)
+        layout = layouts(np.minimum(found.samples, MOST_SITES), grid)
+        columns = _results(layout, found, rule, scene, camera, altitude)
+        if not {"flight_length_m", "flight_time_s"}.isdisjoint(results):
+            length, time = flights(layout, found.baseline_m, timing_columns(given))
+            columns |= {"flight_length_m": length, "flight_time_s": time}
+        if cleared:
+            for name in NOT_OF_CLEAR_VIEWS:
+                columns[name] = np.where(scene.clear, np.nan, columns[name])
+    return Solved(columns, verdicts)
+
+
+def _refuse_altitudes(
+    given: Columns, scene: SceneColumns, altitude: Any, verdicts: Verdicts
+) -> None:
+    """Refuse altitudes within the canopy, or nearer to it than the clearance."""
+    clearance = given.get("clearance", np.float64(2.0))
+    top = scene.canopy_top_m - given.get("focal_height", np.float64(0.0))
+    dense = ~scene.empty
+    origin = "" if "altitude" in given else ", solved from the resolution,"
+    verdicts.refuse(
+        INVALID,
+        dense & ~(altitude > top),
+        lambda altitude, top: (
+            f"altitude {altitude:.6g} m{origin} is not above the canopy, whose top is {top:.6g} m "
+            "above the focal plane"
+        ),
+        altitude,
+        top,
+    )
+    verdicts.refuse(
+        INVALID,
+        dense & ~(altitude >= top + clearance),
+        lambda altitude, top, clearance: (
+            f"altitude {altitude:.6g} m{origin} is less than --clearance {clearance:g} m above the "
+            f"canopy, whose top is {top:.6g} m above the focal plane"
+        ),
+        altitude,
+        top,
+        clearance,
+    )
+
+
+def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Rule:
+    """The smallest baseline at which the wanted share of the occluders has d̂ >= 1."""
+    coverage = given.get("coverage", np.float64(0.98))
+    height = scene.bottom_m + (1.0 - coverage) * (scene.top_m - scene.bottom_m)
+    size = scene.occluder_size_m
+    by_size = size * altitude / height
+    by_pixel = (altitude - height) * altitude / (focal * height)
+    return _Rule(height, np.where(focal * size / (altitude - height) > 1.0, by_size, by_pixel))
+
+
+def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, verdicts: Verdicts) -> None:
+    """Refuse scenes that let no ray through, and such as stand on the focal plane."""
+    verdicts.refuse(
+        INVALID,
+        ~scene.clear & ((scene.transparency == 0.0) | (scene.density >= 1.0)),
+        lambda name: (
+            f"scene '{name}' has integrated density 1: no ray reaches the ground, and no number of "
+            "photos shows what lies there"
+        ),
+        scene.name,
+    )
+    verdicts.refuse(
+        INFEASIBLE,
+        ~scene.clear & (rule.height_m <= 0.0),
+        "coverage {:g} asks for every occluder, and some stand on the focal plane".format,
+        given.get("coverage", np.float64(0.98)),
+    )
+
+
+def _of_plans(samples: Any, verdicts: Verdicts) -> Any:
+    """Numbers of samples, but 1 where all scenarios that have one were refused: it may be large."""
+    if not verdicts.texts:
+        return samples
+    sound = verdicts.status == OK
+    shape = (1,) * (sound.ndim - np.ndim(samples)) + np.shape(samples)
+    shared = tuple(axis for axis, size in enumerate(shape) if size == 1)
+    return np.where(sound.any(axis=shared, keepdims=True), samples, 1)
+
+
+def _with_clear_views(given: Columns, clear: Any, found: Answer) -> Answer:
+    """Answers with one sample, or as many as were asked for, where nothing is hidden."""
+    wanted = given.get("samples", np.int64(1))
+    samples = np.where(clear, wanted, found.samples)
+    return Answer(
+        samples,
+        np.where(clear, given.get("baseline", np.float64(0.0)), found.baseline_m),
+        np.where(clear, np.nan, found.shortfall),
+        np.where(clear, 1, found.required),
+    )
+
+
+def _results(
+    layout: Layouts,
+    found: Answer,
+    rule: _Rule,
+    scene: SceneColumns,
+    camera: CameraColumns,
+    altitude: Any,
+) -> dict[str, Any]:
+    p, t = np.where(scene.clear, 0.0, scene.density), np.where(scene.clear, 1.0, scene.transparency)
+    baseline, samples = found.baseline_m, layout.samples
+    shortfall, normalized = found.shortfall, 1.0 - found.shortfall
+    focal, height = camera.focal_length_px, rule.height_m
+    contrast = np.sqrt((1.0 / shortfall) * t / p)
+    return {
+        "altitude_m": altitude,
+        "baseline_m": baseline,
+        "samples": samples,
+        "samples_required": found.required,
+        "aperture_m": (samples - 1.0) / (np.sqrt(samples) + 1.0) * baseline,
+        "grid_rows": layout.rows,
+        "grid_columns": layout.columns,
+        "grid_extent_x_m": layout.x * baseline,
+        "grid_extent_y_m": layout.y * baseline,
+        "visibility_density": p,
+        "visibility_minimum": t,
+        "visibility_maximum": t * (1.0 + p),
+        "visibility_expected": np.where(scene.clear, 1.0, t * (1.0 + p * normalized)),
+        "visibility_normalized": normalized,
+        "visibility_shortfall": shortfall,
+        "visibility_effective_samples": 1.0 / shortfall,
+        "visibility_contrast": np.where(np.isfinite(contrast), contrast, np.nan),
+        "disparity_normalized": baseline / rule.unit_m,
+        "disparity_pixels": baseline * focal * height / ((altitude - height) * altitude),
+        "camera_gsd_m": altitude / focal,
+        "camera_footprint_x_m": altitude * camera.sensor_height_mm / camera.focal_length_mm,
+        "camera_footprint_y_m": altitude * camera.sensor_width_mm / camera.focal_length_mm,
+    }

@@ -1,0 +1,395 @@
+"""A sample of a sweep's rows, flown over simulated forests.
+
+**The sample** is drawn while the sweep runs, from the rows that are met and kept: for each input
+with several values a row with the least of it, one with the most, and one for each of its words;
+then rows at random until there are enough.  Each row has a random priority of its own, so the
+sample depends on nothing but the sweep and the seed.
+
+**The judgement** is of the worst of many comparisons, which chance alone makes large.  A comparison is the
+difference of a prediction and its simulation, less the experiment's own, stated error, over the
+standard error; its chance is that of as large a one in Student's distribution with as many degrees
+of freedom as the experiment has samples, less one.  The worst of n has the chance
+1 - (1 - chance)ⁿ (Šidák 1967, an upper bound where comparisons depend on each other), and rows
+disagree where that is below `LEVEL`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from aosplan.errors import AosplanError
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.sweeps.grouping import scenario
+from aosplan.sweeps.row_solver import scene_for
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from aosplan.planning.planner import Plan
+    from aosplan.scenes.occlusion import ViewKind
+    from aosplan.simulation.compare import (
+        Settings,
+        Simulation,
+    )
+    from aosplan.sweeps.grouping import Groups
+    from aosplan.sweeps.scenarios import (
+        Block,
+        Crossing,
+        Table,
+    )
+
+ROWS = 20
+"""Rows of a sample, unless told otherwise."""
+
+MOST_ROWS = 10_000
+"""More rows than these are not simulated."""
+
+LEVEL = 0.01
+"""Chance of the worst comparison below which it is no chance."""
+
+LARGEST_SEED = 2**63 - 1
+
+Drawn = tuple[float, int, int]
+"""A row of a sample: how far from an extreme, its priority, and its place in the sweep."""
+
+
+class Drawing(NamedTuple):
+    """How many rows to draw, from which seed, and the inputs whose extremes are to be among them."""
+
+    rows: int
+    seed: int
+    groups: tuple[Groups, ...]
+
+
+class Draw(NamedTuple):
+    """What is drawn from some scenarios: rows at random, and the first choice of each stratum."""
+
+    random: tuple[tuple[int, int], ...] = ()
+    strata: Mapping[str, Drawn] = {}
+
+    def joined(self, other: Draw, *, rows: int) -> Draw:
+        """What is drawn from the scenarios of both."""
+        strata = dict(self.strata)
+        for name, drawn in other.strata.items():
+            strata[name] = min(drawn, strata.get(name, drawn))
+        return Draw(tuple(sorted({*self.random, *other.random})[:rows]), strata)
+
+    def state(self) -> list[Any]:
+        """The draw as plain values, for a file."""
+        return [self.random, self.strata]
+
+    @classmethod
+    def of_state(cls, state: list[Any]) -> Draw:
+        """The draw that `state` was made of."""
+        random, strata = state
+        return cls(tuple(map(tuple, random)), {name: tuple(each) for name, each in strata.items()})
+
+
+def drawn(drawing: Drawing, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]) -> Draw:
+    """What is drawn from one block, of a row for each scenario in `frame`."""
+    status = frame.get_column("status").to_physical().to_numpy()
+    met = kept[status[kept] == 0]
+    if not len(met):
+        return Draw()
+    priorities = priorities_of(block.start + met, drawing.seed)
+    first = np.argpartition(priorities, min(drawing.rows, len(met)) - 1)[: drawing.rows]
+    random = sorted(
+        zip(priorities[first].tolist(), (block.start + met[first]).tolist(), strict=True)
+    )
+    strata: dict[str, Drawn] = {}
+    for groups in drawing.groups:
+        column = block.columns[groups.name]
+        values = np.broadcast_to(column, block.shape).reshape(-1)[met]
+        for name, far in zip(strata_of([groups]), _strata(groups, values), strict=True):
+            if not np.isfinite(far).any():
+                continue
+            nearest = np.flatnonzero(far == far.min())
+            chosen = nearest[priorities[nearest].argmin()]
+            place = block.start + int(met[chosen])
+            strata[name] = far[chosen].item(), int(priorities[chosen]), place
+    return Draw(tuple(random), strata)
+
+
+def strata_of(groups: Iterable[Groups]) -> list[str]:
+    """Names of the strata of inputs, in order."""
+    return [
+        f"{each.name} {name}"
+        for each in groups
+        for name in (
+            *(("least", "most") if each.numbers else ()),
+            *("left out" if word is None else str(word) for word in each.words),
+        )
+    ]
+
+
+def _strata(groups: Groups, values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
+    """How far each row is from each of an input's strata; infinite where it is not of its kind."""
+    places = groups.places(values)
+    if groups.numbers:
+        numbers = places < len(groups.numbers)
+        found = np.full(len(values), math.inf)
+        found[numbers] = values[numbers].astype(np.float64)
+        yield found
+        yield np.where(numbers, -found, math.inf)
+    for place in range(len(groups.numbers), groups.size - 1):
+        yield np.where(places == place, 0.0, math.inf)
+
+
+def priorities_of(rows: NDArray[np.int64], seed: int) -> NDArray[np.int64]:
+    """Random numbers from 0 to 2⁶³ - 1, one for each row of a sweep and seed.
+
+    Notes
+    -----
+    Twice the finalizer of SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number
+    generators", OOPSLA 2014.
+    """
+    mixed = _mix(np.array([seed], dtype=np.uint64)) + rows.astype(np.uint64)
+    return (_mix(_mix(mixed)) >> np.uint64(1)).astype(np.int64)
+
+
+def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    z = z + np.uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return z ^ (z >> np.uint64(31))
+
+
+class Chosen(NamedTuple):
+    """A row that is to be simulated, and the strata that it was drawn for; none: at random."""
+
+    row: int
+    strata: tuple[str, ...]
+
+
+def sample(draw: Draw, drawing: Drawing) -> list[Chosen]:
+    """The rows of a draw in order: one for each stratum as far as they go, the rest at random."""
+    rows = drawing.rows
+    chosen: dict[int, list[str]] = {}
+    for name in filter(draw.strata.__contains__, strata_of(drawing.groups)):
+        row = draw.strata[name][-1]
+        if row in chosen or len(chosen) < rows:
+            chosen.setdefault(row, []).append(name)
+    for _, row in draw.random:
+        if len(chosen) < rows:
+            chosen.setdefault(row, [])
+    return [Chosen(row, tuple(names)) for row, names in sorted(chosen.items())]
+
+
+class Comparison(NamedTuple):
+    """One prediction beside its simulation.
+
+    `beyond` are the standard errors by which they differ more than the experiment itself may;
+    `chance` is that of as many.
+    """
+
+    row: int
+    quantity: str
+    difference: float
+    standard_errors: float
+    beyond: float
+    chance: float
+
+
+class Check(NamedTuple):
+    """A row's simulation, or why there is none."""
+
+    chosen: Chosen
+    request: dict[str, Any]
+    seed: int
+    simulation: Simulation | None
+    reason: str
+
+    def comparisons(self) -> Iterator[Comparison]:
+        """Of each quantity that the simulation can tell."""
+        if self.simulation is None:
+            return
+        from aosplan.simulation.compare import QUANTITIES
+
+        predicted, found = self.simulation.predicted, self.simulation.simulated
+        for name in QUANTITIES:
+            value, error = getattr(found, name), getattr(found, f"{name}_standard_error")
+            if not (math.isfinite(value) and math.isfinite(error)):
+                continue
+            difference = value - float(getattr(predicted, name))
+            # Rounding is no difference, and neither is what voxels do.
+            excess = max(abs(difference) - self.simulation.tolerance[name] - 1e-9, 0.0)
+            if error == 0.0 and excess == 0.0:
+                continue  # nothing is hidden, or everything
+            beyond = excess / error if error else math.inf
+            yield Comparison(
+                self.chosen.row,
+                name,
+                difference,
+                abs(difference) / error if error else math.inf,
+                beyond,
+                chance_of(beyond, self.simulation.samples),
+            )
+
+
+def chance_of(standard_errors: float, samples: int) -> float:
+    """Chance of as many standard errors, or more, on either side, by Student's distribution."""
+    from scipy.special import stdtr
+
+    return 2.0 * float(stdtr(max(samples - 1, 1), -standard_errors))
+
+
+def chance_of_worst(chance: float, comparisons: int) -> float:
+    """Chance that the worst of several independent comparisons has at most a chance (Šidák)."""
+    if chance >= 1.0:
+        return 1.0
+    return -math.expm1(comparisons * math.log1p(-chance))
+
+
+def worst_expected(comparisons: int, chance: float = 0.5) -> float:
+    """Standard errors that the worst of several comparisons exceeds by a chance, if all agree.
+
+    Parameters
+    ----------
+    comparisons
+        At least one.
+    chance
+        By default a half: the median of the worst.
+    """
+    from statistics import NormalDist
+
+    single = -math.expm1(math.log1p(-chance) / comparisons)
+    return -NormalDist().inv_cdf(single / 2.0)
+
+
+class Verification(NamedTuple):
+    """A sample of rows, each beside its simulation, and what was drawn in vain."""
+
+    seed: int
+    precision: float
+    checks: tuple[Check, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    def comparisons(self) -> list[Comparison]:
+        """Of all rows, in order."""
+        return [each for check in self.checks for each in check.comparisons()]
+
+    @property
+    def worst(self) -> Comparison | None:
+        """The comparison that chance explains least."""
+        return min(
+            self.comparisons, key=lambda each: (each.chance, -each.standard_errors), default=None
+        )
+
+    @property
+    def agree(self) -> bool | None:
+        """Whether chance explains the worst; None where nothing was compared."""
+        worst = self.worst
+        return worst and chance_of_worst(worst.chance, len(self.comparisons)) >= LEVEL
+
+    def document(self) -> dict[str, Any]:
+        """The verification as plain values, rows counted from 1 and named by their inputs."""
+        found, worst = self.comparisons, self.worst
+        largest = max(found, key=lambda each: abs(each.difference), default=None)
+        return {
+            "seed": self.seed,
+            "precision": self.precision,
+            "level": LEVEL,
+            "agree": self.agree,
+            "simulated": sum(check.simulation is not None for check in self.checks),
+            "comparisons": len(found),
+            "expected_worst": worst_expected(len(found)) if found else None,
+            "critical": worst_expected(len(found), LEVEL) if found else None,
+            "worst": worst
+            and _comparison(worst) | {"chance_of_worst": chance_of_worst(worst.chance, len(found))},
+            "largest_difference": largest and _comparison(largest),
+            "strata_left_out": list(self.left_out),
+            "rows": [_row(check) for check in self.checks],
+        }
+
+
+def _comparison(found: Comparison) -> dict[str, Any]:
+    values = found._asdict() | {"row": found.row + 1}
+    return {
+        name: None if value == math.inf else value  # nothing scattered, so there is no unit
+        for name, value in values.items()
+    }
+
+
+def _row(check: Check) -> dict[str, Any]:
+    shared = {
+        "row": check.chosen.row + 1,
+        "request": check.request,
+        "strata": list(check.chosen.strata),
+        "seed": check.seed,
+        "reason": check.reason or None,
+    }
+    if check.simulation is None:
+        return shared
+    document = check.simulation.document()
+    names = ("samples", "predicted", "simulated", "tolerance", "forest", "view", "precise")
+    return shared | {
+        **{name: document[name] for name in names},
+        "volumes": document["volumes"],
+        "targets": document["targets"],
+        "comparisons": [
+            {name: value for name, value in _comparison(each).items() if name != "row"}
+            for each in check.comparisons()
+        ],
+    }
+
+
+def verify(
+    scenarios: Crossing | Table,
+    draw: Draw,
+    drawing: Drawing,
+    settings: Settings,
+    folder: str = "",
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> Verification:
+    """Simulate the rows of a draw, and hold their predictions against what is seen.
+
+    Parameters
+    ----------
+    scenarios, draw, drawing
+        What was swept, and what was drawn of it.
+    settings
+        How to simulate; every row has a seed of its own, the settings' and its place.
+    folder
+        Where the scenarios' file names are looked for first.
+    progress
+        Called with rows done and rows in all.
+    """
+    rows = sample(draw, drawing)
+    checks = []
+    for done, chosen in enumerate(rows):
+        if progress is not None:
+            progress(done, len(rows))
+        checks.append(_checked(scenarios, chosen, settings, folder))
+    taken = {name for chosen in rows for name in chosen.strata}
+    left_out = tuple(sorted(draw.strata.keys() - taken, key=strata_of(drawing.groups).index))
+    return Verification(drawing.seed, settings.precision, tuple(checks), left_out)
+
+
+def _checked(scenarios: Crossing | Table, chosen: Chosen, settings: Settings, folder: str) -> Check:
+    from aosplan.simulation.compare import simulate
+
+    values = scenario(scenarios, chosen.row)
+    seed = (settings.seed + chosen.row) % (LARGEST_SEED + 1)
+    try:
+        request = PlanRequest(**values)
+        planned = plan(request, folder=folder, found=scene_for(request, folder))
+        own = settings._replace(seed=seed, view=_view(request, planned))
+        return Check(chosen, values, seed, simulate(planned, own), "")
+    except AosplanError as error:
+        return Check(chosen, values, seed, None, error.message)
+
+
+def _view(request: PlanRequest, planned: Plan) -> ViewKind:
+    """The view asked for, or perspective, as one flies, where some ground is seen by all samples."""
+    if request.view is not None:
+        return cast("ViewKind", request.view)
+    return "perspective" if min(planned.common_footprint_m) > 0.0 else "telecentric"

@@ -1,0 +1,86 @@
+"""What tables from files have in common: strict types, and one sentence for what is wrong."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from aosplan.errors import RequestError
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
+"""Two numbers; a file has them as a list."""
+
+Pixels = Annotated[int, Field(gt=0, le=10**9)]
+
+
+class Document(BaseModel):
+    """A table of a file: unknown names are errors."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class OpenDocument(BaseModel):
+    """A table that later versions may add names to."""
+
+    model_config = ConfigDict(extra="allow", strict=True)
+
+
+Checked = TypeVar("Checked", bound=BaseModel)
+
+
+def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checked:
+    """A table as a document.
+
+    Raises
+    ------
+    RequestError
+        Where it is none; the message names the file and the place in it, the hint the nearest of
+        the names that are known there.
+    """
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"] if not _is_branch(part)) or "the file"
+        hint = ""
+        if first["type"] == "extra_forbidden":
+            hint = nearest_hint(str(first["loc"][-1]), _names_at(model, first["loc"]))
+            raise RequestError(f"'{path}': unknown name '{place}'", hint) from None
+        message = first["msg"][:1].lower() + first["msg"][1:]
+        raise RequestError(f"'{path}': {place}: {message}", hint) from None
+    except RecursionError:
+        raise RequestError(f"'{path}' is nested too deeply") from None
+
+
+def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
+    """Names that a document knows where an unknown one was found: its own, or an inner table's."""
+    for part in place[:-1]:
+        if isinstance(part, str) and part in model.model_fields:
+            model = next(_documents_in(model.model_fields[part].annotation), model)
+    return list(model.model_fields)
+
+
+def _documents_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from _documents_in(inner)
+
+
+def _is_branch(part: Any) -> bool:
+    """Whether a part of an error's place names a type of a union, not a name of the file."""
+    return isinstance(part, str) and (
+        part in {"str", "float", "int"} or part.startswith(("constrained", "tuple", "function"))
+    )
