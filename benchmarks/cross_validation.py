@@ -26,23 +26,13 @@ import numpy as np
 
 from aosplan.camera.disparity import coverage_baseline
 from aosplan.flight.kinematics import path_of
-from aosplan.grid.patterns import (
-    Pattern,
-    pattern_for,
-)
+from aosplan.grid.patterns import Pattern, pattern_for
+from aosplan.models.correlogram import CorrelogramModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.scenes.correlogram import (
-    CorrelogramModel,
-    correlogram,
-)
+from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occluder_statistics import layered_scene
-from aosplan.solver.problem import (
-    Bounds,
-    GridKind,
-    Problem,
-    Requirement,
-)
-from aosplan.solver.solve_monotone import solve
+from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
+from aosplan.solver.solve import solve
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,7 +45,7 @@ from matplotlib import pyplot as plt
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
-from forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
+from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
 
 ALTITUDE_M = 50.0
 SAMPLES = 49

@@ -31,34 +31,24 @@ import numpy as np
 
 from aosplan import PlanRequest, plan
 from aosplan.camera.disparity import coverage_baseline
-from aosplan.grid.patterns import Pattern
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import Pattern, local_sites
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.uniform import UniformModel
-from aosplan.planning.planner import Plan
+from aosplan.planning.result import Plan
 from aosplan.scenes.occluder_statistics import layered_scene
 from aosplan.scenes.voxels import VoxelVolume
-from aosplan.simulation.compare import (
-    Settings,
-    simulate,
-)
-from aosplan.simulation.forests import (
-    generator,
-    layered_forest,
-)
+from aosplan.simulation.compare import Settings, simulate
+from aosplan.simulation.forests import generator, layered_forest
 from aosplan.simulation.moments import estimate
-from aosplan.simulation.voxel_views import (
-    VoxelViews,
-    blocks,
-)
+from aosplan.simulation.voxel_views import VoxelViews, blocks
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
-from forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
+from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
 
 ALTITUDE_M = 40.0
 PATTERN = Pattern(7, 7)

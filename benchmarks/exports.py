@@ -26,14 +26,8 @@ LIMIT = 5.0
 
 
 def mission_of(count: int):
-    from aosplan.grid.patterns import pattern_for
-    from aosplan.mission.mission import (
-        Conduct,
-        Mission,
-        Waypoints,
-        local_sites,
-        placed,
-    )
+    from aosplan.grid.patterns import local_sites, pattern_for
+    from aosplan.mission.mission import Conduct, Mission, Waypoints, placed
 
     east, north = local_sites(pattern_for("rectangle", count), 2.8, 30.0)
     ways = placed(Waypoints(east, north, [40.0] * len(east)), (48.3358, 14.3261))
@@ -44,10 +38,7 @@ def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
     """Seconds, files and bytes of our writing."""
     import numpy  # noqa: F401, ICN001 (loaded before the clock starts, as GDAL is)
 
-    from aosplan.mission.export import (
-        files,
-        formats,
-    )
+    from aosplan.mission.export import files, formats
 
     mission = mission_of(count)
     start = time.process_time()

@@ -22,18 +22,9 @@ import numpy as np
 from PIL import Image
 
 from aosplan.postflight.integral import integral as module
-from aosplan.postflight.integral.focal_plane import (
-    Plane,
-    Raster,
-)
-from aosplan.postflight.integral.integral import (
-    Source,
-    integrate,
-)
-from aosplan.postflight.integral.poses_file import (
-    Intrinsics,
-    View,
-)
+from aosplan.postflight.integral.camera_pose import Intrinsics, View
+from aosplan.postflight.integral.focal_plane import Plane, Raster
+from aosplan.postflight.integral.integral import Source, integrate
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZES = {"thermal 640 x 512": (640, 512, "L"), "thermal 640 x 512, 16 bits": (640, 512, "I;16"),

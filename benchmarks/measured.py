@@ -26,17 +26,13 @@ from typing import Any, NamedTuple
 import matplotlib as mpl
 import numpy as np
 
-from aosplan.grid.patterns import Pattern
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import Pattern, local_sites
+from aosplan.models.correlogram import CorrelogramModel
 from aosplan.models.equations import visibility_shortfall
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
-from aosplan.scenes.correlogram import (
-    Correlogram,
-    CorrelogramModel,
-    correlogram,
-)
+from aosplan.scenes.correlogram import Correlogram, correlogram
 from aosplan.scenes.occluder_statistics import layered_scene
 from aosplan.scenes.voxels import VoxelVolume
 
@@ -45,7 +41,7 @@ from matplotlib import pyplot as plt
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
-from forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
+from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
 
 ALTITUDE_M = 50.0
 PATTERN = Pattern(7, 7)

@@ -25,8 +25,7 @@ from pyproj import Transformer
 from rasterio.transform import from_origin
 
 from aosplan.flight.photo_trigger import Sites
-from aosplan.grid.patterns import pattern_for
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.planning.request import PlanRequest
 from aosplan.planning.route import lay
 

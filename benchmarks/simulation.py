@@ -26,11 +26,10 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE), str(HERE.parent / "tests")]
-from forests import STANDS, clumped_forest  # noqa: E402 (their folders have to be on the path)
 from measured import ALTITUDE_M, faces_of, open3d  # noqa: E402
+from support.forests import STANDS, clumped_forest  # noqa: E402 (their folders have to be on the path)
 
-from aosplan.grid.patterns import Pattern  # noqa: E402
-from aosplan.mission.mission import local_sites  # noqa: E402
+from aosplan.grid.patterns import Pattern, local_sites  # noqa: E402
 from aosplan.scenes.voxels import VoxelVolume  # noqa: E402
 from aosplan.simulation.forests import generator  # noqa: E402
 from aosplan.simulation.moments import estimate  # noqa: E402

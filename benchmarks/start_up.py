@@ -48,12 +48,9 @@ def seconds(command: list[str], folder: str) -> float:
 def save_stand(folder: str) -> None:
     """Write a stand as .npz, and from that as .toml."""
     sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "tests"))
-    from forests import STANDS, clumped_forest
+    from support.forests import STANDS, clumped_forest
 
-    from aosplan.scenes.files.voxel_file import (
-        Stand,
-        stand_npz,
-    )
+    from aosplan.scenes.files.voxel_file import Stand, stand_npz
 
     with open(os.path.join(folder, "voxels.npz"), "wb") as file:
         file.write(stand_npz(Stand.of(clumped_forest(STANDS["spruce"]))))

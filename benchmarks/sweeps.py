@@ -34,15 +34,8 @@ import numpy as np
 from aosplan.errors import AosplanError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.sweeps.block_frame import (
-    USUAL,
-    solve_block,
-)
-from aosplan.sweeps.scenarios import (
-    Crossing,
-    column_of,
-    read_crossing,
-)
+from aosplan.sweeps.block_frame import USUAL, solve_block
+from aosplan.sweeps.scenarios import Crossing, column_of, read_crossing
 from aosplan.sweeps.vectorized.solve import solve_columns
 
 mpl.use("Agg")
@@ -205,12 +198,9 @@ def draw(rates: Sequence[str], rows: Sequence[tuple[float, ...]]) -> None:
 def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
     """Crossings by what makes them unlike the plain one."""
     sys.path.insert(0, str(HERE.parent / "tests"))
-    from forests import STANDS, clumped_forest
+    from support.forests import STANDS, clumped_forest
 
-    from aosplan.scenes.files.voxel_file import (
-        Stand,
-        stand_npz,
-    )
+    from aosplan.scenes.files.voxel_file import Stand, stand_npz
 
     stand = folder / "stand.npz"
     forest = clumped_forest(STANDS["beech"], side_m=30.0, voxel_m=0.25)

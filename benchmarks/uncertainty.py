@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
-from forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
+from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
 
 ALTITUDE_M = 50.0
 BASELINES_M = (1.0, 2.0, 3.5)

@@ -66,7 +66,7 @@ def command(capsys):
 @pytest.fixture
 def campaign(tmp_path):
     """A file with the sweep that tests run."""
-    from campaigns import CAMPAIGN
+    from support.campaigns import CAMPAIGN
 
     path = tmp_path / "campaign.toml"
     path.write_text(CAMPAIGN, encoding="utf-8")

@@ -13,12 +13,8 @@ from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
 from aosplan.geodesy import to_wgs84
-from aosplan.grid.patterns import pattern_for
-from aosplan.mission.mission import (
-    Waypoints,
-    local_sites,
-    placed,
-)
+from aosplan.grid.patterns import local_sites, pattern_for
+from aosplan.mission.mission import Waypoints, placed
 
 GEOD = Geod(ellps="WGS84")
 MILLIMETRE = 1e-3

@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.mission.formats.rows import (
-    CHUNK,
-    FEW,
-    Fields,
-    _by_column,
-    blocks,
-    rows,
-)
+from aosplan.mission.formats.rows import CHUNK, FEW, Fields, _by_column, blocks, rows
 
 decimals = st.integers(0, 10)
 

@@ -2,10 +2,7 @@
 
 import re
 
-from aosplan.planning.request_file import (
-    DOCUMENTS,
-    json_schema,
-)
+from aosplan.cli.schema import DOCUMENTS, json_schema
 
 UNITS = {
     "m": "m",

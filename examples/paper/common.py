@@ -13,10 +13,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 
 from aosplan.scenes.occlusion import Window
-from aosplan.simulation.forests import (
-    clumped_forest,
-    generator,
-)
+from aosplan.simulation.forests import clumped_forest, generator
 from aosplan.simulation.voxel_views import VoxelViews
 
 RESULTS = Path(__file__).parent / "results"

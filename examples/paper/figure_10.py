@@ -15,14 +15,8 @@ from PIL import Image
 
 from aosplan.postflight.integral.recording import Recording
 from aosplan.postflight.integral.view_subset import Choice
-from aosplan.scenes.occlusion import (
-    Occlusion,
-    Window,
-)
-from aosplan.simulation.pictures import (
-    LEAVES,
-    resolution_chart,
-)
+from aosplan.scenes.occlusion import Occlusion, Window
+from aosplan.simulation.pictures import LEAVES, resolution_chart
 from aosplan.simulation.ssim import similarity
 
 ALTITUDE_M, PITCH_M, VIEWS = 40.0, 2.0, 504

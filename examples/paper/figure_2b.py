@@ -7,10 +7,7 @@ import numpy as np
 from common import DENSITY, SLICE_DENSITY, agreement, plt, save, write_csv
 
 from aosplan import integrated_density
-from aosplan.simulation.forests import (
-    generator,
-    uniform_forest,
-)
+from aosplan.simulation.forests import generator, uniform_forest
 
 DENSITIES = (0.0025, SLICE_DENSITY, 0.02, 0.05)
 RATIOS = np.arange(0, 201, 4)

@@ -6,11 +6,7 @@ from common import agreement, beside, plt, save, write_csv
 from aosplan import visibility
 from aosplan.simulation.forests import generator
 from aosplan.simulation.moments import estimate
-from aosplan.simulation.noise_patterns import (
-    blocked_views,
-    counts_of,
-    grid_shifts,
-)
+from aosplan.simulation.noise_patterns import blocked_views, counts_of, grid_shifts
 
 OCCLUDER_PX = 5
 SIDES = (2, 3, 5, 10)

@@ -6,11 +6,7 @@ from common import agreement, plt, save, write_csv
 from aosplan import visibility
 from aosplan.simulation.forests import generator
 from aosplan.simulation.moments import estimate
-from aosplan.simulation.noise_patterns import (
-    blocked_views,
-    counts_of,
-    grid_shifts,
-)
+from aosplan.simulation.noise_patterns import blocked_views, counts_of, grid_shifts
 
 P, OCCLUDER_PX, SIDE = 0.25, 5, 10
 DISPARITIES = (0, 1, 2, 3, 4, 5, 7, 10)

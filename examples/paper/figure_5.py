@@ -8,11 +8,7 @@ from common import agreement, beside, plt, save, write_csv
 from aosplan import normalized_visibility, required_samples, visibility, visibility_limits
 from aosplan.simulation.forests import generator
 from aosplan.simulation.moments import estimate
-from aosplan.simulation.noise_patterns import (
-    blocked_views,
-    counts_of,
-    grid_shifts,
-)
+from aosplan.simulation.noise_patterns import blocked_views, counts_of, grid_shifts
 
 SAMPLES = (1, 2, 5, 10, 50)
 POINTS = (0.1, 0.3, 0.5, 0.7, 0.9)

@@ -3,22 +3,10 @@
 import math
 
 import numpy as np
-from common import (
-    ALTITUDE_M,
-    BASELINE_M,
-    SAMPLES,
-    beside,
-    grid,
-    plt,
-    save,
-    stand,
-    views,
-    write_csv,
-)
+from common import ALTITUDE_M, BASELINE_M, SAMPLES, beside, grid, plt, save, stand, views, write_csv
 
 from aosplan import aperture, normalized_visibility
-from aosplan.grid.patterns import pattern_for
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.models.measured import MeasuredModel
 from aosplan.simulation.moments import estimate
 from aosplan.simulation.voxel_views import VoxelViews

@@ -1,24 +1,9 @@
 """Fig. 8: a resolution chart seen through the stand, for several N and b, with V̂ and SSIM."""
 
-from common import (
-    BASELINE_M,
-    DENSITY,
-    beside,
-    grid,
-    plt,
-    save,
-    views,
-    write_csv,
-)
+from common import BASELINE_M, DENSITY, beside, grid, plt, save, views, write_csv
 
-from aosplan.simulation.moments import (
-    Counts,
-    estimate,
-)
-from aosplan.simulation.pictures import (
-    integral_image,
-    resolution_chart,
-)
+from aosplan.simulation.moments import Counts, estimate
+from aosplan.simulation.pictures import integral_image, resolution_chart
 from aosplan.simulation.ssim import similarity
 
 SIDES = (1, 3, 5, 7, 10)

@@ -10,24 +10,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from aosplan import PlanRequest, plan
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import local_sites
 from aosplan.planning.inputs import ResolvedScene
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occluder_statistics import layered_scene
-from aosplan.show.figures.style import (
-    LIGHT,
-    LINES,
-    MARKERS,
-    rules,
-)
-from aosplan.simulation.compare import (
-    Settings,
-    simulate,
-)
-from aosplan.simulation.forests import (
-    clumped_forest,
-    generator,
-)
+from aosplan.show.figures.style import LIGHT, LINES, MARKERS, rules
+from aosplan.simulation.compare import Settings, simulate
+from aosplan.simulation.forests import clumped_forest, generator
 from aosplan.simulation.moments import estimate
 from aosplan.simulation.voxel_views import VoxelViews
 

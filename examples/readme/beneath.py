@@ -13,12 +13,9 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import uniform_filter
 
 from aosplan import PlanRequest, plan
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import local_sites
 from aosplan.scenes.occlusion import Window
-from aosplan.simulation.forests import (
-    clumped_forest,
-    generator,
-)
+from aosplan.simulation.forests import clumped_forest, generator
 from aosplan.simulation.moments import estimate
 from aosplan.simulation.voxel_views import VoxelViews
 

@@ -11,10 +11,7 @@ import sys
 import laspy
 import numpy as np
 
-from aosplan.simulation.forests import (
-    clumped_forest,
-    generator,
-)
+from aosplan.simulation.forests import clumped_forest, generator
 
 SIDE_M, VOXEL_M = 40.0, 0.25
 GROUND, TREES = 2, 5

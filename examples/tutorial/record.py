@@ -14,14 +14,8 @@ import numpy as np
 from PIL import Image
 
 from aosplan.scenes.files.point_cloud import read_voxels
-from aosplan.scenes.occlusion import (
-    Occlusion,
-    Window,
-)
-from aosplan.simulation.pictures import (
-    LEAVES,
-    resolution_chart,
-)
+from aosplan.scenes.occlusion import Occlusion, Window
+from aosplan.simulation.pictures import LEAVES, resolution_chart
 
 GROUND_PX, PHOTO_PX, CHART_PX = 320, 220, 96
 PIXELS_A_VOXEL = 2

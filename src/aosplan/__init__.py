@@ -12,12 +12,9 @@ if TYPE_CHECKING:
     from aosplan.errors import InfeasibleError as InfeasibleError
     from aosplan.errors import RequestError as RequestError
     from aosplan.models.equations import aperture as aperture
-    from aosplan.models.equations import integrated_density as integrated_density
     from aosplan.models.equations import mean_squared_error as mean_squared_error
     from aosplan.models.equations import normalized_visibility as normalized_visibility
     from aosplan.models.equations import required_samples as required_samples
-    from aosplan.models.equations import slice_density as slice_density
-    from aosplan.models.equations import transparency as transparency
     from aosplan.models.equations import visibility as visibility
     from aosplan.models.equations import visibility_limits as visibility_limits
     from aosplan.models.equations import visibility_shortfall as visibility_shortfall
@@ -25,9 +22,12 @@ if TYPE_CHECKING:
     from aosplan.models.layered import layered_visibility as layered_visibility
     from aosplan.models.positions import lattice_shortfall as lattice_shortfall
     from aosplan.models.positions import positions_shortfall as positions_shortfall
-    from aosplan.planning.planner import Plan as Plan
     from aosplan.planning.planner import plan as plan
     from aosplan.planning.request import PlanRequest as PlanRequest
+    from aosplan.planning.result import Plan as Plan
+    from aosplan.scenes.density import integrated_density as integrated_density
+    from aosplan.scenes.density import slice_density as slice_density
+    from aosplan.scenes.density import transparency as transparency
     from aosplan.scenes.scene import Layer as Layer
     from aosplan.scenes.scene import LayeredScene as LayeredScene
     from aosplan.scenes.scene import UniformScene as UniformScene

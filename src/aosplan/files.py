@@ -298,3 +298,26 @@ def _umask() -> int:
 
 def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
+
+
+def located(name: str, folder: str) -> str:
+    """A file name from a request file, looked for beside that file first."""
+    beside = os.path.join(folder, name)
+    if not folder:
+        return name
+    if is_pattern(beside):
+        import glob
+
+        return beside if glob.glob(beside) else name
+    named = is_file_name(name) or os.path.isdir(beside)
+    return beside if named and os.path.exists(beside) else name
+
+
+def is_file_name(name: str) -> bool:
+    """Whether a name has an extension or a folder, so that it names a file and not a preset."""
+    return os.path.splitext(name)[1] != "" or os.sep in name
+
+
+def is_pattern(name: str) -> bool:
+    """Whether a name is a pattern such as ``tiles/*.laz``, and not the name of an existing file."""
+    return any(mark in name for mark in "*?[") and not os.path.lexists(name)

@@ -84,3 +84,10 @@ def _is_branch(part: Any) -> bool:
     return isinstance(part, str) and (
         part in {"str", "float", "int"} or part.startswith(("constrained", "tuple", "function"))
     )
+
+
+class MessageDocument(OpenDocument):
+    """A warning."""
+
+    code: str
+    message: str

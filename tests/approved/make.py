@@ -12,28 +12,18 @@ from pathlib import Path
 import matplotlib as mpl
 from PIL import Image
 
-from aosplan.planning.inputs import (
-    ResolvedScene,
-    scene_of,
-)
+from aosplan.planning.inputs import ResolvedScene, scene_of
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.occluder_statistics import layered_scene
-from aosplan.show.figures.canvas import (
-    Look,
-    rendered,
-)
+from aosplan.show.figures.canvas import Look, rendered
 from aosplan.show.figures.correlogram import correlations_of
 from aosplan.show.figures.coverage_curve import curve_of
 from aosplan.show.figures.density import density_of
 from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.grid import grid_of
 from aosplan.show.figures.style import DARK
-from aosplan.show.figures.sweep import (
-    Cell,
-    Map,
-    Scatter,
-)
+from aosplan.show.figures.sweep import Cell, Map, Scatter
 from aosplan.show.figures.tradeoff import tradeoff_of
 from aosplan.show.figures.visibility import visibility_of
 
@@ -57,7 +47,7 @@ def paper_forest():
 def stand():
     """A wrapping plot of trees, as voxels."""
     sys.path.insert(0, str(FOLDER.parent))
-    from forests import STANDS, clumped_forest
+    from support.forests import STANDS, clumped_forest
 
     volume = clumped_forest(STANDS["spruce"])
     return ResolvedScene(layered_scene(volume, "a stand"), "cloud", volume=volume)

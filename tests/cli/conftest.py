@@ -5,7 +5,7 @@ terminals.  Every output goes to `tmp_path`.
 """
 
 import pytest
-from command_line import loads
+from support.command_line import loads
 
 
 @pytest.fixture(autouse=True)

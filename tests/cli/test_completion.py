@@ -11,10 +11,10 @@ import time
 from importlib import import_module
 
 import pytest
-from command_line import process
+from support.command_line import process
 
 from aosplan.camera.presets import CAMERAS
-from aosplan.cli.app import COMMANDS, run
+from aosplan.cli.app import COMMANDS, GROUP, run
 from aosplan.cli.completion import OWN, SCRIPTS, VALUES, candidates
 from aosplan.errors import AosplanError
 from aosplan.flight.drones import DRONES
@@ -23,7 +23,7 @@ from aosplan.scenes.presets import SCENES
 
 
 def words(*line):
-    return [word for word, _ in candidates(line)]
+    return [word for word, _ in candidates(line, GROUP)]
 
 
 def test_commands_and_options_of_the_program():
@@ -38,7 +38,7 @@ def test_commands_and_options_of_the_program():
 def test_every_option_of_a_command_is_offered_with_its_help(name):
     parameters = import_module(f"aosplan.cli.{name}").COMMAND.params
     flags = [flag for each in parameters for flag in each.opts if flag.startswith("--")]
-    offered = dict(candidates([name, "--"]))
+    offered = dict(candidates([name, "--"], GROUP))
     assert list(offered) == [*flags, "--help"]
     assert all(offered.values())
 
@@ -137,7 +137,7 @@ def test_files_by_their_ending(files, line, offered):
 @pytest.mark.parametrize("line", [["plan", "--ca"], ["plan", "--camera", ""], ["sweep", ""], [""]])
 def test_completing_loads_nothing_heavy(line):
     code = (
-        f"import sys\nfrom aosplan.cli.completion import candidates\ncandidates({line!r})\n"
+        f"import sys\nfrom aosplan.cli.app import GROUP\nfrom aosplan.cli.completion import candidates\ncandidates({line!r}, GROUP)\n"
         "print(*sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -4,10 +4,7 @@ import re
 
 import pytest
 
-from aosplan.grid.patterns import (
-    Pattern,
-    pattern_for,
-)
+from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.grid_drawing import (
     ASCII,

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from command_line import check_refusal, loads
+from support.command_line import check_refusal, loads
 
 BAD = """
 plan

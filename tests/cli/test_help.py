@@ -8,10 +8,10 @@ from importlib import import_module
 from itertools import pairwise
 
 import pytest
-from clouds import stand, write_cloud
-from geotagged import photo
-from recorded import photo as photographed
-from recorded import sites, write_recording
+from support.clouds import stand, write_cloud
+from support.geotagged import photo
+from support.recorded import photo as photographed
+from support.recorded import sites, write_recording
 
 import aosplan
 from aosplan import PlanRequest, plan

@@ -5,7 +5,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent
+from support.command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent
 
 from aosplan.planning.options import OPTIONS
 

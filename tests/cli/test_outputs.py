@@ -6,7 +6,7 @@ import math
 import os
 
 import pytest
-from command_line import check_refusal, loads
+from support.command_line import check_refusal, loads
 
 from aosplan.cli.output import print_json
 

@@ -8,7 +8,7 @@ import re
 
 import pytest
 import tomli_w
-from command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent, loads, process
+from support.command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent, loads, process
 
 import aosplan
 

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from command_line import check_refusal
+from support.command_line import check_refusal
 
 
 def test_scene_statistics_have_the_names_of_the_contract(document):

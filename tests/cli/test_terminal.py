@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from command_line import check_refusal, on_a_terminal, process
+from support.command_line import check_refusal, on_a_terminal, process
 
 import aosplan
 

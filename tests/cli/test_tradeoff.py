@@ -3,7 +3,7 @@
 import csv
 
 import pytest
-from command_line import loads
+from support.command_line import loads
 
 
 def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):

@@ -3,7 +3,7 @@
 import shlex
 
 import pytest
-from command_line import check_refusal
+from support.command_line import check_refusal
 
 
 def test_the_calculator_computes_equation_2(document):

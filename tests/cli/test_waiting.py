@@ -2,7 +2,7 @@
 
 import re
 
-from command_line import on_a_terminal, process
+from support.command_line import on_a_terminal, process
 
 AT_ONCE = (
     "-c",

@@ -10,10 +10,7 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 
-from aosplan.mission.export import (
-    formats,
-    render,
-)
+from aosplan.mission.export import formats, render
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 

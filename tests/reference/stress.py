@@ -17,29 +17,18 @@ import numpy as np
 
 import aosplan
 from aosplan.camera import disparity as geometry
-from aosplan.grid.patterns import (
-    Pattern,
-    Sites,
-    pattern_for,
-)
+from aosplan.camera.disparity import Slab
+from aosplan.grid.patterns import Pattern, Sites, pattern_for
 from aosplan.models import equations
+from aosplan.models.correlogram import CorrelogramModel
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
-from aosplan.models.positions import (
-    lattice_shortfall,
-    positions_shortfall,
-)
+from aosplan.models.positions import lattice_shortfall, positions_shortfall
 from aosplan.models.uniform import UniformModel
-from aosplan.scenes.correlogram import (
-    CorrelogramModel,
-    correlogram,
-)
+from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occlusion import Occlusion
-from aosplan.scenes.scene import (
-    Layer,
-    Slab,
-)
+from aosplan.scenes.scene import Layer
 from aosplan.scenes.voxels import VoxelVolume
 from reference import exact
 

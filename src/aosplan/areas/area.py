@@ -16,14 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 
-from aosplan.areas.boundary_file import (
-    Outline,
-    listed,
-    read_outline,
-)
+from aosplan.areas.boundary_file import Outline, listed, read_outline
 from aosplan.errors import RequestError
 from aosplan.geodesy import to_local, to_wgs84
-from aosplan.planning.inputs import Message
+from aosplan.messages import Message
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -28,11 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 
-from aosplan.areas.cell_runs import (
-    Spans,
-    spans_of,
-    united,
-)
+from aosplan.areas.cell_runs import Spans, spans_of, united
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:

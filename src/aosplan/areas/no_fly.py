@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from aosplan.areas.area import (
-    MARGIN_M,
-    grown,
-)
+from aosplan.areas.area import MARGIN_M, grown
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:

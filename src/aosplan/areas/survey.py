@@ -9,11 +9,7 @@ import numpy as np
 import shapely
 
 from aosplan.areas.area import quiet
-from aosplan.areas.cell_runs import (
-    Spans,
-    spans_of,
-    united,
-)
+from aosplan.areas.cell_runs import Spans, spans_of, united
 from aosplan.areas.coverage import (
     Lattice,
     Window,
@@ -27,18 +23,11 @@ from aosplan.areas.coverage import (
     window_of,
 )
 from aosplan.areas.no_fly import Zones
-from aosplan.areas.tour import (
-    shortest_m,
-    total,
-    tour_of,
-)
+from aosplan.areas.tour import shortest_m, total, tour_of
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.photo_trigger import Sites
-from aosplan.grid.patterns import (
-    MOST_SITES,
-    Pattern,
-)
-from aosplan.planning.inputs import Message
+from aosplan.grid.patterns import MOST_SITES, Pattern
+from aosplan.messages import Message
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

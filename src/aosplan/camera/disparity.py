@@ -13,12 +13,10 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
-from aosplan.roots import smallest
+from aosplan.numerics import smallest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from aosplan.scenes.scene import Slab
 
 
 MOST_SHARES = 4_000_000
@@ -197,3 +195,15 @@ def _share_above(slab: Slab, height_m: float) -> float:
         return 1.0 if slab.top_m >= height_m * (1.0 - 1e-12) else 0.0
     share = (slab.top_m - height_m) / (slab.top_m - slab.bottom_m)
     return min(max(share, 0.0), 1.0)
+
+
+class Slab(NamedTuple):
+    """Occluders of one size, spread evenly between two heights, which may be the same.
+
+    `weight` is their share among all slabs, up to a common factor.
+    """
+
+    bottom_m: float
+    top_m: float
+    occluder_size_m: float
+    weight: float

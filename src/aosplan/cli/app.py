@@ -138,7 +138,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         if "AOSPLAN_COMPLETE" in os.environ:
             from aosplan.cli.completion import answer
 
-            answer()
+            answer(GROUP)
             sys.stdout.flush()
             return 0
         status = GROUP.main(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from aosplan.camera.find import find_camera
 from aosplan.camera.presets import CAMERAS
 from aosplan.cli.options import command, json_option
 from aosplan.cli.output import print_json
-from aosplan.planning.inputs import find_camera
 
 
 def run(*, as_json: bool) -> None:

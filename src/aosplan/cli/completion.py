@@ -19,6 +19,8 @@ from aosplan.errors import RequestError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from typer.core import TyperGroup
+
 VARIABLE = "AOSPLAN_COMPLETE"
 """Environment variable that asks for candidates."""
 
@@ -64,7 +66,7 @@ def _formats() -> Iterable[str]:
 
 
 def _documents() -> Iterable[str]:
-    from aosplan.planning.request_file import DOCUMENTS
+    from aosplan.cli.schema import DOCUMENTS
 
     return DOCUMENTS
 
@@ -139,22 +141,24 @@ Candidate = tuple[str, str]
 """A word, and what it means."""
 
 
-def answer() -> None:
+def answer(group: TyperGroup) -> None:
     """Print the candidates that a shell has asked for."""
     if os.environ[VARIABLE] == "bash":
-        lines = _for_bash(os.environ.get("COMP_LINE", ""), os.environ.get("COMP_WORDBREAKS", ""))
+        lines = _for_bash(
+            os.environ.get("COMP_LINE", ""), os.environ.get("COMP_WORDBREAKS", ""), group
+        )
     else:
-        found = candidates(sys.argv[1:])
+        found = candidates(sys.argv[1:], group)
         lines = [f"{word}\t{text}" if text else word for word, text in found]
     for line in lines:
         if "\n" not in line:  # no shell takes such a file name back
             print(line)
 
 
-def _for_bash(line: str, breaks: str) -> list[str]:
+def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
     """Candidates for a line up to the cursor; bash puts them where its last word begins."""
     words = _words(line)
-    found = [word for word, _ in candidates(words[1:])]
+    found = [word for word, _ in candidates(words[1:], group)]
     begin = max((words[-1].rfind(mark) for mark in "=:" if mark in breaks), default=-1) + 1
     return [word[begin:] for word in found]
 
@@ -172,18 +176,17 @@ def _words(line: str) -> list[str]:
     return [""]
 
 
-def candidates(words: Sequence[str]) -> list[Candidate]:
+def candidates(words: Sequence[str], group: TyperGroup) -> list[Candidate]:
     """What the last of some words, which follow the program's name, may become."""
-    from aosplan.cli.app import COMMANDS, GROUP
-
     *before, current = words or [""]
+    summaries = [(name, _help(each)) for name, each in group.commands.items()]
     name = next((word for word in before if not word.startswith("-")), None)
     if name is None:
-        options = [(flag, _help(each)) for each in GROUP.params for flag in each.opts]
+        options = [(flag, _help(each)) for each in group.params for flag in each.opts]
         shells = [] if not before else [shell for shell in SCRIPTS if "completion" in before[-1]]
-        known = [(shell, "") for shell in shells] or [*COMMANDS.items(), *options, HELP]
+        known = [(shell, "") for shell in shells] or [*summaries, *options, HELP]
         return _matching(known, current)
-    if name not in COMMANDS:
+    if name not in group.commands:
         return []
     parameters = import_module(f"aosplan.cli.{name}").COMMAND.params
     before = before[before.index(name) + 1 :]

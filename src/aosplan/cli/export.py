@@ -19,15 +19,12 @@ def run(
     chosen = chosen_outputs(out or [], format, force=force)
     if not chosen:
         raise RequestError("no output is given", "give --out plan.csv, or another --out PATH")
-    from aosplan.planning.request_file import read_missions
+    from aosplan.planning.saved_plan import read_missions
 
     missions = read_missions(plan)
     written = write_outputs(lambda: missions, chosen, force=force, quiet=quiet)
     if not quiet and "-" not in written:
-        from aosplan.show.text.terminal import (
-            readable,
-            wrote,
-        )
+        from aosplan.show.text.terminal import readable, wrote
 
         print(readable(wrote(written)))
 

@@ -9,8 +9,7 @@ from aosplan.cli.output import print_json
 from aosplan.mission.export import formats
 
 if TYPE_CHECKING:
-    from aosplan.mission.export import Format
-    from aosplan.mission.limits import Limits
+    from aosplan.mission.format import Format, Limits
 
 
 def run(*, as_json: bool) -> None:
@@ -24,12 +23,7 @@ def run(*, as_json: bool) -> None:
             ]
         )
         return
-    from aosplan.show.text.tables import (
-        one_line,
-        print_pairs,
-        print_rows,
-        show,
-    )
+    from aosplan.show.text.tables import one_line, print_pairs, print_rows, show
 
     rows = [
         (

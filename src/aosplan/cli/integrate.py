@@ -13,18 +13,15 @@ from aosplan import __version__
 from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
 from aosplan.cli.output import drawn, print_json
 from aosplan.errors import RequestError
-from aosplan.planning.document import SCHEMA
+from aosplan.messages import SCHEMA
 from aosplan.show.text.terminal import say
-from aosplan.units import (
-    number,
-    positive,
-)
+from aosplan.units import number, positive
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from aosplan.postflight.integral.camera_pose import Intrinsics
     from aosplan.postflight.integral.integral import Integral
-    from aosplan.postflight.integral.poses_file import Intrinsics
     from aosplan.postflight.integral.recording import Recording
 
 ENDINGS = (".png", ".tif", ".tiff", ".npz")
@@ -53,14 +50,8 @@ def run(
 ) -> None:
     """Average recorded images on a focal plane, and compare choices of them."""
     from aosplan.files import check_output, write_all
-    from aosplan.postflight.integral.recording import (
-        Recording,
-        least_views,
-    )
-    from aosplan.postflight.integral.view_subset import (
-        choice_of,
-        read_choice,
-    )
+    from aosplan.postflight.integral.recording import Recording, least_views
+    from aosplan.postflight.integral.view_subset import choice_of, read_choice
 
     _check_endings(out)
     for index, path in enumerate(out):
@@ -145,7 +136,7 @@ def _extent(text: str | None) -> str | list[float]:
 
 def _place(text: str, name: str) -> float:
     """A coordinate [m] that leaves room for digits below the metre."""
-    from aosplan.postflight.integral.poses_file import FARTHEST_M
+    from aosplan.postflight.integral.camera_pose import FARTHEST_M
 
     place = number(text, name, "m")
     if abs(place) > FARTHEST_M:
@@ -154,15 +145,12 @@ def _place(text: str, name: str) -> float:
 
 
 def _camera(camera: str | None, fov: str | None) -> Callable[[int, int], Intrinsics] | None:
-    from aosplan.postflight.integral.poses_file import (
-        from_camera,
-        from_field_of_view,
-    )
+    from aosplan.postflight.integral.camera_pose import from_camera, from_field_of_view
 
     if camera is not None and fov is not None:
         raise RequestError("--camera and --fov both give the camera", "leave one of them out")
     if camera is not None:
-        from aosplan.planning.inputs import find_camera
+        from aosplan.camera.find import find_camera
 
         return from_camera(find_camera(camera))
     return None if fov is None else from_field_of_view(number(fov, "--fov", "deg"))
@@ -182,10 +170,7 @@ def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, fl
 
 
 def _bytes(path: str, integral: Integral, least: int, limits: tuple[float, float]) -> bytes:
-    from aosplan.postflight.integral.images import (
-        png_bytes,
-        tiff_bytes,
-    )
+    from aosplan.postflight.integral.images import png_bytes, tiff_bytes
 
     seen = integral.seen(least)
     suffix = path.lower().rpartition(".")[2]
@@ -263,10 +248,7 @@ def _warnings(recording: Recording, integral: Integral, least: int) -> list[dict
 def _show(document: dict[str, Any], out: tuple[str, ...]) -> None:
     from rich.table import Table
 
-    from aosplan.show.text.tables import (
-        one_line,
-        show,
-    )
+    from aosplan.show.text.tables import one_line, show
 
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")

@@ -6,10 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperArgument, TyperCommand, TyperOption
 
-from aosplan.planning.options import (
-    OPTIONS,
-    Option,
-)
+from aosplan.planning.options import OPTIONS, Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable

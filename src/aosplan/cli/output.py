@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from aosplan.grid.patterns import Sites
-    from aosplan.mission.export import Format
+    from aosplan.messages import Message
+    from aosplan.mission.format import Format
     from aosplan.mission.mission import Mission
-    from aosplan.planning.inputs import Message
     from aosplan.solver.problem import Problem
 
 

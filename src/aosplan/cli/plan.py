@@ -95,10 +95,7 @@ def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int 
 def _check_report(path: str, others: list[str], *, seed: int | None, force: bool) -> None:
     """Refuse a report before any work is done for it."""
     from aosplan.files import check_output
-    from aosplan.show.page.page import (
-        SUFFIXES,
-        check_extra,
-    )
+    from aosplan.show.page.page import SUFFIXES, check_extra
 
     if path != "-" and not path.lower().endswith(SUFFIXES):
         raise RequestError(f"report '{path}' does not end in .html", "a report is a page")

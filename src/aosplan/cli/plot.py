@@ -18,18 +18,11 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
-from aosplan.planning.document import SCHEMA
+from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
-from aosplan.show.figures.draw import (
-    KINDS,
-    Kind,
-    Shown,
-)
+from aosplan.show.figures.draw import KINDS, Kind, Shown
 from aosplan.show.figures.style import printable
-from aosplan.show.text.terminal import (
-    readable,
-    wrote,
-)
+from aosplan.show.text.terminal import readable, wrote
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
@@ -55,11 +48,7 @@ def run(
 ) -> None:
     """Draw a figure, and say in words what it shows."""
     from aosplan.files import check_output, write_all
-    from aosplan.show.figures.canvas import (
-        check_extra,
-        form_of,
-        rendered,
-    )
+    from aosplan.show.figures.canvas import check_extra, form_of, rendered
 
     chosen = _kind(kind)
     look = look_of(dark=dark, width_mm=width_mm, dpi=dpi)
@@ -101,10 +90,7 @@ def document(kind: Kind, shown: Shown) -> dict[str, Any]:
 def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> Look:
     """How a figure is drawn, from the options that say so."""
     from aosplan.show.figures.canvas import Look
-    from aosplan.show.figures.style import (
-        DARK,
-        LIGHT,
-    )
+    from aosplan.show.figures.style import DARK, LIGHT
 
     look = Look(DARK if dark else LIGHT)
     if width_mm is not None:
@@ -178,10 +164,7 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
         from aosplan.show.figures.correlogram import correlations_of
 
         return correlations_of(found)
-    from aosplan.planning.inputs import (
-        altitude_of,
-        camera_of,
-    )
+    from aosplan.planning.inputs import altitude_of, camera_of
     from aosplan.show.figures.coverage_curve import curve_of
 
     altitude = altitude_of(request, camera_of(request, folder=folder)) if high else None

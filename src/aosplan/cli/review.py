@@ -76,12 +76,7 @@ def run(
 
 
 def _show(found: Review, written: Sequence[str]) -> None:
-    from aosplan.show.text.tables import (
-        one_line,
-        print_pairs,
-        print_predictions,
-        show,
-    )
+    from aosplan.show.text.tables import one_line, print_pairs, print_predictions, show
     from aosplan.show.text.terminal import wrote
 
     print_pairs(_rows(found))

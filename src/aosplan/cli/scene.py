@@ -6,12 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperArgument, TyperOption
 
-from aosplan.cli.options import (
-    command,
-    flag_option,
-    json_option,
-    request_options,
-)
+from aosplan.cli.options import command, flag_option, json_option, request_options
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
 from aosplan.planning.inputs import VOXEL_SUFFIX
@@ -78,15 +73,12 @@ def run(
 
 def _scene_bytes(resolved: ResolvedScene, table: Correlogram | None, path: str) -> bytes:
     if not path.lower().endswith(VOXEL_SUFFIX):
-        from aosplan.scenes.summary import scene_toml
+        from aosplan.scenes.files.toml_file import scene_toml
 
         return scene_toml(resolved.scene, table)
     if resolved.volume is None:
         raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
-    from aosplan.scenes.files.voxel_file import (
-        Stand,
-        stand_npz,
-    )
+    from aosplan.scenes.files.voxel_file import Stand, stand_npz
     from aosplan.scenes.scene import LayeredScene
 
     assert isinstance(resolved.scene, LayeredScene)  # voxels have layers

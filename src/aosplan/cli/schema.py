@@ -1,20 +1,64 @@
-"""``aosplan schema``."""
+"""``aosplan schema``: JSON Schemas of the documents read and printed."""
 
 from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
 
 from typer.core import TyperArgument
 
 from aosplan.cli.options import command
 from aosplan.cli.output import print_json
+from aosplan.errors import RequestError
+from aosplan.units import nearest_hint
+
+DOCUMENTS = {
+    "plan": ("planning.plan_schema", "PlanDocument"),
+    "simulation": ("simulation.simulation_schema", "SimulationDocument"),
+    "request": ("planning.request_file", "RequestDocument"),
+    "scene": ("scenes.files.scene_schema", "SceneDocument"),
+    "camera": ("camera.camera_file", "CameraDocument"),
+    "statistics": ("scenes.summary_schema", "StatisticsDocument"),
+    "visibility": ("cli.visibility_schema", "CalculatorDocument"),
+    "poses": ("postflight.postflight_schema", "PosesDocument"),
+    "integral": ("postflight.postflight_schema", "IntegralDocument"),
+    "review": ("postflight.postflight_schema", "ReviewDocument"),
+    "thinning": ("postflight.postflight_schema", "ThinningDocument"),
+    "tradeoff": ("solver.tradeoff_schema", "TradeoffDocument"),
+    "figure": ("show.figures.figure_schema", "FigureDocument"),
+    "sweep": ("sweeps.sweep_schema", "SweepDocument"),
+}
+"""Module and class of each document by its name."""
+
+
+def json_schema(name: str) -> dict[str, Any]:
+    """JSON Schema (draft 2020-12) of a document.
+
+    Raises
+    ------
+    RequestError
+        If no document has the name.
+    """
+    from aosplan.cli.field_descriptions import meaning
+
+    if name not in DOCUMENTS:
+        raise RequestError(
+            f"unknown document '{name}'",
+            nearest_hint(name, DOCUMENTS) or f"one of {', '.join(DOCUMENTS)}",
+        )
+    module, title = DOCUMENTS[name]
+    document = getattr(import_module(f"aosplan.{module}"), title)
+    schema: dict[str, Any] = document.model_json_schema(by_alias=True)
+    for table in (schema, *schema.get("$defs", {}).values()):
+        for field, about in table["properties"].items():
+            text = meaning(table["title"], field)
+            if text is not None:
+                about.setdefault("description", text)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def run(document: str | None) -> None:
     """Print the JSON Schema of one document, or of all by name."""
-    from aosplan.planning.request_file import (
-        DOCUMENTS,
-        json_schema,
-    )
-
     if document is not None:
         print_json(json_schema(document))
     else:

@@ -18,19 +18,13 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import (
-    CLOUD_SUFFIXES,
-    VOXEL_SUFFIX,
-)
+from aosplan.planning.inputs import CLOUD_SUFFIXES, VOXEL_SUFFIX
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
-    from aosplan.simulation.compare import (
-        Settings,
-        Simulation,
-    )
+    from aosplan.simulation.compare import Settings, Simulation
 
 LARGEST_SEED = 2**63 - 1
 
@@ -80,10 +74,7 @@ def _settings(
     forest: str | None,
     max_targets: str | None,
 ) -> Settings:
-    from aosplan.simulation.compare import (
-        FORESTS,
-        Settings,
-    )
+    from aosplan.simulation.compare import FORESTS, Settings
 
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
     if forest is not None:
@@ -152,7 +143,7 @@ def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool
 
 
 def _say_imprecise(simulation: Simulation) -> None:
-    from aosplan.planning.inputs import Message
+    from aosplan.messages import Message
 
     print_warnings(
         [

@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from typer.core import TyperOption
 
+from aosplan import __version__
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -17,23 +18,24 @@ from aosplan.cli.options import (
     json_option,
     text_option,
 )
-from aosplan.cli.outcome import drawn_of, gather_of, tell
-from aosplan.cli.output import drawn
+from aosplan.cli.output import drawn, print_json, waiting_bar
+from aosplan.cli.simulate import read_settings
 from aosplan.errors import RequestError
 from aosplan.files import check_output
-from aosplan.planning.user_defaults import (
-    find_defaults,
-    read_defaults,
-)
-from aosplan.show.text.terminal import (
-    readable,
-    say,
-    wrote,
-)
+from aosplan.messages import SCHEMA
+from aosplan.planning.user_defaults import find_defaults, read_defaults
+from aosplan.show.text.terminal import readable, say, wrote
 from aosplan.units import whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+    from aosplan.simulation.compare import Settings
+    from aosplan.sweeps.aggregate import Gathering
+    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.summary import Gather, Gathered
+    from aosplan.sweeps.sweep import Sweep
+    from aosplan.sweeps.verify import Verification
 
 MOST_SCENARIOS = 1_000_000_000
 """More scenarios than this are not begun without ``--yes``."""
@@ -66,13 +68,10 @@ def run(
 ) -> None:
     """Solve every scenario of a file; write a row for each, or say what came out."""
     from aosplan.sweeps.block_frame import chosen_results
-    from aosplan.sweeps.run import (
-        Sweep,
-        check,
-        gather,
-    )
+    from aosplan.sweeps.run import gather
     from aosplan.sweeps.run import run as run_sweep
     from aosplan.sweeps.scenarios import read_scenarios
+    from aosplan.sweeps.sweep import Sweep, check
 
     sampled = drawn_of(simulate, seed, precision)
     told = summary or sampled is not None
@@ -140,11 +139,8 @@ def run(
 
 def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None:
     """Refuse a result that could not be written."""
-    from aosplan.sweeps.parquet_folder import (
-        check_folder,
-        is_folder,
-    )
-    from aosplan.sweeps.run import SUFFIXES
+    from aosplan.sweeps.parquet_folder import check_folder, is_folder
+    from aosplan.sweeps.sweep import SUFFIXES
 
     if is_folder(out):
         check_folder(out, resume=resume, force=force)
@@ -182,10 +178,7 @@ def _check_plot(
     force: bool,
 ) -> None:
     """Refuse a figure that could not be drawn, before anything is solved for it."""
-    from aosplan.show.figures.canvas import (
-        check_extra,
-        form_of,
-    )
+    from aosplan.show.figures.canvas import check_extra, form_of
     from aosplan.show.figures.sweep import check_columns
 
     form_of(plot)
@@ -205,10 +198,7 @@ def _draw(
     quiet: bool,
 ) -> None:
     from aosplan.files import write_all
-    from aosplan.show.figures.canvas import (
-        form_of,
-        rendered,
-    )
+    from aosplan.show.figures.canvas import form_of, rendered
     from aosplan.show.figures.draw import KINDS
     from aosplan.show.figures.style import printable
     from aosplan.show.figures.sweep import results_of
@@ -330,3 +320,97 @@ COMMAND = command(
         json_option(),
     ],
 )
+
+
+def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> Drawn | None:
+    """What ``--simulate`` and the options beside it say; None without it."""
+    if simulate is None:
+        for option, value in (("--seed", seed), ("--precision", precision)):
+            if value is not None:
+                raise RequestError(
+                    f"{option} without --simulate", "--simulate N says of how many rows"
+                )
+        return None
+    from aosplan.simulation.compare import Settings
+    from aosplan.sweeps.verify import MOST_ROWS
+
+    rows = whole(simulate, "--simulate")
+    if rows > MOST_ROWS:
+        raise RequestError(f"--simulate {simulate} is more than {MOST_ROWS} rows")
+    return Drawn(rows, read_settings(Settings(), seed, precision))
+
+
+class Drawn(NamedTuple):
+    """How many rows to simulate, and how."""
+
+    rows: int
+    settings: Settings
+
+
+def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None) -> Gather:
+    """What a sweep is to gather."""
+    from aosplan.sweeps.grouping import outline
+    from aosplan.sweeps.summary import Gather
+    from aosplan.sweeps.verify import Drawing
+
+    found = outline(scenarios, best)
+    if drawn is None:
+        return Gather(found)
+    return Gather(found, Drawing(drawn.rows, drawn.settings.seed, found.groups))
+
+
+def _verified(sweep: Sweep, gathered: Gathered, drawn: Drawn, *, quiet: bool) -> Verification:
+    """The rows that were drawn, simulated."""
+    from aosplan.sweeps.verify import verify
+
+    assert sweep.gather is not None  # a draw is gathered
+    assert sweep.gather.drawing is not None
+    with waiting_bar("simulating", quiet=quiet) as progress:
+        return verify(
+            sweep.scenarios,
+            gathered.draw,
+            sweep.gather.drawing,
+            drawn.settings,
+            sweep.folder,
+            progress=progress,
+        )
+
+
+def tell(
+    sweep: Sweep,
+    gathering: Gathering,
+    drawn: Drawn | None,
+    *,
+    summary: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Simulate what was drawn, and print what was gathered: as a document, or as tables."""
+    from aosplan.sweeps.summary import summary_document
+
+    assert sweep.gather is not None  # something was gathered
+    verification = None
+    if drawn is not None:
+        try:
+            verification = _verified(sweep, gathering.gathered, drawn, quiet=quiet)
+        except KeyboardInterrupt:
+            if gathering.write():
+                say("hint", "--resume goes on with the simulation")
+            raise
+    gathering.remove()
+    document = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "where": sweep.where,
+        **summary_document(gathering.gathered.summary, sweep.gather.outline, sweep.scenarios),
+        "verification": verification and verification.document(),
+    }
+    if as_json:
+        print_json(document)
+    elif not quiet:
+        from aosplan.show.text.sweep_tables import print_summary, print_verification
+
+        if summary:
+            print_summary(document)
+        if verification is not None:
+            print_verification(document["verification"])

@@ -35,10 +35,7 @@ def run(
     """Choose the views that share the fewest occluders."""
     from aosplan.files import check_output, write_all
     from aosplan.planning.user_defaults import request_of
-    from aosplan.units import (
-        one_of,
-        whole,
-    )
+    from aosplan.units import one_of, whole
 
     if samples is None:
         raise RequestError("--samples N is needed", "say how many of the views are to be kept")
@@ -48,10 +45,7 @@ def run(
         check_output(out, force=force)
         if out == "-" and as_json:
             raise RequestError("--json and --out - both write to stdout", "give one of them")
-    from aosplan.postflight.thin import (
-        QUANTITIES,
-        thinned,
-    )
+    from aosplan.postflight.thin import QUANTITIES, thinned
     from aosplan.postflight.views import read_views
 
     quantity = one_of(QUANTITIES)(best or QUANTITIES[0], "--best")
@@ -72,11 +66,7 @@ def run(
     if as_json:
         print_json(found.document())
     elif not quiet and out != "-":
-        from aosplan.show.text.tables import (
-            one_line,
-            print_predictions,
-            show,
-        )
+        from aosplan.show.text.tables import one_line, print_predictions, show
 
         print_predictions(
             {

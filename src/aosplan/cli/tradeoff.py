@@ -17,7 +17,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
-from aosplan.planning.document import SCHEMA
+from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
@@ -83,11 +83,7 @@ def _cell(value: Any) -> str:
 
 def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     """The front and the chosen row as a table; where nothing meets the target, all rows."""
-    from aosplan.show.text.tables import (
-        one_line,
-        print_rows,
-        show,
-    )
+    from aosplan.show.text.tables import one_line, print_rows, show
 
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows
     header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", "contrast", "")

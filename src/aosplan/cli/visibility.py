@@ -10,13 +10,11 @@ from aosplan import units as q
 from aosplan.cli.options import command, json_option, text_option
 from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
-from aosplan.models.equations import integrated_density, line_shortfall, transparency
-from aosplan.models.model import Prediction
+from aosplan.messages import SCHEMA
+from aosplan.models.equations import line_shortfall
+from aosplan.models.model import Prediction, prediction_document
 from aosplan.models.positions import pattern_shortfall
-from aosplan.planning.document import (
-    SCHEMA,
-    prediction_document,
-)
+from aosplan.scenes.density import integrated_density, transparency
 
 
 def run(
@@ -117,10 +115,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
         return rows * columns, line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
     from math import isqrt
 
-    from aosplan.grid.patterns import (
-        MOST_SITES,
-        pattern_for,
-    )
+    from aosplan.grid.patterns import MOST_SITES, pattern_for
 
     count = q.whole(samples, "--samples")
     side = isqrt(count)
@@ -138,7 +133,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
 
 def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, float]:
     from aosplan.models.positions import positions_shortfall
-    from aosplan.positions import read_positions
+    from aosplan.postflight.positions import read_positions
 
     points = read_positions(path)
     # The model's occluders are squares along the heading.

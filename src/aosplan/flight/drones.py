@@ -13,6 +13,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from aosplan import units as q
+from aosplan.errors import RequestError
+
 
 class DronePreset(NamedTuple):
     """One drone as its maker, or its autopilot's defaults, describe it."""
@@ -346,3 +349,20 @@ DRONES: dict[str, DronePreset] = {
         assumed="the fastest commanded speed taken for the fastest airspeed",
     ),
 }
+
+
+def find_drone(name: str) -> DronePreset:
+    """A drone by its preset's name.
+
+    Raises
+    ------
+    RequestError
+        Where there is none of that name; the hint names the nearest.
+    """
+    from aosplan.flight.drones import DRONES
+
+    if name not in DRONES:
+        raise RequestError(
+            f"unknown drone '{name}'", q.nearest_hint(name, DRONES) or "aosplan drones lists them"
+        )
+    return DRONES[name]

@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import check_input
-from aosplan.flight.photo_trigger import (
-    Ground,
-    Sites,
-)
+from aosplan.flight.photo_trigger import Ground, Sites
 from aosplan.geodesy import to_wgs84
 
 if TYPE_CHECKING:

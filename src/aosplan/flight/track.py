@@ -8,10 +8,7 @@ from functools import cached_property
 from itertools import accumulate, pairwise, starmap
 from typing import TYPE_CHECKING
 
-from aosplan.flight.kinematics import (
-    passing_s,
-    same_course,
-)
+from aosplan.flight.kinematics import passing_s, same_course
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -287,3 +287,21 @@ def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
             if v == v_most and u >= 2:
                 heapq.heappush(heap, (-((u - 2) ** 2 + v**2), u - 2, v))
         yield from sorted(tied)
+
+
+def local_sites(
+    pattern: Sites, baseline_m: float, heading_deg: float
+) -> tuple[list[float], list[float]]:
+    """Sites of a pattern in flight order, east and north of the rectangle's centre [m].
+
+    x runs along the heading, y to its right; columns lie along x and rows along y.
+    """
+    heading = math.radians(math.fmod(heading_deg, 360.0))
+    sine, cosine = math.sin(heading), math.cos(heading)
+    east, north = [], []
+    for along, across in pattern.offsets():
+        x, y = along * baseline_m, across * baseline_m
+        # Adding zero turns a negative zero into a plain one.
+        east.append(x * sine + y * cosine + 0.0)
+        north.append(x * cosine - y * sine + 0.0)
+    return east, north

@@ -8,34 +8,17 @@ from __future__ import annotations
 
 import os
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.mission.limits import (
-    Limits,
-    parts,
-)
+from aosplan.mission.limits import parts
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    from aosplan.mission.format import Format
     from aosplan.mission.mission import Mission
-
-
-class Format(NamedTuple):
-    """What a format is called, which endings it serves, and what it needs.
-
-    `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
-    that reads it, the usual one first.
-    """
-
-    name: str
-    suffixes: tuple[str, ...]
-    title: str
-    needs_place: bool
-    altitudes: str = "ground"
-    limits: tuple[Limits, ...] = (Limits(),)
 
 
 MODULES = {

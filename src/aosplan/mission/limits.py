@@ -5,30 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from aosplan.mission.export import Format
+    from aosplan.mission.format import Format, Limits
     from aosplan.mission.mission import Mission
-
-
-class Limits(NamedTuple):
-    """What a target takes in one file, from least to most; None: no bound is known.
-
-    Heights are those that the file says; `source` tells where the numbers stand.
-    """
-
-    target: str = ""
-    waypoints: tuple[int, int | None] = (1, None)
-    leg_m: tuple[float, float | None] = (0.0, None)
-    speed_mps: tuple[float, float | None] = (0.0, None)
-    height_m: tuple[float | None, float | None] = (None, None)
-    hold_s: tuple[float, float | None] = (0.0, None)
-    source: str = ""
 
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:

@@ -8,11 +8,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.mission.limits import Limits
-from aosplan.mission.mission import (
-    photo_lines,
-    runs_out,
-)
+from aosplan.mission.format import Limits
+from aosplan.mission.mission import photo_lines, runs_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, overload
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from aosplan.grid.patterns import Sites
-
 
 FRAMES = ("takeoff", "terrain")
 """What the heights in a file are above: the take-off, or the ground below as the autopilot knows it."""
@@ -225,24 +223,6 @@ def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, .
         )
         for number, (first, last) in enumerate(ranges, 1)
     )
-
-
-def local_sites(
-    pattern: Sites, baseline_m: float, heading_deg: float
-) -> tuple[list[float], list[float]]:
-    """Sites of a pattern in flight order, east and north of the rectangle's centre [m].
-
-    x runs along the heading, y to its right; columns lie along x and rows along y.
-    """
-    heading = math.radians(math.fmod(heading_deg, 360.0))
-    sine, cosine = math.sin(heading), math.cos(heading)
-    east, north = [], []
-    for along, across in pattern.offsets():
-        x, y = along * baseline_m, across * baseline_m
-        # Adding zero turns a negative zero into a plain one.
-        east.append(x * sine + y * cosine + 0.0)
-        north.append(x * cosine - y * sine + 0.0)
-    return east, north
 
 
 def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:

@@ -25,16 +25,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.grid.patterns import (
-    Pattern,
-    Sites,
-)
+from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.patterns import Pattern, Sites
 from aosplan.grid.spiral import Spiral
 from aosplan.models.layered_noise import BlurredTable
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
 from aosplan.models.position_noise import NEGLIGIBLE
-from aosplan.models.positions import offset_counts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

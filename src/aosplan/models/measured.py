@@ -31,14 +31,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from aosplan.mission.mission import local_sites
+from aosplan.grid.patterns import local_sites
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
-from aosplan.scenes.occlusion import (
-    Occlusion,
-    Tally,
-    joint_counts,
-)
+from aosplan.scenes.occlusion import Occlusion, Tally, joint_counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -46,12 +42,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from aosplan.grid.patterns import Sites
+    from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.memo import Known
-    from aosplan.scenes.correlogram import CorrelogramModel
-    from aosplan.scenes.occlusion import (
-        ViewKind,
-        Words,
-    )
+    from aosplan.scenes.occlusion import ViewKind, Words
     from aosplan.scenes.voxels import VoxelVolume
 
 CACHE_OCTETS = 1 << 28
@@ -249,10 +242,8 @@ class MeasuredModel:
 
     @cached_property
     def _correlogram(self) -> CorrelogramModel:
-        from aosplan.scenes.correlogram import (
-            CorrelogramModel,
-            correlogram,
-        )
+        from aosplan.models.correlogram import CorrelogramModel
+        from aosplan.scenes.correlogram import correlogram
 
         volume, altitude_m, focal_height_m = self._stand
         return CorrelogramModel(correlogram(volume, focal_height_m=focal_height_m), altitude_m)

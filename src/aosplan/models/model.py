@@ -137,3 +137,22 @@ class VisibilityModel(Protocol):
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """A quick prediction that is no worse; asked for only where `rises_with_baseline`."""
+
+
+def prediction_document(prediction: Prediction) -> dict[str, float | None]:
+    """A prediction's numbers; what nothing hides has no normalised visibility."""
+    clear = prediction.density == 0.0
+    return {
+        "density": prediction.density,
+        "minimum": prediction.minimum,
+        "maximum": prediction.maximum,
+        "expected": prediction.expected,
+        "normalized": None if clear else prediction.normalized,
+        "shortfall": None if clear else prediction.shortfall,
+        "effective_samples": None if clear else _finite(prediction.effective_samples),
+        "contrast": None if clear else _finite(prediction.contrast),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

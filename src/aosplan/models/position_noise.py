@@ -19,10 +19,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from aosplan.numerics import (
-    SCALARS,
-    elementwise,
-)
+from aosplan.numerics import SCALARS, elementwise
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from aosplan.grid.pair_offsets import offset_counts
 from aosplan.grid.spiral import Spiral
 from aosplan.models.equations import line_shortfall
 
@@ -25,9 +26,6 @@ if TYPE_CHECKING:
 
 PAIRS_AT_ONCE = 2_000_000
 """Neighbour pairs held in memory at a time (24 bytes each)."""
-
-DIRECT_PAIRS = 4_000_000
-"""Lattice offsets times sites up to which counting pairs directly beats a transform."""
 
 
 def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
@@ -47,10 +45,7 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
         ς of `aosplan.models.position_noise.blurred_overlap`, where positions are uncertain.
     """
     if spread > 0.0:
-        from aosplan.models.position_noise import (
-            blurred_shortfall,
-            scattered_shortfall,
-        )
+        from aosplan.models.position_noise import blurred_shortfall, scattered_shortfall
 
         if isinstance(pattern, Spiral):
             return scattered_shortfall(pattern.offsets(), dhat, spread)
@@ -215,45 +210,3 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
 
 def _reach(count: int, dhat: float) -> int:
     return count - 1 if (count - 1) * dhat < 1.0 else max(math.ceil(1.0 / dhat) - 1, 0)
-
-
-def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArray[np.float64]:
-    """Number of ordered pairs of sites at each offset of a lattice.
-
-    Parameters
-    ----------
-    mask
-        Shape (rows, columns), true where there is a site.
-    reach_y, reach_x
-        Largest offsets wanted, below the number of rows and columns.
-
-    Returns
-    -------
-    ndarray
-        Shape (2 reach_y + 1, 2 reach_x + 1), whole numbers; offset (0, 0) in the middle.
-    """
-    import numpy as np
-
-    rows, columns = mask.shape
-    offsets = (reach_y + 1) * (2 * reach_x + 1)
-    if offsets * mask.size <= DIRECT_PAIRS or offsets <= 4:
-        counts = np.zeros((2 * reach_y + 1, 2 * reach_x + 1))
-        for dy in range(reach_y + 1):
-            for dx in range(-reach_x, reach_x + 1):
-                here = mask[: rows - dy, max(0, -dx) : columns - max(0, dx)]
-                there = mask[dy:, max(0, dx) : columns + min(0, dx)]
-                found = np.count_nonzero(here & there)
-                counts[reach_y + dy, reach_x + dx] = found
-                counts[reach_y - dy, reach_x - dx] = found
-        return counts
-    from scipy import fft
-
-    shape = (
-        fft.next_fast_len(rows + reach_y, real=True),
-        fft.next_fast_len(columns + reach_x, real=True),
-    )
-    spectrum = fft.rfft2(mask.astype(np.float64), shape)
-    pairs: NDArray[np.float64] = np.rint(fft.irfft2(np.abs(spectrum) ** 2, shape))
-    wanted_y = np.arange(-reach_y, reach_y + 1) % shape[0]
-    wanted_x = np.arange(-reach_x, reach_x + 1) % shape[1]
-    return pairs[np.ix_(wanted_y, wanted_x)]

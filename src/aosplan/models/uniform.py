@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.grid.spiral import Spiral
 from aosplan.models.model import Prediction
-from aosplan.models.positions import (
-    pattern_shortfall,
-    positions_shortfall,
-)
+from aosplan.models.positions import pattern_shortfall, positions_shortfall
 
 if TYPE_CHECKING:
     import numpy as np

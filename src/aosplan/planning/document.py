@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
-from aosplan.camera.disparity import (
-    disparity_px,
-    occluder_px,
-)
+from aosplan.camera.disparity import disparity_px, occluder_px
+from aosplan.messages import SCHEMA
+from aosplan.models.model import prediction_document
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Waypoints
     from aosplan.models.measured import Flown
-    from aosplan.models.model import Prediction
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.plan_data import PlanData
     from aosplan.scenes.scene import Scene
 
-SCHEMA = 1
-"""Version of the JSON documents."""
 
-
-def plan_document(plan: Plan) -> dict[str, Any]:
+def plan_document(plan: PlanData) -> dict[str, Any]:
     """Everything of a plan as dicts, lists, text and finite numbers."""
     from aosplan.planning.setup import requirement_of
 
@@ -82,7 +76,7 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     }
 
 
-def flight_document(plan: Plan) -> dict[str, Any]:
+def flight_document(plan: PlanData) -> dict[str, Any]:
     """Length and time from the first photo to the last, how it is flown, and each flight.
 
     Length and time of a flight, and the total, count from the take-off to the landing.
@@ -100,7 +94,7 @@ def flight_document(plan: Plan) -> dict[str, Any]:
     }
 
 
-def height_document(plan: Plan) -> dict[str, Any]:
+def height_document(plan: PlanData) -> dict[str, Any]:
     """What every height of the plan is above."""
     route = plan.route
     document: dict[str, Any] = {
@@ -136,21 +130,6 @@ def _noise_document(flown: Flown) -> dict[str, float]:
     return values
 
 
-def prediction_document(prediction: Prediction) -> dict[str, float | None]:
-    """A prediction's numbers; what nothing hides has no normalised visibility."""
-    clear = prediction.density == 0.0
-    return {
-        "density": prediction.density,
-        "minimum": prediction.minimum,
-        "maximum": prediction.maximum,
-        "expected": prediction.expected,
-        "normalized": None if clear else prediction.normalized,
-        "shortfall": None if clear else prediction.shortfall,
-        "effective_samples": None if clear else _finite(prediction.effective_samples),
-        "contrast": None if clear else _finite(prediction.contrast),
-    }
-
-
 def scene_document(scene: Scene) -> dict[str, Any]:
     """A scene in a few words and numbers."""
     return {
@@ -164,7 +143,7 @@ def scene_document(scene: Scene) -> dict[str, Any]:
     }
 
 
-def disparity_document(plan: Plan) -> dict[str, float | None]:
+def disparity_document(plan: PlanData) -> dict[str, float | None]:
     """Disparity and size of the occluder that decides the coverage rule, at least one pixel."""
     coverage = plan.coverage
     if coverage is None:
@@ -181,7 +160,3 @@ def disparity_document(plan: Plan) -> dict[str, float | None]:
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

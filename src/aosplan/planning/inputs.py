@@ -7,11 +7,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.camera.camera import Camera
+from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
-from aosplan.scenes.scene import (
-    Scene,
-    UniformScene,
-)
+from aosplan.files import is_file_name, is_pattern, located
+from aosplan.messages import Message
+from aosplan.scenes.presets import find_preset_scene
+from aosplan.scenes.scene import Scene, UniformScene
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
@@ -30,13 +31,6 @@ RASTER_SUFFIXES = (".tif", ".tiff")
 TABLE_SUFFIX = ".csv"
 READING = ("voxel", "ground", "min_height", "crown_base")
 """Options that say how a point cloud or a canopy height raster is read."""
-
-
-class Message(NamedTuple):
-    """A warning: a short code for programs, a sentence for people."""
-
-    code: str
-    message: str
 
 
 class ResolvedScene(NamedTuple):
@@ -69,39 +63,6 @@ class ResolvedScene(NamedTuple):
     kept: bool = False
 
 
-def find_camera(name: str) -> Camera:
-    """A camera by its preset's name, or from a file.
-
-    Raises
-    ------
-    RequestError
-        Where there is neither; the hint names the nearest preset.
-    """
-    from aosplan.camera.presets import CAMERAS
-
-    if name in CAMERAS:
-        preset = CAMERAS[name]
-        return Camera(
-            name=name,
-            focal_length_mm=preset.focal_length_mm,
-            sensor_width_mm=preset.sensor_width_mm,
-            sensor_height_mm=preset.sensor_height_mm,
-            image_width_px=preset.image_width_px,
-            image_height_px=preset.image_height_px,
-            title=preset.title,
-            source=preset.source,
-            assumed=preset.assumed,
-        )
-    if _is_file_name(name):
-        from aosplan.planning.request_file import read_camera
-
-        return read_camera(name)
-    raise RequestError(
-        f"unknown camera '{name}'",
-        nearest_hint(name, CAMERAS) or "aosplan cameras lists them; a file name ends in .toml",
-    )
-
-
 def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
     """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
     if request.camera is not None:
@@ -128,26 +89,6 @@ def altitude_of(request: PlanRequest, camera: Camera) -> float:
     assert request.target_size is not None  # the request has checked that one way is given
     assert request.target_pixels is not None
     return camera.altitude_for_gsd_m(request.target_size / request.target_pixels)
-
-
-def find_preset_scene(name: str) -> UniformScene | None:
-    """A scene by its preset's name, or None."""
-    from aosplan.scenes.presets import SCENES
-
-    preset = SCENES.get(name)
-    if preset is None:
-        return None
-    return UniformScene(
-        name=name,
-        density=None,
-        occluder_size_m=preset.occluder_size_m,
-        volume_base_m=preset.volume_base_m,
-        volume_height_m=preset.volume_height_m,
-        given_integrated_density=preset.integrated_density,
-        title=preset.title,
-        source=preset.source,
-        assumed=preset.assumed,
-    )
 
 
 def scene_of(
@@ -202,7 +143,7 @@ def scene_of(
         from aosplan.scenes.files.slice_table import read_slices
 
         return ResolvedScene(read_slices(name), "layered")
-    if _is_file_name(name):
+    if is_file_name(name):
         from aosplan.scenes.files.toml_file import read_scene_file
 
         file = read_scene_file(name)
@@ -262,7 +203,7 @@ def cloud_files(name: str) -> tuple[str, ...]:
     """
     if os.path.isdir(name):
         found = [os.path.join(name, file) for file in os.listdir(name)]
-    elif _is_pattern(name):
+    elif is_pattern(name):
         import glob
 
         found = glob.glob(name)
@@ -315,10 +256,7 @@ def _cloud(
 
 
 def _raster(request: PlanRequest, name: str) -> ResolvedScene:
-    from aosplan.scenes.files.canopy_raster import (
-        CROWN_BASE,
-        read_canopy,
-    )
+    from aosplan.scenes.files.canopy_raster import CROWN_BASE, read_canopy
     from aosplan.scenes.files.voxel_file import Stand
 
     _check_unread(request, ("ground",))
@@ -344,26 +282,5 @@ def _of_stand(stand: Stand, name: str, request: PlanRequest) -> ResolvedScene:
     return ResolvedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
 
 
-def located(name: str, folder: str) -> str:
-    """A file name from a request file, looked for beside that file first."""
-    beside = os.path.join(folder, name)
-    if not folder:
-        return name
-    if _is_pattern(beside):
-        import glob
-
-        return beside if glob.glob(beside) else name
-    named = _is_file_name(name) or os.path.isdir(beside)
-    return beside if named and os.path.exists(beside) else name
-
-
-def _is_file_name(name: str) -> bool:
-    return os.path.splitext(name)[1] != "" or os.sep in name
-
-
 def _is_cloud(name: str) -> bool:
     return name.lower().endswith(CLOUD_SUFFIXES)
-
-
-def _is_pattern(name: str) -> bool:
-    return any(mark in name for mark in "*?[") and not os.path.lexists(name)

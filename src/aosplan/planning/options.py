@@ -13,10 +13,7 @@ from aosplan.errors import RequestError
 from aosplan.flight.photo_trigger import TRIGGERS
 from aosplan.grid.patterns import GRIDS
 from aosplan.mission.mission import FRAMES
-from aosplan.models.model import (
-    MODELS,
-    RAYS,
-)
+from aosplan.models.model import MODELS, RAYS
 from aosplan.solver.problem import OBJECTIVES
 
 if TYPE_CHECKING:

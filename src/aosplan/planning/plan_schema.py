@@ -6,13 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from aosplan.area_document import AreaDocument, ContinuousDocument
-from aosplan.validation import (
-    Document,
-    Finite,
-    OpenDocument,
-    Pair,
-)
+from aosplan.validation import Document, Finite, MessageDocument, OpenDocument, Pair
 
 
 class WaypointDocument(Document):
@@ -164,13 +158,6 @@ class LimitDocument(OpenDocument):
     message: str
 
 
-class MessageDocument(OpenDocument):
-    """A warning."""
-
-    code: str
-    message: str
-
-
 class SceneSummaryDocument(OpenDocument):
     """The scene in a few words and numbers."""
 
@@ -181,6 +168,49 @@ class SceneSummaryDocument(OpenDocument):
     assumed: str
     integrated_density: Finite
     canopy_top_m: Finite
+
+
+class AreaDocument(OpenDocument):
+    """What is covered of an area (`aosplan.areas.survey.Survey`)."""
+
+    origin: Pair
+    area_m2: Finite
+    clear_m2: Finite
+    no_fly_m2: Finite
+    covered_share: Finite
+    fewest_looks: int | None
+    sites: int
+    sites_in_rectangle: int
+    sites_in_no_fly: int
+    sites_enclosed: int
+    rectangle_m: Pair
+    pitch_m: Pair
+    axis: Literal["along", "across"]
+    shortest_m: Finite
+    over_shortest: Finite | None
+    simplified_m: Finite
+    projection_error: Finite
+
+
+class LineIntegralDocument(OpenDocument):
+    """The last photos of a line flown on and on, and what they show."""
+
+    samples: int
+    spacing_m: Finite
+    length_m: Finite
+    speed_mps: Finite
+    interval_s: Finite
+    duration_s: Finite
+    expected: Finite
+    normalized: Finite
+
+
+class ContinuousDocument(OpenDocument):
+    """Integrals along a line, by number of photos and by speed."""
+
+    fastest_mps: Finite | None
+    by_samples: list[LineIntegralDocument]
+    by_speed: list[LineIntegralDocument]
 
 
 class PlanDocument(OpenDocument):

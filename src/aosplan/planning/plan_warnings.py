@@ -1,24 +1,25 @@
-"""Advice on a plan: what will not work as wished, and what would."""
+"""Warnings of a plan: what will not work as wished, and what would."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from aosplan.camera.disparity import (
-    baseline_for_disparity_px,
-    disparity_px,
-)
-from aosplan.planning.inputs import Message
-from aosplan.planning.request import find_drone
+from aosplan.camera.disparity import baseline_for_disparity_px, disparity_px
+from aosplan.flight.drones import find_drone
+from aosplan.messages import Message
 from aosplan.planning.setup import requirement_of
 from aosplan.solver.solution import BEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.plan_data import PlanData
+
+    AnyPlan = TypeVar("AnyPlan", bound=PlanData)
+
 
 OBLIQUE_DENSITY = 0.02
 """Density that rays off nadir may add without a warning."""
@@ -28,7 +29,12 @@ HIGHEST_M = 120.0
 """Above ground; the limit of the European open category and of many other rules."""
 
 
-def advice(plan: Plan) -> Iterator[Message]:
+def with_warnings(plan: AnyPlan) -> AnyPlan:
+    """The plan with its warnings: its notices, and those of `plan_warnings`."""
+    return replace(plan, warnings=(*plan.notices, *plan_warnings(plan)))
+
+
+def plan_warnings(plan: PlanData) -> Iterator[Message]:
     """Warnings of a plan, each with its remedy."""
     if plan.coverage is None:
         yield Message(
@@ -52,7 +58,7 @@ def advice(plan: Plan) -> Iterator[Message]:
         )
 
 
-def _missed(plan: Plan) -> Message:
+def _missed(plan: PlanData) -> Message:
     requirement = requirement_of(plan.request)
     prediction = plan.solution.prediction
     reached = requirement.value_of(prediction)
@@ -69,7 +75,7 @@ def _missed(plan: Plan) -> Message:
     )
 
 
-def _no_common_ground(plan: Plan) -> Message:
+def _no_common_ground(plan: PlanData) -> Message:
     footprint, extent = plan.camera.footprint_m(plan.altitude_m), plan.extent_m
     sides = plan.solution.pattern.extent
     largest = min(size / side for size, side in zip(footprint, sides, strict=True) if side > 0.0)
@@ -85,7 +91,7 @@ def _no_common_ground(plan: Plan) -> Message:
     )
 
 
-def _pixels(plan: Plan) -> Iterator[Message]:
+def _pixels(plan: PlanData) -> Iterator[Message]:
     coverage = plan.coverage
     assert coverage is not None  # the caller has checked
     focal = plan.camera.focal_length_px
@@ -110,7 +116,7 @@ def _pixels(plan: Plan) -> Iterator[Message]:
         )
 
 
-def _oblique_rays(plan: Plan) -> Iterator[Message]:
+def _oblique_rays(plan: PlanData) -> Iterator[Message]:
     """Rays taken for nadir ones that pass clearly more wood."""
     if plan.request.rays != "nadir" or plan.coverage is None:
         return
@@ -128,7 +134,7 @@ def _oblique_rays(plan: Plan) -> Iterator[Message]:
         )
 
 
-def _thick_layers(plan: Plan) -> Iterator[Message]:
+def _thick_layers(plan: PlanData) -> Iterator[Message]:
     if plan.model != "layered":
         return
     thick = [s for s in plan.scene.slices() if s.top_m - s.bottom_m > 2.0 * s.occluder_size_m + 0.5]
@@ -142,7 +148,7 @@ def _thick_layers(plan: Plan) -> Iterator[Message]:
         )
 
 
-def _flying(plan: Plan) -> Iterator[Message]:
+def _flying(plan: PlanData) -> Iterator[Message]:
     """Warnings on the flight: the camera's pace, the battery, the law, and the ways there."""
     route, request = plan.route, plan.request
     timing, interval = route.timing, request.photo_interval

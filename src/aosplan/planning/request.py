@@ -11,20 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.flight.photo_trigger import (
-    BLUR_PX,
-    EXPOSURE_S,
-)
+from aosplan.flight.drones import find_drone
+from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
-from aosplan.planning.options import (
-    BY_NAME,
-    OPTIONS,
-)
+from aosplan.planning.options import BY_NAME, OPTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from aosplan.flight.drones import DronePreset
 
 ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
@@ -342,23 +336,6 @@ class PlanRequest:
             raise RequestError("--buffer without --no-fly", "give --no-fly FILE too")
         if self.line_length is not None and self.grid != "line":
             raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
-
-
-def find_drone(name: str) -> DronePreset:
-    """A drone by its preset's name.
-
-    Raises
-    ------
-    RequestError
-        Where there is none of that name; the hint names the nearest.
-    """
-    from aosplan.flight.drones import DRONES
-
-    if name not in DRONES:
-        raise RequestError(
-            f"unknown drone '{name}'", q.nearest_hint(name, DRONES) or "aosplan drones lists them"
-        )
-    return DRONES[name]
 
 
 def request_from(

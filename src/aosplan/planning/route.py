@@ -12,33 +12,15 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
-from aosplan.flight.batteries import (
-    Flight,
-    Home,
-    flights_of,
-)
-from aosplan.flight.kinematics import (
-    Timing,
-    steady,
-    wind_mps,
-)
-from aosplan.flight.photo_trigger import (
-    Bound,
-    Ground,
-    Sites,
-    blur_speed_mps,
-    ruling,
-    with_turns,
-)
+from aosplan.files import located
+from aosplan.flight.batteries import Flight, Home, flights_of
+from aosplan.flight.drones import find_drone
+from aosplan.flight.kinematics import Timing, steady, wind_mps
+from aosplan.flight.photo_trigger import Bound, Ground, Sites, blur_speed_mps, ruling, with_turns
 from aosplan.flight.track import Track
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
-from aosplan.mission.mission import (
-    Waypoints,
-    placed,
-)
-from aosplan.planning.inputs import located
-from aosplan.planning.request import find_drone
-from aosplan.solver.problem import Limit
+from aosplan.messages import Limit
+from aosplan.mission.mission import Waypoints, placed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,16 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.files import located
 from aosplan.flight.photo_trigger import Sites
-from aosplan.grid.patterns import (
-    Pattern,
-    check_size,
-)
-from aosplan.mission.mission import local_sites
-from aosplan.planning.inputs import (
-    Message,
-    located,
-)
+from aosplan.grid.patterns import Pattern, check_size, local_sites
+from aosplan.messages import Message
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,10 +22,8 @@ if TYPE_CHECKING:
     from aosplan.models.rolling import Continuous
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.route import Route
-    from aosplan.solver.problem import (
-        Problem,
-        Solution,
-    )
+    from aosplan.solver.problem import Problem
+    from aosplan.solver.solution import Solution
 
 
 class Layout(NamedTuple):
@@ -70,10 +62,7 @@ def over_area(request: PlanRequest, folder: str) -> tuple[PlanRequest, Area | No
     """
     if request.area is None:
         return request, None
-    from aosplan.areas.area import (
-        long_side_deg,
-        read_area,
-    )
+    from aosplan.areas.area import long_side_deg, read_area
 
     area = read_area(
         located(request.area, folder),

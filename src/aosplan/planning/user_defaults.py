@@ -15,10 +15,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.planning.request import (
-    PlanRequest,
-    request_from,
-)
+from aosplan.planning.request import PlanRequest, request_from
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

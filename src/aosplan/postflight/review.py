@@ -16,25 +16,15 @@ import numpy as np
 
 from aosplan import __version__
 from aosplan.flight.photo_trigger import Sites
-from aosplan.planning.document import (
-    SCHEMA,
-    flight_document,
-    prediction_document,
-)
-from aosplan.planning.inputs import Message
+from aosplan.messages import SCHEMA, Message
+from aosplan.models.model import prediction_document
+from aosplan.planning.document import flight_document
+from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.planner import plan
 from aosplan.planning.route import lay
-from aosplan.planning.sites import (
-    over_area,
-    ways_in_zones,
-)
+from aosplan.planning.sites import over_area, ways_in_zones
 from aosplan.postflight.best_views import MOST_VIEWS
-from aosplan.postflight.views import (
-    Views,
-    in_axes,
-    predicted,
-    turned,
-)
+from aosplan.postflight.views import Views, in_axes, predicted, turned
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -42,8 +32,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.models.model import Prediction
-    from aosplan.planning.planner import Plan
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.result import Plan
     from aosplan.planning.route import Route
     from aosplan.solver.problem import Trying
 
@@ -333,7 +323,7 @@ def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
         planned, request, Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken), folder
     )
     warnings = tuple(ways_in_zones(request, area, route))
-    return replace(planned, route=route, notices=warnings)
+    return with_warnings(replace(planned, route=route, notices=warnings))
 
 
 def _laid(planned: Plan, request: PlanRequest, sites: Sites, folder: str) -> Route:

@@ -8,29 +8,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan import __version__
 from aosplan.errors import RequestError
-from aosplan.planning.document import (
-    SCHEMA,
-    prediction_document,
-)
-from aosplan.planning.inputs import Message
+from aosplan.messages import SCHEMA, Message
+from aosplan.models.model import prediction_document
 from aosplan.planning.options import SHOWING
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.postflight.best_views import (
-    check_count,
-    thin,
-)
-from aosplan.postflight.views import (
-    Views,
-    in_axes,
-    predicted,
-)
+from aosplan.postflight.best_views import check_count, thin
+from aosplan.postflight.views import Views, in_axes, predicted
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from aosplan.models.model import Prediction
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
 
 QUANTITIES = ("normalized", "visibility")
 """What a choice may maximise: V̂ or V."""

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.messages import Message
 from aosplan.models.model import Prediction
-from aosplan.planning.inputs import Message
-from aosplan.positions import NAMES as IN_METRES
-from aosplan.positions import positions_of, read_csv
 from aosplan.postflight.positions import (
     ALTITUDES,
-    NAMES,
+    NAMES_M,
+    PLACE_NAMES,
     SUFFIXES,
     Place,
     local_m,
     places_of,
+    positions_of,
+    read_csv,
     read_places,
 )
 from aosplan.units import number
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
 
 
 class Views(NamedTuple):
@@ -121,15 +122,15 @@ def read_views(path: str, *, on_earth: bool) -> Views:
     if os.path.splitext(path)[1].lower() in (*SUFFIXES, ".json"):
         places = read_places(path)
         rows = [["" if value is None else repr(value) for value in place] for place in places]
-        return _views(path, [NAMES[0][0], NAMES[0][1], ALTITUDES[0]], rows, places)
+        return _views(path, [PLACE_NAMES[0][0], PLACE_NAMES[0][1], ALTITUDES[0]], rows, places)
     table = read_csv(path)
-    table.columns((*NAMES, *IN_METRES))  # one or the other; if neither is there, both are named
+    table.columns((*PLACE_NAMES, *NAMES_M))  # one or the other; if neither is there, both are named
     rows = [row for _, row in table.rows]
-    if table.pair(NAMES) and (on_earth or not table.pair(IN_METRES)):
+    if table.pair(PLACE_NAMES) and (on_earth or not table.pair(NAMES_M)):
         return _views(path, table.header, rows, places_of(table))
     altitudes = [
         number(values[2], f"{where} altitude") if len(values) > 2 else None
-        for where, values in table.columns(IN_METRES, ALTITUDES)
+        for where, values in table.columns(NAMES_M, ALTITUDES)
     ]
     positions = positions_of(table)
     _check_some(path, positions)

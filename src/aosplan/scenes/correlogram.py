@@ -26,31 +26,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.cubics import monotone_cubics
-from aosplan.grid.spiral import Spiral
-from aosplan.models.memo import remembered
-from aosplan.models.model import Prediction
-from aosplan.models.positions import offset_counts
-from aosplan.scenes.occlusion import (
-    Occlusion,
-    popcount,
-)
+from aosplan.scenes.occlusion import Occlusion, popcount
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from numpy.typing import NDArray
 
-    from numpy.typing import ArrayLike, NDArray
-
-    from aosplan.grid.patterns import (
-        Pattern,
-        Sites,
-    )
-    from aosplan.models.memo import Known
     from aosplan.scenes.occlusion import Words
     from aosplan.scenes.voxels import VoxelVolume
 
@@ -60,8 +45,6 @@ LAGS = 15
 SMALLEST_LAG = 0.01
 DIRECTIONS = 8
 """Over the half circle; a multiple of 4, for those at 45° and 90° to each to be among them."""
-NOISE_POINTS = 4
-"""Points of the rule along an axis that blurs a table."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,21 +187,6 @@ def correlogram(
     )
 
 
-@lru_cache(maxsize=1024)
-def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
-    """Sites of a pattern, and offsets between them with their numbers of pairs, in pitches.
-
-    An offset and its opposite are alike: one half of them does, the middle counting half.
-    """
-    mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
-    mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
-    last = np.array([pattern.rows - 1, pattern.columns - 1])
-    pairs = offset_counts(mask, *last.tolist())
-    pairs[last[0] + 1 :] = pairs[last[0], last[1] + 1 :] = 0.0
-    pairs[tuple(last)] *= 0.5
-    return np.argwhere(mask) - 0.5 * last, np.argwhere(pairs) - last, pairs[pairs > 0.0]
-
-
 def _correlation(one: Words, other: Words, targets: int) -> Floats:
     """Correlation of what views hide, pair by pair."""
     p, q = popcount(one) / targets, popcount(other) / targets
@@ -228,167 +196,44 @@ def _correlation(one: Words, other: Words, targets: int) -> Floats:
     return np.divide(covariance, spread, where=spread > 0.0, out=np.zeros_like(covariance))
 
 
-class CorrelogramModel:
-    """What a correlogram says of views from one altitude.
+def monotone_cubics(x: Floats, y: Floats) -> Floats:
+    """Coefficients of piecewise cubics through points.
 
     Parameters
     ----------
-    correlogram
-        Of the stand.
-    altitude_m
-        Above the focal plane.
-    heading_deg
-        Of the patterns, clockwise from the correlogram's north.
-    hold_error_m
-        Standard deviation of the positions about their sites, per axis: p and ρ are means over
-        what it makes of the offsets.
+    x
+        Shape (n,), rising, n from 2.
+    y
+        Shape (n, ...): values at `x`.
+
+    Returns
+    -------
+    ndarray
+        Shape (4, n - 1, ...): between ``x[i]`` and ``x[i + 1]`` the value is c[0, i] s³ + c[1, i]
+        s² + c[2, i] s + c[3, i] with s the distance from ``x[i]``.
     """
+    step = np.diff(x).reshape(-1, *(1,) * (y.ndim - 1))
+    slope = np.diff(y, axis=0) / step
+    tangent = np.empty_like(y)
+    if len(x) == 2:
+        tangent[:] = slope
+    else:
+        before, after = slope[:-1], slope[1:]
+        near, far = 2.0 * step[1:] + step[:-1], step[1:] + 2.0 * step[:-1]
+        turns = before * after <= 0.0
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            mean = (near + far) / (near / before + far / after)
+        tangent[1:-1] = np.where(turns, 0.0, mean)
+        tangent[0] = _end(step[0], step[1], slope[0], slope[1])
+        tangent[-1] = _end(step[-1], step[-2], slope[-1], slope[-2])
+    bend = (tangent[:-1] + tangent[1:] - 2.0 * slope) / step
+    return np.stack([bend / step, (slope - tangent[:-1]) / step - bend, tangent[:-1], y[:-1]])
 
-    name = "correlogram"
-    rule_baseline_m = None
-    rises_with_baseline = False
 
-    def __init__(
-        self,
-        correlogram: Correlogram,
-        altitude_m: float,
-        *,
-        heading_deg: float = 0.0,
-        hold_error_m: float = 0.0,
-    ) -> None:
-        self.correlogram = correlogram
-        self.altitude_m = altitude_m
-        self.heading_deg = heading_deg
-        self.hold_error_m = hold_error_m
-        self._spirals: dict[tuple[float, float, float, bool], tuple[Floats, Floats]] = {}
-        self._predictions: Known = {}
-
-    @property
-    def density(self) -> float:
-        """p of a single nadir sample."""
-        return self.correlogram.density
-
-    @property
-    def transparency(self) -> float:
-        """1 - p of a single nadir sample."""
-        return 1.0 - self.density
-
-    @property
-    def independent_baseline_m(self) -> float:
-        """Widest distance [m] between two views of which the plot can tell something."""
-        return self.correlogram.reach * self.altitude_m
-
-    @property
-    def sharp_baseline_m(self) -> float:
-        """The same distance."""
-        return self.independent_baseline_m
-
-    @property
-    def widest_aperture_m(self) -> float:
-        """The same distance."""
-        return self.independent_baseline_m
-
-    @remembered
-    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline.
-
-        Each distinct offset of a lattice is looked up once, and each pair of a spiral's sites
-        once for all spirals of the same baseline.
-        """
-        if isinstance(pattern, Spiral):
-            return self._predict_spiral(pattern, baseline_m)
-        # Rows lie to the right of the heading, columns along it, as east and north of a compass.
-        pitch_m = baseline_m * pattern.row_pitch, baseline_m
-        sites, apart, pairs = _lattice(pattern)
-        return self._prediction(sites * pitch_m, apart * pitch_m, pairs, self.heading_deg)
-
-    def _predict_spiral(self, spiral: Spiral, baseline_m: float) -> Prediction:
-        """From sums that grow with the sites, from the middle outward: each spiral's are there."""
-        even = spiral.samples % 2 == 0
-        key = spiral.turn_pitch, baseline_m, self.heading_deg, even
-        if len(self._spirals.get(key, ((),))[0]) < spiral.samples:
-            count = (2 << (spiral.samples // 2).bit_length()) + (not even)
-            x, y = baseline_m * np.array(list(Spiral(count, spiral.turn_pitch).offsets())).T
-            outward = np.argsort(np.abs(np.arange(count) - 0.5 * (count - 1)), kind="stable")
-            sites_m = np.column_stack([y, x])[outward]
-            hidden = self._expected(
-                self.correlogram.density_at, sites_m, self.heading_deg, self.hold_error_m
-            )
-            later, earlier = np.tril_indices(count, -1)
-            apart_m = sites_m[later] - sites_m[earlier]
-            pair_error_m = math.sqrt(2.0) * self.hold_error_m
-            rho = self._expected(
-                self.correlogram.correlation_at, apart_m, self.heading_deg, pair_error_m
-            )
-            alike = np.bincount(later, rho, count).astype(np.float64)
-            self._spirals[key] = np.cumsum(hidden), np.cumsum(alike)
-        hidden_sum, alike_sum = (float(sums[spiral.samples - 1]) for sums in self._spirals[key])
-        density = hidden_sum / spiral.samples
-        shortfall = (spiral.samples + 2.0 * alike_sum) / spiral.samples**2
-        return Prediction(density, 1.0 - density, max(shortfall, 0.0))
-
-    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The prediction itself."""
-        return self.predict(pattern, baseline_m)
-
-    def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at any known positions; takes time by N².
-
-        Parameters
-        ----------
-        positions_m
-            Shape (N, 2), N from 1: east and north of the middle.
-        """
-        points = np.asarray(positions_m, dtype=np.float64)
-        alike = 0.0
-        for place in range(1, len(points)):
-            alike += float(self.correlation(*(points[:place] - points[place]).T).sum())
-        density = float(self.hidden_at(points).mean())
-        shortfall = (len(points) + 2.0 * alike) / len(points) ** 2
-        return Prediction(density, 1.0 - density, max(shortfall, 0.0))
-
-    def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of views at known positions, shape (N,), east and north of the middle."""
-        points = np.asarray(positions_m, dtype=np.float64)
-        return self._expected(self.correlogram.density_at, points, 0.0, 0.0)
-
-    def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """ρ of two views by their offset to the east and to the north."""
-        lag, direction_deg = self._polar(np.column_stack([x_m, y_m]), 0.0)
-        return np.where(lag > 0.0, self.correlogram.correlation_at(lag, direction_deg), 1.0)
-
-    def _prediction(
-        self, sites_m: Floats, apart_m: Floats, pairs: Floats, heading_deg: float
-    ) -> Prediction:
-        """Means of p over the sites, and of ρ over the distances with their numbers of pairs."""
-        tables = self.correlogram
-        density = float(
-            self._expected(tables.density_at, sites_m, heading_deg, self.hold_error_m).mean()
-        )
-        pair_error_m = math.sqrt(2.0) * self.hold_error_m
-        rho = self._expected(tables.correlation_at, apart_m, heading_deg, pair_error_m)
-        rho[~apart_m.any(axis=1)] = 1.0  # a view and itself
-        return Prediction(density, 1.0 - density, max(float(rho @ pairs / pairs.sum()), 0.0))
-
-    def _expected(
-        self,
-        table: Callable[[Floats, Floats], Floats],
-        offsets_m: Floats,
-        heading_deg: float,
-        deviation_m: float,
-    ) -> Floats:
-        """Entries of a table at uncertain offsets, by a Gauss-Hermite rule along both axes."""
-        if deviation_m == 0.0:
-            return table(*self._polar(offsets_m, heading_deg))
-        points, weights = np.polynomial.hermite_e.hermegauss(NOISE_POINTS)
-        shares = np.outer(weights, weights).ravel() / weights.sum() ** 2
-        missed_m = deviation_m * np.array([(x, y) for x in points for y in points])
-        around = (offsets_m[np.newaxis] + missed_m[:, np.newaxis]).reshape(-1, 2)
-        entries = table(*self._polar(around, heading_deg)).reshape(len(shares), -1)
-        expected: Floats = shares @ entries
-        return expected
-
-    def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
-        """Lags and directions of offsets to the right of a heading and along it."""
-        right, along = offsets_m.T / self.altitude_m
-        return np.hypot(right, along), np.degrees(np.arctan2(right, along)) + heading_deg
+def _end(step: Floats, next_step: Floats, slope: Floats, next_slope: Floats) -> Floats:
+    """Tangent at an end: of the parabola through three points, where that is monotone."""
+    tangent = ((2.0 * step + next_step) * slope - step * next_slope) / (step + next_step)
+    turned = np.sign(tangent) != np.sign(slope)
+    steep = (np.sign(slope) != np.sign(next_slope)) & (np.abs(tangent) > 3.0 * np.abs(slope))
+    bounded: Floats = np.where(turned, 0.0, np.where(steep, 3.0 * slope, tangent))
+    return bounded

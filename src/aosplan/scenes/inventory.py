@@ -28,11 +28,7 @@ import math
 from itertools import pairwise
 
 from aosplan.errors import RequestError
-from aosplan.scenes.scene import (
-    LARGEST_M,
-    Layer,
-    LayeredScene,
-)
+from aosplan.scenes.scene import LARGEST_M, Layer, LayeredScene
 
 PROJECTION = 0.5
 """G: mean projection of a unit of leaf area that faces every way alike."""

@@ -13,10 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.scenes.scene import (
-    Layer,
-    LayeredScene,
-)
+from aosplan.scenes.scene import Layer, LayeredScene
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -75,10 +72,7 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
     A few views only; the correlogram (`aosplan.scenes.correlogram`) has many.
     """
-    from aosplan.scenes.occlusion import (
-        Occlusion,
-        popcount,
-    )
+    from aosplan.scenes.occlusion import Occlusion, popcount
 
     altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
     per_voxel = 4 if volume.occupied[:1].size <= FINE_CELLS else 1

@@ -21,6 +21,8 @@ from __future__ import annotations
 from math import exp, log1p, nan
 from typing import NamedTuple
 
+from aosplan.scenes.scene import UniformScene
+
 __all__ = ["SCENES", "ScenePreset", "gap_fraction"]
 
 
@@ -325,3 +327,23 @@ SCENES: dict[str, ScenePreset] = {
         ),
     ),
 }
+
+
+def find_preset_scene(name: str) -> UniformScene | None:
+    """A scene by its preset's name, or None."""
+    from aosplan.scenes.presets import SCENES
+
+    preset = SCENES.get(name)
+    if preset is None:
+        return None
+    return UniformScene(
+        name=name,
+        density=None,
+        occluder_size_m=preset.occluder_size_m,
+        volume_base_m=preset.volume_base_m,
+        volume_height_m=preset.volume_height_m,
+        given_integrated_density=preset.integrated_density,
+        title=preset.title,
+        source=preset.source,
+        assumed=preset.assumed,
+    )

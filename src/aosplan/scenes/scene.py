@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
+from aosplan.camera.disparity import Slab
 from aosplan.errors import RequestError
-from aosplan.models.equations import integrated_density, transparency
+from aosplan.scenes.density import integrated_density, transparency
 
 SMALLEST_M, LARGEST_M = 1e-9, 1e9
 """No length of a scene is outside, so that products of several stay numbers."""
@@ -39,18 +40,6 @@ class Layer(NamedTuple):
     def height_m(self) -> float:
         """Height at which the models place the slice: its middle."""
         return 0.5 * (self.bottom_m + self.top_m)
-
-
-class Slab(NamedTuple):
-    """Occluders of one size, spread evenly between two heights, which may be the same.
-
-    `weight` is their share among all slabs, up to a common factor.
-    """
-
-    bottom_m: float
-    top_m: float
-    occluder_size_m: float
-    weight: float
 
 
 @dataclass(frozen=True)

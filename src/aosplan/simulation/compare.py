@@ -25,11 +25,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.mission.mission import local_sites
-from aosplan.models.equations import slice_density
+from aosplan.grid.patterns import local_sites
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
+from aosplan.scenes.density import slice_density
 from aosplan.scenes.scene import UniformScene
 from aosplan.simulation.experiments import (
     FEWEST_SAMPLES,
@@ -38,15 +38,8 @@ from aosplan.simulation.experiments import (
     NoiseExperiment,
     PlotExperiment,
 )
-from aosplan.simulation.forests import (
-    clumped_forest,
-    layered_forest,
-    uniform_forest,
-)
-from aosplan.simulation.moments import (
-    Estimate,
-    estimate,
-)
+from aosplan.simulation.forests import clumped_forest, layered_forest, uniform_forest
+from aosplan.simulation.moments import Estimate, estimate
 from aosplan.simulation.voxel_views import VoxelViews
 
 if TYPE_CHECKING:
@@ -54,7 +47,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.scenes.occlusion import ViewKind
     from aosplan.scenes.scene import Scene
 

@@ -14,19 +14,9 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.scenes.occlusion import Window
-from aosplan.simulation.forests import (
-    MOST_VOXELS,
-    VOXELS_AN_OCCLUDER,
-    generator,
-)
-from aosplan.simulation.noise_patterns import (
-    blocked_views,
-    counts_of,
-)
-from aosplan.simulation.voxel_views import (
-    VoxelViews,
-    blocks,
-)
+from aosplan.simulation.forests import MOST_VOXELS, VOXELS_AN_OCCLUDER, generator
+from aosplan.simulation.noise_patterns import blocked_views, counts_of
+from aosplan.simulation.voxel_views import VoxelViews, blocks
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

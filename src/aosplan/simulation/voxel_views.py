@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from aosplan.scenes.occlusion import (
-    Occlusion,
-    Tally,
-    Window,
-)
+from aosplan.scenes.occlusion import Occlusion, Tally, Window
 from aosplan.simulation.moments import Counts
 
 if TYPE_CHECKING:

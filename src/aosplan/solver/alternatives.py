@@ -14,20 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.errors import InfeasibleError
 from aosplan.flight.kinematics import path_of
 from aosplan.grid.patterns import NARROWEST_TURNS
-from aosplan.solver.problem import (
-    GridKind,
-    Limit,
-    Problem,
-    Solution,
-)
-from aosplan.solver.solution import (
-    BEST,
-    limits_of,
-)
-from aosplan.solver.solve_monotone import (
-    APERTURE_SLACK,
-    solve,
-)
+from aosplan.messages import Limit
+from aosplan.solver.problem import GridKind, Problem
+from aosplan.solver.solution import BEST, Solution, limits_of
+from aosplan.solver.solve import solve
+from aosplan.solver.solve_monotone import APERTURE_SLACK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

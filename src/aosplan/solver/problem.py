@@ -8,22 +8,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight.kinematics import Timing
-from aosplan.grid.patterns import (
-    AnyFrame,
-    Sites,
-    frame_at,
-    index_for,
-    pattern_for,
-)
-from aosplan.roots import smallest_root
+from aosplan.grid.patterns import AnyFrame, Sites, frame_at, index_for, pattern_for
+from aosplan.numerics import smallest_root
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from aosplan.models.model import (
-        Prediction,
-        VisibilityModel,
-    )
+    from aosplan.models.model import Prediction, VisibilityModel
 
     Trying = Callable[["Problem", Sites, float], None]
 
@@ -124,26 +115,6 @@ class GridKind(NamedTuple):
     def index_of(self, samples: int) -> int:
         """Place of the first frame that takes this many samples."""
         return index_for(self.name, samples, lanes=self.lanes)
-
-
-class Limit(NamedTuple):
-    """What bound the result: a quantity, its value, the bound it met, and why."""
-
-    quantity: str
-    value: float
-    bound: float
-    message: str
-
-
-class Solution(NamedTuple):
-    """A pattern and its baseline, with what they show and what bound them."""
-
-    pattern: Sites
-    baseline_m: float
-    prediction: Prediction
-    samples_required: int | None
-    limits: tuple[Limit, ...]
-    met: bool
 
 
 class Problem(NamedTuple):

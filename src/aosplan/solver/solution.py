@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
-from aosplan.solver.problem import (
-    Limit,
-    Problem,
-    Solution,
-)
+from aosplan.grid.patterns import Sites
+from aosplan.messages import Limit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.grid.patterns import Sites
     from aosplan.models.model import Prediction
+    from aosplan.solver.problem import Problem
 
 
 BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
@@ -158,3 +156,14 @@ def rounded_up(value: float) -> str:
         return text
     unit = 10.0 ** (math.floor(math.log10(value)) - 3)
     return f"{math.ceil(value / unit) * unit:.4g}"
+
+
+class Solution(NamedTuple):
+    """A pattern and its baseline, with what they show and what bound them."""
+
+    pattern: Sites
+    baseline_m: float
+    prediction: Prediction
+    samples_required: int | None
+    limits: tuple[Limit, ...]
+    met: bool

@@ -33,26 +33,15 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from aosplan.flight.kinematics import path_of
 from aosplan.models.model import Prediction
 from aosplan.solver.problem import GridKind
-from aosplan.solver.solution import (
-    out_of_scan,
-    solution_of,
-)
-from aosplan.solver.solve_monotone import (
-    APERTURE_SLACK,
-    SEARCHED_SAMPLES,
-)
+from aosplan.solver.solution import out_of_scan, solution_of
+from aosplan.solver.solve_monotone import APERTURE_SLACK, SEARCHED_SAMPLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from aosplan.grid.patterns import (
-        AnyFrame,
-        Sites,
-    )
-    from aosplan.solver.problem import (
-        Problem,
-        Solution,
-    )
+    from aosplan.grid.patterns import AnyFrame, Sites
+    from aosplan.solver.problem import Problem
+    from aosplan.solver.solution import Solution
 
     Cost = Callable[["Candidate"], float]
 
@@ -105,7 +94,7 @@ class Candidate(NamedTuple):
         return self.pattern.longer_side * self.baseline_m
 
 
-def search(problem: Problem) -> Solution:
+def solve_by_scan(problem: Problem) -> Solution:
     """Baseline and number of samples for a model whose visibility need not rise with either.
 
     Raises

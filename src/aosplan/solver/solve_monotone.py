@@ -13,29 +13,11 @@ from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight.kinematics import (
-    Path,
-    Timing,
-    path_of,
-)
-from aosplan.grid.patterns import (
-    MOST_SITES,
-    AnyFrame,
-    Sites,
-    check_size,
-)
-from aosplan.roots import smallest, smallest_whole
-from aosplan.solver.problem import (
-    TOLERANCE,
-    Bounds,
-    Problem,
-    Solution,
-)
-from aosplan.solver.solution import (
-    rounded_up,
-    solution_of,
-    value_text,
-)
+from aosplan.flight.kinematics import Path, Timing, path_of
+from aosplan.grid.patterns import MOST_SITES, AnyFrame, Sites, check_size
+from aosplan.numerics import smallest, smallest_whole
+from aosplan.solver.problem import TOLERANCE, Bounds, Problem
+from aosplan.solver.solution import Solution, rounded_up, solution_of, value_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,21 +33,17 @@ SEARCHED_SAMPLES = 400
 """Samples up to which the objectives search that would add samples without end."""
 
 
-def solve(problem: Problem) -> Solution:
-    """Baseline and number of samples that meet a target best.
+def solve_monotone(problem: Problem) -> Solution:
+    """Baseline and number of samples that meet a target best, if V̂ rises with the baseline.
 
     Raises
     ------
     InfeasibleError
-        Where nothing within the bounds meets the target; the message says what is reachable.
+        If nothing within the bounds meets the target; the message says what is reachable.
     RequestError
-        Where the answer has more sites than one plan may have.
+        If the answer has more sites than one plan may have.
     """
     bounds = problem.bounds
-    if not problem.model.rises_with_baseline or problem.objective in ("visibility", "contrast"):
-        from aosplan.solver.solve_by_scan import search
-
-        return search(problem)
     if bounds.baseline_m is not None and bounds.samples is not None:
         return _solution(problem, problem.grid.pattern(bounds.samples), bounds.baseline_m)
     if bounds.max_samples is None:

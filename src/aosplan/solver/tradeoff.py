@@ -17,10 +17,7 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.flight.kinematics import (
-    Path,
-    path_of,
-)
+from aosplan.flight.kinematics import Path, path_of
 from aosplan.models.equations import aperture
 from aosplan.solver.solution import BEST
 from aosplan.solver.solve_monotone import SEARCHED_SAMPLES
@@ -30,10 +27,8 @@ if TYPE_CHECKING:
 
     from aosplan.grid.patterns import Sites
     from aosplan.models.model import Prediction
-    from aosplan.solver.problem import (
-        Problem,
-        Solution,
-    )
+    from aosplan.solver.problem import Problem
+    from aosplan.solver.solution import Solution
 
 REFINEMENTS = 4
 """Halvings of a scan's step: baselines to a hundredth."""
@@ -69,7 +64,7 @@ class Row(NamedTuple):
 
     def document(self) -> dict[str, Any]:
         """The row as plain values."""
-        from aosplan.planning.document import prediction_document
+        from aosplan.models.model import prediction_document
 
         pattern, baseline = self.pattern, self.baseline_m
         shown = prediction_document(self.prediction)
@@ -155,10 +150,7 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
 
 def _scanned(problem: Problem, most: int) -> Iterator[Row]:
     """The fullest patterns, by the scan: sketched first, then judged."""
-    from aosplan.solver.solve_by_scan import (
-        Candidate,
-        Scan,
-    )
+    from aosplan.solver.solve_by_scan import Candidate, Scan
 
     if problem.bounds.samples is None:
         problem = problem._replace(bounds=problem.bounds._replace(max_samples=most))

@@ -6,83 +6,20 @@ import contextlib
 import json
 import os
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
 from aosplan.sweeps.parts import write_durably
-from aosplan.sweeps.summary import (
-    Summary,
-    empty,
-    summarised,
-)
-from aosplan.sweeps.verify import (
-    Draw,
-    Drawing,
-    drawn,
-)
+from aosplan.sweeps.summary import Gather, Gathered
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    import numpy as np
-    import polars as pl
-    from numpy.typing import NDArray
-
-    from aosplan.sweeps.grouping import Outline
     from aosplan.sweeps.parts import Part
-    from aosplan.sweeps.run import Sweep
-    from aosplan.sweeps.scenarios import Block
+    from aosplan.sweeps.sweep import Sweep
 
 EVERY_S = 5.0
 """Seconds after which what was gathered is written again."""
-
-
-class Gathered(NamedTuple):
-    """What is gathered from some parts."""
-
-    summary: Summary
-    draw: Draw
-
-    def state(self) -> list[Any]:
-        """The same as plain values, for a file."""
-        return [self.summary.state(), self.draw.state()]
-
-    @classmethod
-    def of_state(cls, state: list[Any]) -> Gathered:
-        """What `state` was made of."""
-        return cls(Summary.of_state(state[0]), Draw.of_state(state[1]))
-
-
-class Gather(NamedTuple):
-    """What is to be gathered: a summary, and a sample of rows to simulate, if any."""
-
-    outline: Outline
-    drawing: Drawing | None = None
-
-    def nothing(self, results: Sequence[str]) -> Gathered:
-        """What is gathered from no part."""
-        return Gathered(empty(self.outline, results), Draw())
-
-    def of(
-        self,
-        results: Sequence[str],
-        block: Block,
-        frame: pl.DataFrame,
-        kept: NDArray[np.intp],
-    ) -> Gathered:
-        """What is gathered from one part: a block, a row for each of its scenarios, those kept."""
-        return Gathered(
-            summarised(self.outline, results, block, frame, kept),
-            Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
-        )
-
-    def joined(self, first: Gathered, second: Gathered) -> Gathered:
-        """What is gathered from the parts of both."""
-        rows = 0 if self.drawing is None else self.drawing.rows
-        return Gathered(
-            first.summary.joined(second.summary, most=self.outline.most),
-            first.draw.joined(second.draw, rows=rows),
-        )
 
 
 class Gathering:

@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.sweeps.row_solver import (
-    RESULTS,
-    WHOLE,
-    forget_scenes,
-    solve_rows,
-)
-from aosplan.sweeps.scenarios import (
-    Block,
-    column_of,
-    polars,
-)
+from aosplan.sweeps.block import Block
+from aosplan.sweeps.row_solver import RESULTS, WHOLE, forget_scenes, solve_rows
+from aosplan.sweeps.scenarios import column_of, polars
 from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized.inputs import uniform_scene
 from aosplan.sweeps.vectorized.solve import solve_columns

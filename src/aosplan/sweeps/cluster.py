@@ -31,23 +31,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.sweeps.block_frame import forget_files
 from aosplan.sweeps.input_files import named_files
-from aosplan.sweeps.run import (
-    Sweep,
-    solve_part,
-)
 from aosplan.sweeps.scenarios import Single
+from aosplan.sweeps.solve_part import solve_part
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Iterator
 
-    from aosplan.sweeps.parts import (
-        Part,
-        Parts,
-    )
-    from aosplan.sweeps.scenarios import (
-        Crossing,
-        Table,
-    )
+    from aosplan.sweeps.parts import Part, Parts
+    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.sweep import Sweep
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s/:]+):\d{1,5}")
 

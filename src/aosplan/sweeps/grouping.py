@@ -10,11 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.sweeps.block import Block
 from aosplan.sweeps.row_solver import RESULTS
-from aosplan.sweeps.scenarios import (
-    Block,
-    Crossing,
-)
+from aosplan.sweeps.scenarios import Crossing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

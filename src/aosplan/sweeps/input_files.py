@@ -9,10 +9,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import (
-    cloud_files,
-    located,
-)
+from aosplan.files import located
+from aosplan.planning.inputs import cloud_files
 from aosplan.planning.options import BY_NAME
 
 if TYPE_CHECKING:

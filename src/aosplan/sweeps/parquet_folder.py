@@ -16,7 +16,7 @@ from aosplan.errors import RequestError, SurroundingsError
 from aosplan.sweeps.parts import Parts
 
 if TYPE_CHECKING:
-    from aosplan.sweeps.run import Sweep
+    from aosplan.sweeps.sweep import Sweep
 
 OF_A_SWEEP = re.compile(r"part-\d{5,}\.parquet(\.[0-9a-f]{32}\.tmp)?|writing-[0-9a-f]{32}")
 

@@ -22,8 +22,8 @@ from aosplan.sweeps.scenarios import polars
 if TYPE_CHECKING:
     import polars as pl
 
-    from aosplan.sweeps.aggregate import Gathered
-    from aosplan.sweeps.run import Sweep
+    from aosplan.sweeps.summary import Gathered
+    from aosplan.sweeps.sweep import Sweep
 
 JOURNAL = "journal.jsonl"
 

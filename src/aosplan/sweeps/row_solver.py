@@ -12,21 +12,15 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.camera.disparity import disparity_px
-from aosplan.draft import draft_of, route_of
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.kinematics import path_of
 from aosplan.models.equations import aperture
-from aosplan.planning.inputs import (
-    ResolvedScene,
-    scene_of,
-)
+from aosplan.planning.inputs import ResolvedScene, scene_of
 from aosplan.planning.options import OPTIONS
 from aosplan.planning.request import PlanRequest
 from aosplan.planning.route import flown
-from aosplan.planning.sites import (
-    layout_of,
-    ways_in_zones,
-)
+from aosplan.planning.setup import draft_of, route_of
+from aosplan.planning.sites import layout_of, ways_in_zones
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,10 +28,10 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from aosplan.draft import Draft
     from aosplan.flight.kinematics import Path
     from aosplan.grid.patterns import Sites
-    from aosplan.sweeps.scenarios import Block
+    from aosplan.planning.setup import Draft
+    from aosplan.sweeps.block import Block
 
 WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
 """Results that are whole numbers."""

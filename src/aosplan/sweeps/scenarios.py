@@ -11,19 +11,15 @@ import math
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import read_table
 from aosplan.planning.options import BY_NAME
-from aosplan.units import (
-    nearest_hint,
-    number,
-    shown,
-    whole,
-)
+from aosplan.sweeps.block import Block
+from aosplan.units import nearest_hint, number, shown, whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -43,40 +39,6 @@ MOST_HEADER = 1 << 16
 
 MOST_VALUES = 10_000_000
 """Values that one range or list may have."""
-
-
-class Block(NamedTuple):
-    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`.
-
-    `kinds` are the types that values of columns of objects have in any block, None apart.
-    """
-
-    start: int
-    shape: tuple[int, ...]
-    columns: dict[str, NDArray[Any]]
-    kinds: Mapping[str, frozenset[type]] = {}
-
-    @property
-    def rows(self) -> int:
-        """Number of scenarios."""
-        return math.prod(self.shape)
-
-    def flat(self, name: str) -> NDArray[Any]:
-        """A column with a value for every scenario, in order."""
-        return np.broadcast_to(self.columns[name], self.shape).reshape(-1)
-
-    def request_values(self, row: int) -> dict[str, Any]:
-        """The options of one scenario, by name."""
-        place = np.unravel_index(row, self.shape)
-        values = {
-            name: np.broadcast_to(column, self.shape)[place]
-            for name, column in self.columns.items()
-        }
-        return {
-            name: value.item() if isinstance(value, np.generic) else value
-            for name, value in values.items()
-            if value is not None
-        }
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from aosplan.sweeps.grouping import scenario
 from aosplan.sweeps.row_solver import WHOLE
 from aosplan.sweeps.scenarios import polars
 from aosplan.sweeps.status import STATUSES
+from aosplan.sweeps.verify import Draw, Drawing, drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -27,15 +28,9 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.grouping import (
-        Groups,
-        Outline,
-    )
-    from aosplan.sweeps.scenarios import (
-        Block,
-        Crossing,
-        Table,
-    )
+    from aosplan.sweeps.block import Block
+    from aosplan.sweeps.grouping import Groups, Outline
+    from aosplan.sweeps.scenarios import Crossing, Table
 
 MOST_REASONS = 100
 """Kinds of reasons that are told apart: the first of the alphabet."""
@@ -441,3 +436,51 @@ def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
         if left <= 0:
             return value_of(at, whole=whole)
     return None
+
+
+class Gathered(NamedTuple):
+    """What is gathered from some parts."""
+
+    summary: Summary
+    draw: Draw
+
+    def state(self) -> list[Any]:
+        """The same as plain values, for a file."""
+        return [self.summary.state(), self.draw.state()]
+
+    @classmethod
+    def of_state(cls, state: list[Any]) -> Gathered:
+        """What `state` was made of."""
+        return cls(Summary.of_state(state[0]), Draw.of_state(state[1]))
+
+
+class Gather(NamedTuple):
+    """What is to be gathered: a summary, and a sample of rows to simulate, if any."""
+
+    outline: Outline
+    drawing: Drawing | None = None
+
+    def nothing(self, results: Sequence[str]) -> Gathered:
+        """What is gathered from no part."""
+        return Gathered(empty(self.outline, results), Draw())
+
+    def of(
+        self,
+        results: Sequence[str],
+        block: Block,
+        frame: pl.DataFrame,
+        kept: NDArray[np.intp],
+    ) -> Gathered:
+        """What is gathered from one part: a block, a row for each of its scenarios, those kept."""
+        return Gathered(
+            summarised(self.outline, results, block, frame, kept),
+            Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
+        )
+
+    def joined(self, first: Gathered, second: Gathered) -> Gathered:
+        """What is gathered from the parts of both."""
+        rows = 0 if self.drawing is None else self.drawing.rows
+        return Gathered(
+            first.summary.joined(second.summary, most=self.outline.most),
+            first.draw.joined(second.draw, rows=rows),
+        )

@@ -6,15 +6,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from aosplan.cli.results_schema import (
+from aosplan.simulation.simulation_schema import (
     PredictedDocument,
     SimulatedDocument,
     ToleranceDocument,
 )
-from aosplan.validation import (
-    Finite,
-    OpenDocument,
-)
+from aosplan.validation import Finite, OpenDocument
 
 Row = Annotated[int, Field(ge=1)]
 """Place of a scenario in the sweep, from 1."""

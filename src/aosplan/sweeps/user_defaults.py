@@ -13,12 +13,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.planning.request import own_beneath
-from aosplan.sweeps.scenarios import (
-    Crossing,
-    Table,
-    column_of,
-    share_alone,
-)
+from aosplan.sweeps.scenarios import Crossing, Table, column_of, share_alone
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

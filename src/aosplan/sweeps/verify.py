@@ -32,18 +32,12 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.scenes.occlusion import ViewKind
-    from aosplan.simulation.compare import (
-        Settings,
-        Simulation,
-    )
+    from aosplan.simulation.compare import Settings, Simulation
+    from aosplan.sweeps.block import Block
     from aosplan.sweeps.grouping import Groups
-    from aosplan.sweeps.scenarios import (
-        Block,
-        Crossing,
-        Table,
-    )
+    from aosplan.sweeps.scenarios import Crossing, Table
 
 ROWS = 20
 """Rows of a sample, unless told otherwise."""

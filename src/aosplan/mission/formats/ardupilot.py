@@ -9,14 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
-from aosplan.mission.export import Format
-from aosplan.mission.mavlink import (
-    ABSOLUTE,
-    ARDUPILOT,
-    WAYPOINT,
-    Command,
-    commands,
-)
+from aosplan.mission.format import Format
+from aosplan.mission.mavlink import ABSOLUTE, ARDUPILOT, WAYPOINT, Command, commands
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Mission

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from aosplan.mission.export import Format
+from aosplan.mission.format import Format
 from aosplan.mission.formats.rows import rows
 
 if TYPE_CHECKING:

@@ -7,12 +7,9 @@ import json
 from typing import TYPE_CHECKING
 
 from aosplan.geodesy import path_parts
-from aosplan.mission.export import Format
+from aosplan.mission.format import Format
 from aosplan.mission.formats.csv import columns
-from aosplan.mission.formats.rows import (
-    blocks,
-    rows,
-)
+from aosplan.mission.formats.rows import blocks, rows
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Mission

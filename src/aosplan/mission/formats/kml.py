@@ -6,11 +6,8 @@ import io
 from typing import TYPE_CHECKING
 
 from aosplan.geodesy import path_parts
-from aosplan.mission.export import Format
-from aosplan.mission.formats.rows import (
-    blocks,
-    rows,
-)
+from aosplan.mission.format import Format
+from aosplan.mission.formats.rows import blocks, rows
 from aosplan.xml_text import xml_text
 
 if TYPE_CHECKING:

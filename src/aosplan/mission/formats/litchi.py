@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from aosplan.mission.export import Format
+from aosplan.mission.format import Format, Limits
 from aosplan.mission.formats.rows import rows
-from aosplan.mission.limits import Limits
 from aosplan.mission.mission import photo_lines
 
 if TYPE_CHECKING:

@@ -9,15 +9,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from aosplan.mission.export import Format
-from aosplan.mission.mavlink import (
-    ARDUPILOT,
-    PX4,
-    RELATIVE,
-    TERRAIN,
-    Command,
-    commands,
-)
+from aosplan.mission.format import Format
+from aosplan.mission.mavlink import ARDUPILOT, PX4, RELATIVE, TERRAIN, Command, commands
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Mission

@@ -12,16 +12,9 @@ from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
-from aosplan.mission.dji_models import (
-    DRONES,
-    PAYLOADS,
-)
-from aosplan.mission.export import Format
-from aosplan.mission.limits import Limits
-from aosplan.mission.mission import (
-    photo_lines,
-    runs_out,
-)
+from aosplan.mission.dji_models import DRONES, PAYLOADS
+from aosplan.mission.format import Format, Limits
+from aosplan.mission.mission import photo_lines, runs_out
 from aosplan.xml_text import xml_text
 
 if TYPE_CHECKING:

@@ -15,17 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aosplan.errors import RequestError, SurroundingsError
-from aosplan.postflight.integral.poses_file import (
-    FARTHEST_M,
-    Intrinsics,
-    View,
-    checked_intrinsics,
-)
-from aosplan.units import (
-    number,
-    shown,
-    whole,
-)
+from aosplan.postflight.integral.camera_pose import FARTHEST_M, Intrinsics, View, checked_intrinsics
+from aosplan.units import number, shown, whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.postflight.integral.poses_file import (
-        Intrinsics,
-        View,
-    )
+    from aosplan.postflight.integral.camera_pose import Intrinsics, View
 
 UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y": (0.0, -1.0, 0.0)}
 """Directions of the world that may be up, by name."""

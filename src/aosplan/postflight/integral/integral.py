@@ -16,10 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.postflight.integral.images import (
-    Picture,
-    read_picture,
-)
+from aosplan.postflight.integral.images import Picture, read_picture
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -27,14 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL.Image import Image
 
-    from aosplan.postflight.integral.focal_plane import (
-        Plane,
-        Raster,
-    )
-    from aosplan.postflight.integral.poses_file import (
-        Intrinsics,
-        View,
-    )
+    from aosplan.postflight.integral.camera_pose import Intrinsics, View
+    from aosplan.postflight.integral.focal_plane import Plane, Raster
 
 ROWS_AT_ONCE = 256
 """Rows of a distorted view that are warped at a time."""

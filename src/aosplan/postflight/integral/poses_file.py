@@ -6,130 +6,13 @@ x runs to the image's right, y down and z forward.  Lengths are metres.
 
 from __future__ import annotations
 
-import math
 import os
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.units import (
-    number,
-    shown,
-    whole,
-)
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from aosplan.camera.camera import Camera
-
-ROTATION_TOLERANCE = 1e-3
-"""How far a published rotation may be from orthonormal, in any element of R Rᵀ."""
-
-FARTHEST_M = 1e9
-"""No camera is farther from the origin of its world."""
-
-
-class Intrinsics(NamedTuple):
-    """A pinhole camera with lens distortion, in pixels.
-
-    A direction (x, y, 1) of the camera's frame is seen at (fx x' + cx, fy y' + cy), where x' and y'
-    are x and y moved by the distortion of `distorted`.
-    """
-
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-
-    @property
-    def is_pinhole(self) -> bool:
-        """Whether lines stay lines."""
-        return self.k1 == self.k2 == self.p1 == self.p2 == 0.0
-
-    def distorted(
-        self, x: NDArray[np.float64], y: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Directions as the lens shows them; nan beyond the fold of its polynomial.
-
-        COLMAP's RADIAL and OPENCV: with r² = x² + y²,
-        x' = x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²), and y' alike with p1 and p2 swapped.
-        """
-        r2 = x * x + y * y
-        scale = 1.0 + r2 * (self.k1 + r2 * self.k2)
-        # Past the fold, directions farther out would come back into the image.
-        scale = np.where(r2 < self._fold(), scale, np.nan)
-        return (
-            x * scale + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
-            y * scale + 2.0 * self.p2 * x * y + self.p1 * (r2 + 2.0 * y * y),
-        )
-
-    def undistorted(self, x: float, y: float) -> tuple[float, float]:
-        """The direction that the lens shows at (x, y): the inverse of `distorted`.
-
-        Newton's method; nan where the lens shows nothing there.
-        """
-        guess = np.array([x, y])
-        for _ in range(50):
-            steps = guess[:, None] + 1e-7 * np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-            there = np.stack(self.distorted(steps[0], steps[1]))
-            error = there[:, 0] - (x, y)
-            if not np.isfinite(there).all():
-                break
-            if np.abs(error).max() < 1e-13:
-                return float(guess[0]), float(guess[1])
-            guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
-        there = np.stack(self.distorted(guess[:1], guess[1:]))[:, 0]
-        close = np.abs(there - (x, y)).max() < 1e-9
-        return (float(guess[0]), float(guess[1])) if close else (math.nan, math.nan)
-
-    def _fold(self) -> float:
-        """Smallest r² at which r (1 + k1 r² + k2 r⁴) stops growing; inf where it never does."""
-        roots = np.roots([5.0 * self.k2, 3.0 * self.k1, 1.0])
-        real = [root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0.0]
-        return min(real, default=math.inf)
-
-
-@dataclass(frozen=True)
-class View:
-    """One image: its file's name, its pose, and its camera where that is known.
-
-    Parameters
-    ----------
-    name
-        Of the image file, in the folder of images.
-    rotation, translation
-        R, shape (3, 3), and t, shape (3,): world to camera.
-    intrinsics
-        The camera; None where the poses do not say.
-    """
-
-    name: str
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    intrinsics: Intrinsics | None = None
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """Where the camera stood in the world, -Rᵀ t [m]."""
-        return -self.rotation.T @ self.translation
-
-    @property
-    def forward(self) -> NDArray[np.float64]:
-        """Direction in the world in which the camera looked."""
-        direction: NDArray[np.float64] = self.rotation[2]
-        return direction
+from aosplan.postflight.integral.camera_pose import Intrinsics, View, checked_intrinsics, pose
+from aosplan.units import number, shown, whole
 
 
 def read_poses(path: str) -> list[View]:
@@ -162,30 +45,6 @@ def read_poses(path: str) -> list[View]:
             raise RequestError(f"'{path}': image {shown(view.name)} is given twice")
         names.add(view.name)
     return views
-
-
-def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """R and t of a 3 x 4 matrix of numbers, or of numbers written as text.
-
-    Raises
-    ------
-    RequestError
-        Where it has another shape, or its left part is no rotation.
-    """
-    rows = matrix if isinstance(matrix, list) and len(matrix) == 3 else []
-    if not rows or any(not isinstance(row, list) or len(row) != 4 for row in rows):
-        raise RequestError(f"{place}: M3x4 is not 3 rows of 4 numbers")
-    numbers = np.array([[number(value, f"{place}: M3x4") for value in row] for row in rows])
-    rotation, translation = numbers[:, :3], numbers[:, 3]
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
-    if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
-        raise RequestError(
-            f"{place}: the left 3 x 3 of M3x4 is no rotation",
-            "M3x4 is [R|t], world to camera, with lengths in metres in t alone",
-        )
-    if np.abs(translation).max() > FARTHEST_M:
-        raise RequestError(f"{place}: the camera is farther than {FARTHEST_M:g} m")
-    return rotation, translation
 
 
 def _read_json(path: str) -> list[View]:
@@ -224,51 +83,3 @@ def _camera(value: Any, place: str) -> Intrinsics:
         [number(value[name], f"{place}: {name}") for name in names[2:]],
         place,
     )
-
-
-def checked_intrinsics(width: int, height: int, values: list[float], place: str) -> Intrinsics:
-    """Intrinsics from numbers: fx, fy, cx, cy, and the distortion where there is any.
-
-    Raises
-    ------
-    RequestError
-        Where a focal length is not positive, or the image has no middle.
-    """
-    if not (values[0] > 0.0 and values[1] > 0.0):
-        raise RequestError(f"{place}: focal length {min(values[:2]):g} px is not above zero")
-    return Intrinsics(width, height, *values)
-
-
-def from_field_of_view(fov_deg: float) -> Callable[[int, int], Intrinsics]:
-    """Intrinsics of an image of any size, from its horizontal field of view [deg]; square pixels."""
-    if not 0.0 < fov_deg < 180.0:
-        raise RequestError(f"--fov {fov_deg:g} is not between 0 and 180 degrees")
-
-    def made(width: int, height: int) -> Intrinsics:
-        focal = 0.5 * width / math.tan(math.radians(fov_deg) / 2.0)
-        return Intrinsics(width, height, focal, focal, width / 2.0, height / 2.0)
-
-    return made
-
-
-def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
-    """Intrinsics of a camera for its own images, and for its images scaled as a whole."""
-
-    def made(width: int, height: int) -> Intrinsics:
-        own = (camera.image_width_px, camera.image_height_px)
-        if abs(width * own[1] - height * own[0]) > max(own):
-            raise RequestError(
-                f"camera '{camera.name}' makes images of {own[0]} x {own[1]} pixels, "
-                f"not {width} x {height}",
-                "a cropped image needs a camera file of its own, or --fov",
-            )
-        return Intrinsics(
-            width,
-            height,
-            camera.focal_length_mm / camera.sensor_width_mm * width,
-            camera.focal_length_mm / camera.sensor_height_mm * height,
-            width / 2.0,
-            height / 2.0,
-        )
-
-    return made

@@ -8,22 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.postflight.integral.focal_plane import (
-    UPS,
-    Plane,
-    Raster,
-    footprint_m,
-    pixel_m,
-    upward,
-)
-from aosplan.postflight.integral.images import (
-    Folder,
-    image_size,
-)
-from aosplan.postflight.integral.integral import (
-    Source,
-    integrate,
-)
+from aosplan.postflight.integral.focal_plane import UPS, Plane, Raster, footprint_m, pixel_m, upward
+from aosplan.postflight.integral.images import Folder, image_size
+from aosplan.postflight.integral.integral import Source, integrate
 from aosplan.postflight.integral.poses_file import read_poses
 from aosplan.postflight.integral.view_subset import chosen
 
@@ -32,11 +19,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.postflight.integral.camera_pose import Intrinsics, View
     from aosplan.postflight.integral.integral import Integral
-    from aosplan.postflight.integral.poses_file import (
-        Intrinsics,
-        View,
-    )
     from aosplan.postflight.integral.view_subset import Choice
 
 EXTENTS = ("centre", "all")
@@ -195,10 +179,7 @@ def least_views(text: str, views: int) -> int:
     RequestError
         Where it is neither, or more than there are.
     """
-    from aosplan.units import (
-        share,
-        whole,
-    )
+    from aosplan.units import share, whole
 
     if text.strip().endswith("%"):
         return max(math.ceil(share(text, "--min-views") * views - 1e-9), 1)

@@ -14,12 +14,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes
-from aosplan.units import (
-    at_least_zero,
-    nearest_hint,
-    positive,
-    shown,
-)
+from aosplan.units import at_least_zero, nearest_hint, positive, shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

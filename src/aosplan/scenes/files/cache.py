@@ -59,11 +59,7 @@ def stand(
     tuple
         The stand, and whether it comes from the cache.
     """
-    from aosplan.scenes.files.voxel_file import (
-        Stand,
-        read_stand,
-        stand_npz,
-    )
+    from aosplan.scenes.files.voxel_file import Stand, read_stand, stand_npz
 
     path = _entry(files, reading)
     if path is not None and os.path.exists(path):

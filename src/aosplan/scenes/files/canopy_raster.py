@@ -16,12 +16,7 @@ import numpy as np
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.files import reading
-from aosplan.scenes.voxels import (
-    FACE,
-    VoxelVolume,
-    fits,
-    too_many_voxels,
-)
+from aosplan.scenes.voxels import FACE, VoxelVolume, fits, too_many_voxels
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -30,18 +30,8 @@ from aosplan.scenes.files.ground import (
     surface,
     vertices,
 )
-from aosplan.scenes.files.las import (
-    PointFile,
-    not_metric,
-)
-from aosplan.scenes.voxels import (
-    VoxelVolume,
-    cells_along,
-    fill,
-    fits,
-    footprint,
-    too_many_voxels,
-)
+from aosplan.scenes.files.las import PointFile, not_metric
+from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -6,10 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
-from aosplan.validation import (
-    Document,
-    Finite,
-)
+from aosplan.validation import Document, Finite
 
 
 class LayerDocument(Document):

@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING
 from aosplan import units as q
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes
-from aosplan.scenes.scene import (
-    MOST_SLICES,
-    Layer,
-    LayeredScene,
-)
+from aosplan.scenes.scene import MOST_SLICES, Layer, LayeredScene
 
 if TYPE_CHECKING:
     from collections.abc import Callable

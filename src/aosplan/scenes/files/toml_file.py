@@ -12,12 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.scenes.scene import (
-    Layer,
-    LayeredScene,
-    Scene,
-    UniformScene,
-)
+from aosplan.scenes.scene import Layer, LayeredScene, Scene, UniformScene
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -171,3 +166,55 @@ def _lacking(path: str, what: str) -> RequestError:
         f"layered one [[layers]]; an inventory {', '.join(STEMS)}, volume_base_m and "
         "volume_height_m",
     )
+
+
+def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
+    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it.
+
+    Parameters
+    ----------
+    scene
+        Uniform or layered.
+    correlogram
+        Its correlogram, where there is one: the measured model then predicts by it.
+    """
+    import tomli_w
+
+    table: dict[str, Any] = {"name": scene.name}
+    for word in ("title", "source", "assumed"):
+        if getattr(scene, word):
+            table[word] = getattr(scene, word)
+    if isinstance(scene, UniformScene):
+        density = scene.density
+        table |= (
+            {"density": density}
+            if density is not None
+            else {"integrated_density": scene.integrated_density}
+        )
+        table |= {
+            "occluder_size_m": scene.occluder_size_m,
+            "volume_base_m": scene.volume_base_m,
+            "volume_height_m": scene.volume_height_m,
+        }
+        return tomli_w.dumps(table).encode()
+    if scene.measured_density is not None:
+        table["integrated_density"] = scene.measured_density
+    if scene.voxel_m is not None:
+        table["voxel_m"] = scene.voxel_m
+    head = tomli_w.dumps(table)
+    layers = tomli_w.dumps({"layers": [layer._asdict() for layer in scene.layers]})
+    if correlogram is None:
+        return f"{head}\n{layers}".encode()
+    from aosplan.scenes.files.correlogram_table import correlogram_table
+
+    tables = correlogram_table(correlogram)
+
+    def rows(name: str) -> str:
+        return f"{name} = [\n" + "".join(f"    {row},\n" for row in tables[name]) + "]\n"
+
+    return (
+        f"{head}\n# A line for each direction, an entry for each lag: the camera's offset over its "
+        f"altitude.\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
+        f"directions_deg = {tables['directions_deg']}\nlags = {tables['lags']}\n"
+        f"reach = {tables['reach']}\n{rows('rho')}"
+    ).encode()

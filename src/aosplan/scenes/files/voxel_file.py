@@ -20,18 +20,9 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes
-from aosplan.scenes.files.correlogram_table import (
-    correlogram_from,
-    correlogram_table,
-)
-from aosplan.scenes.scene import (
-    Layer,
-    LayeredScene,
-)
-from aosplan.scenes.voxels import (
-    MAX_VOXELS,
-    VoxelVolume,
-)
+from aosplan.scenes.files.correlogram_table import correlogram_from, correlogram_table
+from aosplan.scenes.scene import Layer, LayeredScene
+from aosplan.scenes.voxels import MAX_VOXELS, VoxelVolume
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,21 +9,13 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import MissingExtraError, RequestError
-from aosplan.show.figures.style import (
-    LIGHT,
-    Theme,
-    printable,
-    rules,
-)
+from aosplan.show.figures.style import LIGHT, Theme, printable, rules
 from aosplan.xml_text import escaped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aosplan.show.figures.draw import (
-        Kind,
-        Shown,
-    )
+    from aosplan.show.figures.draw import Kind, Shown
 
 EXTRA = "figures"
 

@@ -5,13 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.show.figures.style import (
-    LINES,
-    MARKERS,
-    entitle,
-    legend_below,
-    logarithmic,
-)
+from aosplan.show.figures.style import LINES, MARKERS, entitle, legend_below, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

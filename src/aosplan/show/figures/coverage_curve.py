@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.camera.disparity import coverage_baseline
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.scenes.summary import statistics_document
-from aosplan.show.figures.style import (
-    entitle,
-    logarithmic,
-)
+from aosplan.show.figures.style import entitle, logarithmic
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

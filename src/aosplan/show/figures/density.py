@@ -7,10 +7,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.show.figures.style import (
-    entitle,
-    legend_below,
-)
+from aosplan.show.figures.style import entitle, legend_below
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

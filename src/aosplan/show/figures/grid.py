@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.show.figures.style import (
-    entitle,
-    legend_below,
-)
+from aosplan.show.figures.style import entitle, legend_below
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.patches import PathPatch
 
     from aosplan.areas.area import Area
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.show.figures.style import Theme
 
     Ring = tuple[tuple[float, float], ...]

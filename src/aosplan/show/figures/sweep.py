@@ -13,14 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import check_input
-from aosplan.show.figures.style import (
-    entitle,
-    legend_below,
-    logarithmic,
-    plain,
-)
-from aosplan.sweeps.run import SUFFIXES
+from aosplan.show.figures.style import entitle, legend_below, logarithmic, plain
 from aosplan.sweeps.scenarios import polars
+from aosplan.sweeps.sweep import SUFFIXES
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:

@@ -5,17 +5,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.show.figures.style import (
-    LINES,
-    entitle,
-    legend_below,
-    plain,
-)
+from aosplan.show.figures.style import LINES, entitle, legend_below, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.show.figures.style import Theme
 
 

@@ -6,11 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.show.figures.style import (
-    LINES,
-    entitle,
-    plain,
-)
+from aosplan.show.figures.style import LINES, entitle, plain
 from aosplan.solver.solution import BEST
 
 if TYPE_CHECKING:
@@ -19,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.show.figures.style import Theme
     from aosplan.solver.problem import Problem
 

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from aosplan.grid.patterns import Sites
-    from aosplan.solver.problem import (
-        Problem,
-        Solution,
-    )
+    from aosplan.solver.problem import Problem
+    from aosplan.solver.solution import Solution
 
 
 class Bound(NamedTuple):

@@ -5,23 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.show.figures.visibility import (
-    POINTS,
-    Curve,
-    by_baseline,
-    by_samples,
-)
-from aosplan.show.page.axis_bounds import (
-    Bound,
-    baseline_bounds,
-    sample_bounds,
-)
+from aosplan.show.figures.visibility import POINTS, Curve, by_baseline, by_samples
+from aosplan.show.page.axis_bounds import Bound, baseline_bounds, sample_bounds
 from aosplan.show.page.number_text import spacing
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
 
 LEFT, RIGHT, TOP, BOTTOM = 46, 326, 14, 240
 """The picture, and the frame of its axes, in units of which a letter is about 12 high."""

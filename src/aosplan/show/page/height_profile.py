@@ -6,19 +6,10 @@ from itertools import accumulate, pairwise
 from math import dist
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.show.page.charts import (
-    APART,
-    BOTTOM,
-    LEFT,
-    RIGHT,
-    TOP,
-    Tick,
-    scale,
-    ticks,
-)
+from aosplan.show.page.charts import APART, BOTTOM, LEFT, RIGHT, TOP, Tick, scale, ticks
 
 if TYPE_CHECKING:
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
 
 MOST = 400
 """Waypoints of a picture; of more only every so many are drawn, and the last."""

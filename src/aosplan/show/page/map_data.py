@@ -11,11 +11,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aosplan.mission.mission import Waypoints
-    from aosplan.planning.planner import Plan
-    from aosplan.show.figures.grid import (
-        Grid,
-        Polygon,
-    )
+    from aosplan.planning.result import Plan
+    from aosplan.show.figures.grid import Grid, Polygon
 
 
 class Column(NamedTuple):

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from aosplan.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
 
 EXTRA = "report"
 
@@ -70,21 +70,10 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     from aosplan.show.figures.grid import grid_of
     from aosplan.show.page.charts import charts_of
     from aosplan.show.page.height_profile import profile_of
-    from aosplan.show.page.map_data import (
-        columns_of,
-        scenery_of,
-    )
-    from aosplan.show.page.number_text import (
-        Figures,
-        long,
-        short,
-        spacing,
-    )
+    from aosplan.show.page.map_data import columns_of, scenery_of
+    from aosplan.show.page.number_text import Figures, long, short, spacing
     from aosplan.show.page.simulated_photos import views_of
-    from aosplan.show.page.static_map import (
-        MOST_SITES,
-        still_of,
-    )
+    from aosplan.show.page.static_map import MOST_SITES, still_of
 
     document = plan.document()
     rows = len(document.pop("waypoints"))

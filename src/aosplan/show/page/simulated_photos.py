@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.scenes.occlusion import ViewKind
 
 MOST_VIEWS = 500
@@ -58,14 +58,8 @@ def views_of(plan: Plan, seed: int | None) -> Views:
             f"left out: {plan.solution.pattern.samples} photos, and more than {MOST_VIEWS} are too "
             "many to simulate quickly; aosplan simulate takes its time",
         )
-    from aosplan.simulation.compare import (
-        Settings,
-        posed,
-    )
-    from aosplan.simulation.pictures import (
-        panels,
-        png,
-    )
+    from aosplan.simulation.compare import Settings, posed
+    from aosplan.simulation.pictures import panels, png
 
     try:
         settings, experiment, predicted = posed(plan, Settings(seed=seed, view=_view(plan)))

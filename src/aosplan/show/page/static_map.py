@@ -4,19 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.show.figures.grid import (
-    nice_length_m,
-    window,
-)
+from aosplan.show.figures.grid import nice_length_m, window
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from aosplan.planning.planner import Plan
-    from aosplan.show.figures.grid import (
-        Grid,
-        Polygon,
-    )
+    from aosplan.planning.result import Plan
+    from aosplan.show.figures.grid import Grid, Polygon
 
 MOST_SITES = 5000
 """More waypoints would weigh more than the page, which says so in place of the map."""

@@ -16,10 +16,7 @@ from aosplan.show.text.terminal import flowed
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from aosplan.grid.patterns import (
-        Pattern,
-        Sites,
-    )
+    from aosplan.grid.patterns import Pattern, Sites
 
 WIDTH, HEIGHT = 72, 20
 """Largest picture, in characters and lines."""

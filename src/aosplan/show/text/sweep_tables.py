@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.table import Table
 
 from aosplan.planning.options import BY_NAME
-from aosplan.show.text.tables import (
-    one_line,
-    screen_width,
-    show,
-)
+from aosplan.show.text.tables import one_line, screen_width, show
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -14,10 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
-from aosplan.show.text.grid_drawing import (
-    flight_picture,
-    grid_picture,
-)
+from aosplan.show.text.grid_drawing import flight_picture, grid_picture
 from aosplan.show.text.terminal import (
     is_coloured,
     is_styled,
@@ -36,7 +33,7 @@ if TYPE_CHECKING:
     from aosplan.areas.survey import Survey
     from aosplan.grid.patterns import Sites
     from aosplan.models.model import Prediction
-    from aosplan.planning.planner import Plan
+    from aosplan.planning.result import Plan
     from aosplan.planning.sensitivity import Change
     from aosplan.scenes.scene import Scene
     from aosplan.simulation.compare import Simulation

@@ -10,11 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.flight.kinematics import path_of
-from aosplan.grid.patterns import (
-    MOST_SITES,
-    Sites,
-    pattern_for,
-)
+from aosplan.grid.patterns import MOST_SITES, Sites, pattern_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable

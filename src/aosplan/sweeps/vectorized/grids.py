@@ -11,11 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.grid.patterns import (
-    MOST_SITES,
-    Pattern,
-    pattern_for,
-)
+from aosplan.grid.patterns import MOST_SITES, Pattern, pattern_for
 from aosplan.models.equations import line_shortfall
 
 if TYPE_CHECKING:

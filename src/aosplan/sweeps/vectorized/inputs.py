@@ -9,24 +9,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
+from aosplan.files import located
 from aosplan.flight.drones import DRONES
-from aosplan.models.equations import integrated_density, transparency
-from aosplan.planning.inputs import (
-    find_camera,
-    find_preset_scene,
-    located,
-    scene_of,
-)
+from aosplan.planning.inputs import scene_of
 from aosplan.planning.request import PlanRequest
-from aosplan.scenes.scene import (
-    SMALLEST_M,
-    UniformScene,
-)
-from aosplan.solver.problem import (
-    TOLERANCE,
-    Requirement,
-)
+from aosplan.scenes.density import integrated_density, transparency
+from aosplan.scenes.presets import find_preset_scene
+from aosplan.scenes.scene import SMALLEST_M, UniformScene
+from aosplan.solver.problem import TOLERANCE, Requirement
 from aosplan.units import exact_share
 
 if TYPE_CHECKING:
@@ -34,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.scenarios import Block
+    from aosplan.sweeps.block import Block
 
     Columns = Mapping[str, NDArray[Any]]
 

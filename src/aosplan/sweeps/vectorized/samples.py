@@ -14,14 +14,8 @@ import numpy as np
 
 from aosplan.grid.patterns import MOST_SITES
 from aosplan.solver.problem import TOLERANCE
-from aosplan.solver.solve_monotone import (
-    SEARCHED_FRAMES,
-    SEARCHED_SAMPLES,
-)
-from aosplan.sweeps.status import (
-    INFEASIBLE,
-    INVALID,
-)
+from aosplan.solver.solve_monotone import SEARCHED_FRAMES, SEARCHED_SAMPLES
+from aosplan.sweeps.status import INFEASIBLE, INVALID
 from aosplan.sweeps.vectorized import grids as lattices
 from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 

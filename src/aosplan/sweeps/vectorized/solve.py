@@ -14,21 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.grid.patterns import MOST_SITES
-from aosplan.sweeps.row_solver import (
-    NOT_OF_CLEAR_VIEWS,
-    RESULTS,
-)
-from aosplan.sweeps.status import (
-    INFEASIBLE,
-    INVALID,
-    LEFT,
-    OK,
-    Verdicts,
-)
-from aosplan.sweeps.vectorized.flights import (
-    flights,
-    layouts,
-)
+from aosplan.sweeps.row_solver import NOT_OF_CLEAR_VIEWS, RESULTS
+from aosplan.sweeps.status import INFEASIBLE, INVALID, LEFT, OK, Verdicts
+from aosplan.sweeps.vectorized.flights import flights, layouts
 from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
     altitude_columns,
@@ -38,23 +26,16 @@ from aosplan.sweeps.vectorized.inputs import (
     timing_columns,
     understood,
 )
-from aosplan.sweeps.vectorized.samples import (
-    Answer,
-    Asked,
-    answer,
-)
+from aosplan.sweeps.vectorized.samples import Answer, Asked, answer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.scenarios import Block
+    from aosplan.sweeps.block import Block
     from aosplan.sweeps.vectorized.flights import Layouts
-    from aosplan.sweeps.vectorized.inputs import (
-        CameraColumns,
-        SceneColumns,
-    )
+    from aosplan.sweeps.vectorized.inputs import CameraColumns, SceneColumns
 
     Columns = Mapping[str, NDArray[Any]]
 

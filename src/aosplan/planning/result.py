@@ -1,0 +1,92 @@
+"""The plan: its values, and the documents and files that are made of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import RequestError
+from aosplan.mission.mission import Mission, split
+from aosplan.planning.plan_data import PlanData
+from aosplan.planning.setup import kinds_of
+
+if TYPE_CHECKING:
+    from aosplan.solver.tradeoff import Row
+
+
+@dataclass(frozen=True)
+class Plan(PlanData):
+    """What to fly, and what it will show.
+
+    Attributes are those of `aosplan.planning.plan_data.PlanData`.
+    """
+
+    def document(self) -> dict[str, Any]:
+        """The plan as plain values: what ``plan --json`` prints."""
+        from aosplan.planning.document import plan_document
+
+        return plan_document(self)
+
+    def tradeoff(self) -> list[Row]:
+        """What each number of samples takes and gives, for every kind of grid asked for.
+
+        Raises
+        ------
+        RequestError
+            Where nothing stands above the focal plane: there is nothing to trade.
+        """
+        from aosplan.solver.tradeoff import tradeoff
+
+        if self.problem is None:
+            raise RequestError("nothing stands above the focal plane: one photo shows everything")
+        problems = [self.problem._replace(grid=kind) for kind in kinds_of(self.request)]
+        return tradeoff(problems, self.problem, self.solution)
+
+    def mission(self) -> Mission:
+        """The plan as formats take it."""
+        document = self.document()
+        del document["waypoints"]
+        return Mission(self.waypoints, document, self.conduct)
+
+    def missions(self) -> tuple[Mission, ...]:
+        """A mission for each flight, in order; their waypoints together are the plan's."""
+        return split(self.mission(), [flight[:2] for flight in self.route.flights])
+
+    def write(
+        self,
+        path: str,
+        *,
+        format: str | None = None,  # noqa: A002 (the option's name)
+        force: bool = False,
+    ) -> list[str]:
+        """Write the waypoints, whole or not at all.
+
+        Parameters
+        ----------
+        path
+            The ending decides the format, or a name before a colon: ``csv:grid.txt``.
+        format
+            Name of the format, whatever the ending.
+        force
+            Whether an existing file is overwritten.
+
+        Returns
+        -------
+        paths
+            What was written: `path`, or numbered files where one does not hold all.
+
+        Raises
+        ------
+        RequestError
+            Where the format is unknown or needs a place, the file exists, or the mission is
+            beyond the limits of the format's target.
+        SurroundingsError
+            Where the file cannot be written.
+        """
+        from aosplan.files import write_all
+        from aosplan.mission.export import choose, files
+
+        chosen, path = choose(str(path), format)
+        contents = files(self.missions(), chosen, path)
+        write_all(contents, force=force)
+        return list(contents)

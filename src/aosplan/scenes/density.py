@@ -1,0 +1,115 @@
+"""Integrated density, transparency and slice density: Eq. 1 of the paper and its inverse."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from aosplan.numerics import elementwise
+
+if TYPE_CHECKING:
+    from aosplan.numerics import Floats
+
+
+def integrated_density(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Share p of the target that one sample does not see, 1 - (1 - D)^(l/o).
+
+    Parameters
+    ----------
+    slice_density
+        D, share of each slice that occluders fill, 0 to 1.
+    volume_height
+        l, thickness of the volume [m], at least 0.
+    occluder_size
+        o, edge length of an occluder [m], above 0.
+
+    Returns
+    -------
+    float or ndarray
+        p; accurate also where it is tiny.  Where it rounds to 1, `transparency` has the
+        digits that it has lost.
+
+    References
+    ----------
+    Kurmi, Schedl and Bimber (2019), Eq. 1.
+
+    Examples
+    --------
+    >>> round(integrated_density(0.0095, 17.54, 0.20), 3)
+    0.567
+    """
+    return elementwise(_integrated_density, slice_density, volume_height, occluder_size)
+
+
+def transparency(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Share T = (1 - D)^(l/o) of the target that one sample sees: Eq. 1 from its other end.
+
+    Parameters and domain as in `integrated_density`.
+    """
+    return elementwise(_transparency, slice_density, volume_height, occluder_size)
+
+
+def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
+    """Density D of a slice that gives an integrated density p: Eq. 1 solved for D.
+
+    Parameters
+    ----------
+    integrated
+        p, 0 to 1.
+    volume_height, occluder_size
+        l and o [m], both above 0.
+    """
+    return elementwise(_slice_density, integrated, volume_height, occluder_size)
+
+
+def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:
+    """log T = (l/o) log(1 - D) as a sum of two floats, and whether it is in the domain.
+
+    T loses as many units in the last place as |log T| has, for each rounding of log T; the
+    second float takes the roundings of the quotient and the product back.
+    """
+    log_q = xp.log1p(-d)
+    ratio = height / o
+    remainder = (height - ratio * o) - _product_error(ratio, o)
+    high = ratio * log_q
+    low = _product_error(ratio, log_q) + remainder / o * log_q
+    # An empty volume is transparent whatever D or l/o is, where 0 times infinity would be nan;
+    # and where the correction overflows there is nothing to correct.
+    filled = (height > 0.0) & (d > 0.0)
+    valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
+    high = xp.where(d < 1.0, high, -math.inf)  # even where l/o is so small that it rounds to 0
+    return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
+
+
+def _product_error(x: Any, y: Any) -> Any:
+    """What x * y loses by rounding, exactly (Dekker 1971): x y = fl(x y) + error."""
+    x_high = x * 134217729.0 - (x * 134217729.0 - x)  # 2^27 + 1 cuts 53 bits in half
+    y_high = y * 134217729.0 - (y * 134217729.0 - y)
+    x_low, y_low = x - x_high, y - y_high
+    return ((x_high * y_high - x * y) + x_high * y_low + x_low * y_high) + x_low * y_low
+
+
+def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    log_t, rest, valid = _log_transparency(xp, d, height, o)
+    # Not -expm1: that would make p = -0.0 of D = 0.
+    return 0.0 - (xp.expm1(log_t) + xp.exp(log_t) * rest), valid
+
+
+def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    log_t, rest, valid = _log_transparency(xp, d, height, o)
+    t = xp.exp(log_t)
+    # Where T is small, log T is large, and so is what its last place means: a power has no such
+    # step.  1 - D is q + lost, exactly, and l/o is ratio + remainder.
+    q = 1.0 - d
+    lost = (1.0 - q) - d
+    ratio = height / o
+    remainder = ((height - ratio * o) - _product_error(ratio, o)) / o
+    small = (log_t < -1.0) & (log_t > -800.0)
+    base = xp.where(small, q, 1.0)
+    correction = xp.where(small, ratio * (lost / base) + remainder * xp.log1p(base - 1.0), 0.0)
+    return xp.where(small, base**ratio * xp.exp(correction), t + t * rest), valid
+
+
+def _slice_density(xp: Any, p: Any, height: Any, o: Any) -> tuple[Any, Any]:
+    valid = (p >= 0.0) & (p <= 1.0) & (height > 0.0) & (o > 0.0)
+    return 0.0 - xp.expm1(xp.log1p(-p) * (o / height)), valid

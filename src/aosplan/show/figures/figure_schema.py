@@ -1,0 +1,20 @@
+"""Schema of the document that ``aosplan plot --json`` prints."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from aosplan.validation import OpenDocument
+
+
+class FigureDocument(OpenDocument):
+    """What `aosplan plot --json` prints: a figure in words, and the numbers in it."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    version: str
+    kind: str
+    title: str
+    description: str
+    data: dict[str, Any]

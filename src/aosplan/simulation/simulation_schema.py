@@ -1,0 +1,58 @@
+"""Schema of the document that ``aosplan simulate --json`` prints."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from aosplan.planning.plan_schema import PlanDocument
+from aosplan.validation import Finite, OpenDocument
+
+
+class PredictedDocument(OpenDocument):
+    """A model's answer to the question of an experiment."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+
+
+class SimulatedDocument(PredictedDocument):
+    """What an experiment found, with standard errors."""
+
+    density_standard_error: Finite
+    expected_standard_error: Finite
+    normalized_standard_error: Finite | None
+
+
+class ToleranceDocument(OpenDocument):
+    """Error of an experiment that is not chance."""
+
+    density: Finite
+    expected: Finite
+    normalized: Finite
+
+
+class SimilarityDocument(OpenDocument):
+    """SSIM of images of the ground to that of endless views."""
+
+    single: Finite
+    integral: Finite
+
+
+class SimulationDocument(PlanDocument):
+    """What `aosplan simulate --json` prints."""
+
+    predicted: PredictedDocument
+    simulated: SimulatedDocument
+    agree: bool
+    differences: list[str]
+    tolerance: ToleranceDocument
+    forest: Literal["noise", "uniform", "layered", "clumped", "cloud"]
+    view: Literal["telecentric", "perspective"] | None
+    seed: int
+    precision: Finite
+    precise: bool
+    views: int
+    targets: int
+    volumes: int
+    similarity: SimilarityDocument | None = None

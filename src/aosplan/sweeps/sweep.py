@@ -1,0 +1,171 @@
+"""What a sweep is: scenarios, their file of results, and what is asked of it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan import __version__
+from aosplan.errors import RequestError
+from aosplan.sweeps.block_frame import forget_files, input_column, solve_block
+from aosplan.sweeps.input_files import checksums
+from aosplan.sweeps.scenarios import polars
+from aosplan.units import nearest_hint
+
+if TYPE_CHECKING:
+    import polars as pl
+    from numpy.typing import NDArray
+
+    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.summary import Gather, Gathered
+
+
+SUFFIXES = (".csv", ".parquet", ".jsonl")
+"""Endings of a result."""
+
+OF_SEVERAL_ROWS = re.compile(
+    r"\b(?:over\b|(?:array_agg|avg|corr|count|covar\w*|dense_rank|first|first_value|group_concat|"
+    r"lag|last|last_value|lead|listagg|max|median|min|quantile_\w+|rank|row_number|std\w*|string_agg|"
+    r"sum|total|var\w*)\s*\()",
+    re.IGNORECASE,
+)
+"""Words of the columnar library's SQL that look at other rows too."""
+
+
+class Sweep(NamedTuple):
+    """What is swept and what is kept of it.
+
+    `where` is an SQL condition on the columns of the result; `best` a column, the largest value of which is kept for each
+    group of rows with the same values of `per`; a minus before it keeps the smallest.
+    """
+
+    scenarios: Crossing | Table
+    results: tuple[str, ...]
+    folder: str = ""
+    where: str | None = None
+    best: str | None = None
+    per: tuple[str, ...] = ()
+    gather: Gather | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Columns of the result."""
+        return [*map(input_column, self.scenarios.names), *self.results, "status", "reason"]
+
+    def fingerprint(self) -> str:
+        """A text that differs where any row might."""
+        versions = __version__, np.__version__, polars().__version__
+        digest = hashlib.sha256(repr((versions, self[1:])).encode())
+        for name, values in self.scenarios.values.items():
+            digest.update(f"{name} {values.dtype}".encode())
+            told = values.dtype == object
+            digest.update(repr(values.tolist()).encode() if told else values.tobytes())
+        digest.update(repr(checksums(self.scenarios.values, self.folder)).encode())
+        return digest.hexdigest()
+
+    def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
+        """What is kept of one block, and what is gathered from it."""
+        block = self.scenarios.block(index)
+        needed = () if self.gather is None else self.gather.outline.needed
+        results = tuple(dict.fromkeys((*self.results, *needed)))
+        frame = solve_block(block, self.scenarios.names, results, self.folder)
+        if self.gather is None:
+            return self.kept(frame), None
+        rows = self._rows(frame)
+        gathered = self.gather.of(self.results, block, frame, rows)
+        shown = frame.select(self.names)
+        return self.best_of(shown if len(rows) == frame.height else shown[rows]), gathered
+
+    def kept(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """The rows of a frame that the conditions keep, in order."""
+        return self.best_of(self._filtered(frame))
+
+    def _rows(self, frame: pl.DataFrame) -> NDArray[np.intp]:
+        """Places of the rows for which the condition holds."""
+        if self.where is None:
+            return np.arange(frame.height)
+        rows = self._filtered(frame.with_row_index("_row")).get_column("_row").to_numpy()
+        return rows.astype(np.intp)
+
+    def _filtered(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """The rows for which the condition holds, in order."""
+        if self.where is None:
+            return frame
+        pl = polars()
+        try:
+            condition = pl.sql_expr(self.where)
+            if several := _of_several_rows(self.where):
+                raise RequestError(
+                    f"--where {self.where}: {several} looks at several rows, and the condition is "
+                    "asked of each alone",
+                    "--best keeps the row with the most of a column; filter the result for the rest",
+                )
+            return frame.filter(condition)
+        except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+            raise RequestError(
+                f"--where {self.where}: {str(error).splitlines()[0]}",
+                f"a condition such as 'samples <= 49'; columns: {', '.join(self.names)}",
+            ) from None
+
+    def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
+        """The best row of each group, in the order of the rows; of several equal ones the first."""
+        if self.best is None:
+            return frame
+        pl = polars()
+        column = self.best.lstrip("-")
+        rank = pl.col(column) if self.best.startswith("-") else -pl.col(column)
+        ranked = frame.with_row_index("_row").filter(pl.col(column).is_not_null())
+        ranked = ranked.sort(rank, "_row")
+        first = (
+            ranked.unique(list(self.per), keep="first", maintain_order=True)
+            if self.per
+            else ranked.head(1)
+        )
+        return first.sort("_row").drop("_row")
+
+
+def _of_several_rows(where: str) -> str:
+    """The first word of a condition whose answer would change with the rows of a part, or nothing."""
+    code = re.sub(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"", "''", where)
+    found = OF_SEVERAL_ROWS.search(code)
+    return "" if found is None else found[0].rstrip("( \t\n").upper()
+
+
+def check(sweep: Sweep) -> None:
+    """Refuse conditions on columns that the result does not have, and look at files anew.
+
+    Raises
+    ------
+    RequestError
+        Where `best` or `per` names an unknown column, `best` one of words, or `where` is no
+        condition.
+    """
+    named = [("--best", sweep.best.lstrip("-"))] if sweep.best else []
+    for option, name in named + [("--per", name) for name in sweep.per]:
+        if name not in sweep.names:
+            raise RequestError(
+                f"{option} names '{name}', which is no column of the result",
+                nearest_hint(name, sweep.names) or f"columns: {', '.join(sweep.names)}",
+            )
+    forget_files()
+    schema = dict(solve_first(sweep).schema)
+    if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
+        raise RequestError(
+            f"--best {sweep.best}: '{sweep.best.lstrip('-')}' holds words, of which none is the most",
+            f"--best with a column of numbers, such as {sweep.results[0]}" if sweep.results else "",
+        )
+    sweep.kept(polars().DataFrame(schema=schema))
+
+
+def solve_first(sweep: Sweep) -> pl.DataFrame:
+    """The first scenario alone, for its columns."""
+    block = sweep.scenarios.block(0)
+    columns = {
+        name: column[tuple(slice(1) for _ in column.shape)]
+        for name, column in block.columns.items()
+    }
+    single = block._replace(columns=columns, shape=(1,) * len(block.shape))
+    return solve_block(single, sweep.scenarios.names, sweep.results, sweep.folder)

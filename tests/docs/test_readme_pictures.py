@@ -1,0 +1,51 @@
+"""The README's pictures: small enough, and a photo hides what a count of rays says it hides."""
+
+import sys
+
+import numpy as np
+import pytest
+from support.paths import ROOT
+
+from aosplan.simulation.forests import clumped_forest, generator
+from aosplan.simulation.voxel_views import VoxelViews
+
+FOLDER = ROOT / "examples" / "readme"
+
+
+@pytest.fixture
+def beneath(monkeypatch):
+    """The script that draws the photos, with pixels as large as voxels."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import beneath
+
+    monkeypatch.setattr(beneath, "PIXEL_M", 0.25)
+    yield beneath
+    del sys.modules["beneath"]
+
+
+@pytest.mark.parametrize("name", ["beneath.png", "agreement.png"])
+def test_pictures_are_small(name):
+    assert 20_000 < (FOLDER / name).stat().st_size < 300_000
+
+
+@pytest.mark.parametrize("site", [(0.0, 0.0), (5.0, -3.0), (-8.0, 8.0)])
+def test_a_photo_shows_the_ground_where_rays_reach_it(beneath, site):
+    forest = clumped_forest(generator(1), 0.6, 0.25, 2.0, 12.0, (16.0, 14.0))
+    _, rows, columns = forest.occupied.shape
+    ground = np.full((rows, columns, 3), 2.0)  # brighter than any leaf
+    camera = beneath.Camera(forest, (rows, columns))
+    seen = camera.photo(site, ground)[..., 0] > 1.0
+    views = VoxelViews(forest, beneath.ALTITUDE_M, targets_per_voxel=1)
+    counted = views.blocked_views([site]) == 0
+    assert 0.2 < counted.mean() < 0.6
+    # A drawn ray leaves out the voxel between the two of a slice that it meets.
+    assert (seen == counted).mean() > 0.97
+    assert seen.mean() == pytest.approx(counted.mean(), abs=0.02)
+    assert camera.hidden == [pytest.approx(1.0 - seen.mean())]
+
+
+def test_what_is_beneath_is_seen_where_nothing_stands(beneath):
+    forest = clumped_forest(generator(1), 0.0, 0.25, 2.0, 12.0, (16.0, 14.0))
+    camera = beneath.Camera(forest, (20, 30))
+    ground = np.random.default_rng(1).random((20, 30, 3))
+    assert np.array_equal(camera.photo((3.0, 1.0), ground), camera.sunlit(ground))

@@ -1,0 +1,222 @@
+"""Flights: each battery's share of the sites, from the take-off and back."""
+
+import json
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.flight.batteries import Home, flights_of
+from aosplan.flight.kinematics import Timing
+from aosplan.flight.track import Track
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.planning.saved_plan import read_mission, read_missions
+
+LINZ = (48.3358, 14.3261)
+
+
+def photos(waypoints):
+    return [(w.east_m, w.north_m) for w in waypoints if w.photo]
+
+
+requests = st.fixed_dictionaries(
+    {
+        "altitude": st.floats(30.0, 60.0),
+        "samples": st.integers(1, 90),
+        "baseline": st.floats(0.5, 8.0),
+        "grid": st.sampled_from(["trimmed", "square", "line", "lanes"]),
+        "trigger": st.sampled_from(["stop", "distance"]),
+        "flight_time": st.floats(0.9, 4.0),
+        "heading": st.sampled_from([0.0, 33.0, 250.0]),
+        "takeoff": st.sampled_from([None, (48.3362, 14.3259)]),
+        "wind_speed": st.sampled_from([None, 6.0]),
+    }
+)
+
+
+def planned(values):
+    wind = {"wind_from": 200.0} if values.get("wind_speed") else {}
+    return plan(PlanRequest(**values, **wind, origin=LINZ))
+
+
+@settings(max_examples=120)
+@given(values=requests)
+def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
+    try:
+        split = planned(values)
+    except InfeasibleError:
+        assume(False)
+    whole = planned(values | {"flight_time": None})
+    flights, missions = split.route.flights, split.missions()
+    # Every waypoint belongs to one flight, and every site to one of them, in order.
+    assert flights[0].first == 0
+    assert flights[-1].last == len(split.waypoints) - 1
+    assert all(other.first == one.last + 1 for one, other in pairwise(flights))
+    assert photos(split.waypoints) == photos(whole.waypoints)
+    assert [place for mission in missions for place in photos(mission.waypoints)] == photos(
+        whole.waypoints
+    )
+    assert sum(flight.samples for flight in flights) == len(photos(whole.waypoints))
+    assert [(mission.flight, mission.flights) for mission in missions] == [
+        (number, len(flights)) for number in range(1, len(flights) + 1)
+    ]
+    for flight, mission in zip(flights, missions, strict=True):
+        assert flight.time_s <= 60.0 * values["flight_time"]
+        assert len(photos(mission.waypoints)) == flight.samples >= 1
+    # Each flight takes what it takes on its own, from the take-off and back.
+    for flight, mission in zip(flights, missions, strict=True):
+        ways = mission.waypoints
+        track = Track(
+            ways.east_m,
+            ways.north_m,
+            ways.altitude_m,
+            ways.photo or [True] * len(ways),
+        )
+        (alone,) = flights_of(track, split.route.timing, home_of(whole))
+        assert alone.time_s == pytest.approx(flight.time_s, rel=1e-9)
+        assert alone.length_m == pytest.approx(flight.length_m, rel=1e-9)
+
+
+def home_of(result):
+    if result.request.takeoff is None:
+        first = result.waypoints[0]
+        return Home(first.east_m, first.north_m, 0.0)
+    latitude, longitude = result.request.takeoff
+    # Good to a millimetre over some tens of metres: radii of curvature of WGS 84 at the place.
+    from pyproj import Geod
+
+    azimuth, _, distance = Geod(ellps="WGS84").inv(LINZ[1], LINZ[0], longitude, latitude)
+    turn = math.radians(azimuth)
+    return Home(distance * math.sin(turn), distance * math.cos(turn), 0.0)
+
+
+@settings(max_examples=60)
+@given(values=requests)
+def test_no_flight_has_room_for_the_next_site(values):
+    try:
+        split = planned(values)
+    except InfeasibleError:
+        assume(False)
+    missions, timing, home = split.missions(), split.route.timing, home_of(split)
+    for mission, following in pairwise(missions):
+        # Together with the next site, or the next line that is flown through.
+        ways = list(mission.waypoints) + list(following.waypoints)
+        count = len(mission.waypoints)
+        part = next(
+            place
+            for place, waypoint in enumerate(ways)
+            if place > count + (timing.fly_through) - 1
+            and (waypoint.photo if not timing.fly_through else not waypoint.photo)
+            and (not timing.fly_through or place > count)
+        )
+        more = ways[: part + 1]
+        track = Track(
+            [w.east_m for w in more],
+            [w.north_m for w in more],
+            [w.altitude_m for w in more],
+            [w.photo for w in more],
+        )
+        (longer,) = flights_of(track, timing, home)
+        assert longer.time_s > 60.0 * values["flight_time"]
+
+
+def test_the_way_from_the_takeoff_and_back_by_hand():
+    # 30 m up, 40 m there, one photo, and back: at 5 m/s and 2 m/s² 40 m take 10.5 s; 30 m at
+    # 3 m/s take 11.5 s.
+    track = Track([0.0], [40.0], [30.0], [True])
+    (flight,) = flights_of(track, Timing(5.0, 2.0, 1.5, 3.0), Home(0.0, 0.0, 0.0))
+    assert flight.time_s == pytest.approx(2 * (10.5 + 11.5) + 1.5)
+    assert flight.length_m == pytest.approx(140.0)
+
+
+def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
+    track = Track([0.0], [400.0], [30.0], [True])
+    timing, home = Timing(5.0, 2.0, 0.0, 3.0), Home(0.0, 0.0, 0.0)
+    (calm,) = flights_of(track, timing, home)
+    # Against 13 of 15 m/s 2 are left one way; the other way the autopilot holds its 5.
+    (windy,) = flights_of(track, timing._replace(wind=(0.0, -13.0), airspeed_mps=15.0), home)
+    assert windy.time_s - calm.time_s == pytest.approx((200.0 + 1.0) - (80.0 + 2.5))
+
+
+def test_a_site_out_of_reach_says_how_long_it_takes():
+    with pytest.raises(
+        InfeasibleError, match=r"at waypoint 49, and back takes 0\.[0-9]+ min"
+    ) as caught:
+        plan(PlanRequest(altitude=40, flight_time=0.2))
+    needed = float(caught.value.message.split("takes ")[1].split()[0])
+    assert plan(PlanRequest(altitude=40, flight_time=needed * 1.01)).route.flights
+
+
+def test_total_time_is_that_of_all_flights():
+    document = plan(PlanRequest(altitude=40, flight_time=1.5)).document()["flight"]
+    assert len(document["flights"]) > 1
+    assert document["total_time_s"] == pytest.approx(
+        sum(flight["time_s"] for flight in document["flights"])
+    )
+    one = plan(PlanRequest(altitude=40)).document()["flight"]
+    assert len(one["flights"]) == 1
+    assert one["total_time_s"] > one["time_s"]
+
+
+# Resuming
+
+
+@pytest.mark.parametrize("trigger", ["stop", "distance"])
+@pytest.mark.parametrize("at", [0, 1, 5, 17, 30, 48])
+def test_a_resumed_plan_takes_the_photos_that_are_left(trigger, at):
+    values = {"altitude": 40, "trigger": trigger, "heading": 20}
+    whole, resumed = (plan(PlanRequest(**values, resume_at=k)) for k in (None, at))
+    left = [w for w in whole.waypoints if w.photo and w.index >= at]
+    assert photos(resumed.waypoints) == photos(left)
+    assert resumed.waypoints[0].index == 0
+    assert resumed.solution == whole.solution
+    assert resumed.route.takeoff_ground_m is None
+    if trigger == "distance":
+        assert not resumed.waypoints[0].photo  # it runs in again
+
+
+def test_every_flight_resumes_where_the_one_before_ended():
+    values = {"altitude": 40, "flight_time": 1.5, "origin": LINZ}
+    missions = plan(PlanRequest(**values)).missions()
+    assert len(missions) > 2
+    done = 0
+    for mission, following in pairwise(missions):
+        done += len(mission.waypoints)
+        resumed = plan(PlanRequest(**values, resume_at=done)).missions()
+        assert resumed[0].waypoints == following.waypoints
+
+
+# Saved plans
+
+
+@pytest.mark.parametrize("trigger", ["stop", "distance"])
+def test_a_saved_plan_has_the_same_flights(tmp_path, trigger):
+    request = PlanRequest(altitude=40, flight_time=1.5, trigger=trigger, origin=LINZ, heading=70)
+    result = plan(request)
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(result.document()))
+    saved = read_missions(str(path))
+    assert len(saved) == len(result.missions()) > 1
+    for one, other in zip(saved, result.missions(), strict=True):
+        assert one.waypoints == other.waypoints
+        assert one.conduct == other.conduct
+        assert (one.flight, one.flights) == (other.flight, other.flights)
+    assert read_mission(str(path)).waypoints == result.waypoints
+
+
+def test_a_saved_plan_whose_flights_lose_a_site_is_refused(tmp_path):
+    document = plan(PlanRequest(altitude=40, flight_time=1.5)).document()
+    path = tmp_path / "plan.json"
+    flights = document["flight"]["flights"]
+    for broken in (flights[1:], flights[:1], [*flights, flights[0]], []):
+        document["flight"]["flights"] = broken
+        path.write_text(json.dumps(document))
+        with pytest.raises(RequestError, match="do not take each waypoint once"):
+            read_missions(str(path))
+    del document["flight"]["flights"]
+    path.write_text(json.dumps(document))
+    assert len(read_missions(str(path))) == 1

@@ -1,0 +1,351 @@
+"""Every format: the same sites in the same order, the rules of its readers, and its limits."""
+
+import itertools
+import json
+import re
+
+import pytest
+from hypothesis import given, settings
+from support.flights import (
+    KML,
+    READERS,
+    WPML,
+    commands_of,
+    documents_of,
+    grid,
+    missions,
+    plan_of,
+    positions_of,
+    texts,
+    written,
+)
+
+from aosplan.cli.app import run
+from aosplan.errors import RequestError
+from aosplan.mission.export import files, formats, render
+from aosplan.mission.mission import Mission, Waypoints, photo_lines
+
+# One mission, every format
+
+
+def test_every_format_has_a_reader_here():
+    assert set(READERS) == set(formats())
+
+
+@given(mission=missions)
+@settings(max_examples=60)
+def test_the_same_sites_in_the_same_order_in_every_format(mission):
+    ways = mission.waypoints
+    for name, form in formats().items():
+        found = positions_of(name, files([mission], form, "grid").values())
+        assert len(found) == len(ways)
+        for place, waypoint in zip(found, ways, strict=True):
+            assert abs(place[0] - waypoint.latitude) <= 1e-7
+            assert abs(place[1] - waypoint.longitude) <= 1e-7
+            assert abs(place[2] - waypoint.altitude_m) <= 1e-3
+
+
+@given(mission=missions)
+@settings(max_examples=20)
+def test_the_same_mission_gives_the_same_bytes(mission):
+    for form in formats().values():
+        assert render(mission, form) == render(mission, form)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
+    ground = [200.0 + 3.0 * index for index in range(12)]
+    mission = grid(ground_m=ground, takeoff_ground_m=190.0)
+    above_ground = name in {"csv", "geojson", "kml"}
+    heights = [place[2] for place in positions_of(name, [written(mission, name)])]
+    expected = [40.0 if above_ground else 40.0 + up - 190.0 for up in ground]
+    assert heights == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["waypoints", "qgc_plan", "litchi"])
+def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
+    ground = [200.0 + 3.0 * index for index in range(12)]
+    mission = grid(ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain")
+    content = written(mission, name)
+    assert [place[2] for place in positions_of(name, [content])] == [40.0] * 12
+    if name == "litchi":
+        assert {line.split(b",")[38] for line in content.splitlines()[1:]} == {b"1"}
+    else:
+        frames = (
+            [row[2] for row in commands_of(content.decode()) if row[3] == 16][1:]
+            if name == "waypoints"
+            else [i["frame"] for i in json.loads(content)["mission"]["items"] if i["command"] == 16]
+        )
+        assert frames == [10] * 12
+
+
+def test_wpml_has_no_terrain_frame():
+    with pytest.raises(RequestError, match="no height above the ground"):
+        written(grid(altitude_frame="terrain"), "wpml")
+
+
+# Photos
+
+
+@pytest.mark.parametrize("photo", [None, [index % 4 != 3 for index in range(12)]])
+def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
+    values = {"hold_s": 1.25} | ({} if photo is None else {"photo": photo})
+    mission = grid(**values)
+    shot = photo or [True] * 12
+    rows = commands_of(written(mission, "waypoints").decode())
+    sites = [place for place, row in enumerate(rows) if row[3] == 16][1:]
+    assert [rows[place + 1][3] == 203 for place in sites] == shot
+    assert all(rows[place + 1][8] == 1 for place, yes in zip(sites, shot, strict=True) if yes)
+    # ArduPilot keeps whole seconds of a hold.
+    assert [rows[place][4] for place in sites] == [2.0 if yes else 0.0 for yes in shot]
+    items = plan_of(mission)["mission"]["items"]
+    places = [place for place, item in enumerate(items) if item["command"] == 16]
+    assert [items[place + 1]["command"] == 2000 for place in places] == shot
+    assert [items[place]["params"][0] for place in places] == [1.25 if yes else 0.0 for yes in shot]
+    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    marks = list(waylines.iter(f"{KML}Placemark"))
+    assert [
+        texts(mark, "actionActuatorFunc")[-2:] == ["hover", "takePhoto"] for mark in marks
+    ] == shot
+    assert set(texts(waylines, "hoverTime")) == {"1.250"}
+    for line, yes in zip(written(mission, "litchi").decode().splitlines()[1:], shot, strict=True):
+        pairs = line.split(",")[8:38]
+        assert pairs[:6] == (
+            ["5", "-90", "0", "1250", "1", "0"] if yes else ["5", "-90", *["-1", "0"] * 2]
+        )
+
+
+def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
+    mission = grid(12, kind="rectangle", trigger="distance", baseline_m=2.5)  # 3 rows of 4
+    assert photo_lines(mission) == [(0, 3), (4, 7), (8, 11)]
+    rows = commands_of(written(mission, "waypoints").decode())
+    switches = [(row[4], row[6]) for row in rows if row[3] == 206]
+    assert switches == [(2.5, 1.0), (0.0, 0.0)] * 3
+    # Where nothing runs out beyond a line, its last photo is one of its own.
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203] * 3
+    items = plan_of(mission)["mission"]["items"]
+    assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
+    holds = [item["params"][0] for item in items if item["command"] == 16]
+    assert holds == [0.0, 0.0, 0.0, 1.0] * 3
+    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    groups = [
+        (
+            texts(g, "actionGroupStartIndex"),
+            texts(g, "actionGroupEndIndex"),
+            texts(g, "actionTriggerParam"),
+        )
+        for g in waylines.iter(f"{WPML}actionGroup")
+        if "multipleDistance" in texts(g, "actionTriggerType")
+    ]
+    assert groups == [([str(a)], [str(b)], ["2.500"]) for a, b in photo_lines(mission)]
+    intervals = [
+        line.split(",")[-1] for line in written(mission, "litchi").decode().splitlines()[1:]
+    ]
+    assert intervals == ["2.500", "2.500", "2.500", "-1"] * 3
+
+
+def test_turning_points_take_no_photo_in_flight():
+    # Two lines of three with a turning point before and after each.
+    east = [0.0, 3.0, 6.0, 9.0, 12.0, 12.0, 9.0, 6.0, 3.0, 0.0]
+    north = [0.0] * 5 + [3.0] * 5
+    photo = [False, True, True, True, False] * 2
+    ways = Waypoints(east, north, [40.0] * 10, east, north, photo=photo)
+    mission = grid(trigger="distance")._replace(waypoints=ways)
+    assert photo_lines(mission) == [(1, 3), (6, 8)]
+    codes = [row[3] for row in commands_of(written(mission, "waypoints").decode())[4:-1]]
+    one = [115, 16, 115, 16, 206, 115, 16, 115, 16, 115, 16, 206]
+    assert codes == one * 2  # on at the first site, off at the turn beyond the last
+    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    stops = ["Stop" in mode for mode in texts(waylines, "waypointTurnMode")]
+    assert stops == [True, False, False, False, True] * 2
+
+
+@given(mission=missions)
+@settings(max_examples=60)
+def test_every_photo_lies_on_one_line_of_equal_steps(mission):
+    ways, spacing = mission.waypoints, mission.conduct.spacing_m
+    lines = photo_lines(mission)
+    covered = [index for first, last in lines for index in range(first, last + 1)]
+    assert covered == list(range(len(ways)))
+    for first, last in lines:
+        for one, other in itertools.pairwise(range(first, last + 1)):
+            step = (ways.east_m[other] - ways.east_m[one], ways.north_m[other] - ways.north_m[one])
+            assert (step[0] ** 2 + step[1] ** 2) ** 0.5 == pytest.approx(spacing, rel=0.03)
+
+
+def test_sites_off_any_line_take_single_photos():
+    ways = Waypoints([0.0, 3.0, 9.7, 1.1], [0.0, 0.0, 5.3, 8.8], [40.0] * 4, [0.0] * 4, [0.0] * 4)
+    mission = grid(trigger="distance")._replace(waypoints=ways)
+    assert photo_lines(mission) == [(0, 1), (2, 2), (3, 3)]
+    rows = commands_of(written(mission, "waypoints").decode())
+    assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206, 203, 203, 203]
+
+
+# Litchi
+
+
+@given(mission=missions)
+@settings(max_examples=25)
+def test_litchi_rows_are_46_plain_numbers(mission):
+    header, *lines = written(mission, "litchi").decode().splitlines()
+    assert header.count(",") == 45
+    for line in lines:
+        assert re.fullmatch(r"(-?\d+(\.\d+)?,){45}-?\d+(\.\d+)?", line)
+        fields = [float(field) for field in line.split(",")]
+        assert 0 <= fields[3] <= 360
+        assert fields[6:8] == [2, -90]
+        assert set(fields[8:38:2]) <= {-1, 0, 1, 5}
+        assert fields[38] == 0
+
+
+# Hostile names
+
+NAMES = [
+    "<script>alert('x')</script>",
+    "a & b <c> \"d\" 'e' ]]> <!-- --> <?x?>",
+    "nul \0 bell \a escape \x1b[31m delete \x7f",
+    "line\nbreak\r\ttab \u2028 \ufffe \ud800",
+    "ü" * 10_000,
+    "",
+    "\N{GRINNING FACE}",
+]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=range(len(NAMES)))
+def test_names_stay_names(name):
+    mission = grid()._replace(summary={"scene": {"name": name}, "camera": {"name": "dji-m3t-wide"}})
+    for form in formats().values():
+        if "\ud800" in name and form.name in {"geojson", "qgc_plan"}:
+            continue  # JSON files are UTF-8: half a character never comes out of one
+        content = render(mission, form)
+        assert len(positions_of(form.name, [content])) == 12
+        assert b"<script>" not in content or form.name in {"geojson", "qgc_plan"}
+        if form.name == "kml":
+            assert len(content) < 4000
+
+
+@pytest.mark.parametrize("summary", [{}, {"scene": None, "camera": 3}, {"scene": {"name": 7}}])
+def test_missions_without_a_summary_are_written_all_the_same(summary):
+    mission = grid(drone="dji-m3t")._replace(summary=summary)
+    for form in formats().values():
+        assert render(mission, form)
+
+
+# The command line
+
+PLAN = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--quiet"]
+LONG = [*PLAN, "--samples", "300", "--baseline", "2"]
+
+
+def test_split_files_are_written_with_a_hint(tmp_path, capsys):
+    out = tmp_path / "grid.waypoints"
+    assert run([*[a for a in LONG if a != "--quiet"], "--out", str(out)]) == 0
+    err = capsys.readouterr().err
+    hints = [line for line in err.splitlines() if line.startswith("hint:")]
+    assert hints == [
+        f"hint: {formats()['waypoints'].title} needs 2 files here: "
+        f"{tmp_path / 'grid-1.waypoints'} to {tmp_path / 'grid-2.waypoints'}"
+    ]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "grid-1.waypoints",
+        "grid-2.waypoints",
+    ]
+
+
+def test_none_of_the_numbered_files_is_written_if_one_exists(tmp_path, capsys):
+    (tmp_path / "grid-2.waypoints").write_text("mine")
+    assert run([*LONG, "--out", str(tmp_path / "grid.waypoints")]) == 2
+    assert "grid-2.waypoints' exists" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["grid-2.waypoints"]
+    assert (tmp_path / "grid-2.waypoints").read_text() == "mine"
+    assert run([*LONG, "--out", str(tmp_path / "grid.waypoints"), "--force"]) == 0
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_files_of_an_earlier_longer_mission_are_named(tmp_path, capsys):
+    (tmp_path / "grid-3.waypoints").write_text("old")
+    arguments = [argument for argument in LONG if argument != "--quiet"]
+    assert run([*arguments, "--out", str(tmp_path / "grid.waypoints")]) == 0
+    assert "grid-3.waypoints is not of this mission" in capsys.readouterr().err
+
+
+def test_two_outputs_never_share_a_numbered_file(tmp_path, capsys):
+    outs = [
+        "--out",
+        str(tmp_path / "grid.waypoints"),
+        "--out",
+        f"csv:{tmp_path / 'grid-1.waypoints'}",
+    ]
+    assert run([*LONG, *outs]) == 2
+    assert "grid-1" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_saved_plan_is_split_as_the_plan_itself(tmp_path, capsys):
+    assert run([*[a for a in LONG if a != "--quiet"], "--json"]) == 0
+    (tmp_path / "plan.json").write_text(capsys.readouterr().out, encoding="utf-8")
+    assert run(["export", str(tmp_path / "plan.json"), "--out", str(tmp_path / "a.plan")]) == 0
+    captured = capsys.readouterr()
+    assert "a-1.plan, " in captured.out
+    assert "hint: " in captured.err
+    assert run([*LONG, "--out", str(tmp_path / "b.plan")]) == 0
+    assert (tmp_path / "a-2.plan").read_bytes() == (tmp_path / "b-2.plan").read_bytes()
+
+
+def test_autopilot_and_payload_reach_the_files(tmp_path):
+    out = str(tmp_path / "g.plan")
+    assert run([*PLAN, "--autopilot", "ardupilot", "--out", out]) == 0
+    assert json.loads((tmp_path / "g.plan").read_text())["mission"]["firmwareType"] == 3
+    drone = ["--drone", "dji-m350", "--payload", "dji-h20t"]
+    assert run([*PLAN, *drone, "--out", str(tmp_path / "g.kmz")]) == 0
+    waylines = documents_of((tmp_path / "g.kmz").read_bytes())["waylines.wpml"]
+    assert texts(waylines, "payloadEnumValue") == ["43"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("autopilot", "hal"),
+        ("takeoff_latitude", 9000),
+        ("takeoff_longitude", -180.5),
+        ("speed_mps", -1),
+        ("speed_mps", 0),
+        ("hold_s", -0.1),
+        ("spacing_m", -1),
+        ("gimbal_pitch_deg", 1e9),
+        ("altitude_frame", "sea"),
+        ("most_waypoints", 1),
+        ("trigger", "time"),
+    ],
+)
+def test_a_saved_plan_flown_in_strange_ways_is_refused(tmp_path, capsys, name, value):
+    assert run([*[a for a in PLAN if a != "--quiet"], "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    document["flight"][name] = value
+    (tmp_path / "plan.json").write_text(json.dumps(document))
+    assert run(["export", str(tmp_path / "plan.json"), "--out", str(tmp_path / "g.plan")]) == 2
+    assert f"flight.{name}" in capsys.readouterr().err
+    assert not (tmp_path / "g.plan").exists()
+
+
+def test_formats_are_listed_with_what_they_need_and_hold(capsys):
+    assert run(["formats", "--json"]) == 0
+    listed = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert set(listed) == set(formats())
+    assert listed["wpml"]["limits"][0]["waypoints"] == [2, 65535]
+    assert listed["litchi"]["limits"][0]["waypoints"] == [2, 99]
+    assert [one["target"] for one in listed["qgc_plan"]["limits"]] == ["px4", "ardupilot"]
+    assert run(["formats"]) == 0
+    shown = capsys.readouterr().out
+    assert "litchi:PATH" in shown
+    assert "2 to 99" in shown
+
+
+def test_a_mission_without_a_place_is_written_as_csv_alone():
+    local = Mission(Waypoints([0.0], [0.0], [40.0]), {})
+    for name, form in formats().items():
+        if name == "csv":
+            assert list(files([local], form, "g.csv")) == ["g.csv"]
+        else:
+            with pytest.raises(RequestError, match="needs a place on earth"):
+                files([local], form, "g")

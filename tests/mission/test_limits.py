@@ -1,0 +1,129 @@
+"""What one file may hold: missions are split, or refused with the number."""
+
+import itertools
+import json
+
+import pytest
+from support.flights import READERS, commands_of, grid, pairs, positions_of
+
+from aosplan.errors import RequestError
+from aosplan.mission.export import files, formats
+from aosplan.mission.format import Limits
+from aosplan.mission.limits import limits_of, parts
+from aosplan.mission.mission import Waypoints
+
+
+def limit_cases():
+    for name, form in formats().items():
+        for limits in form.limits:
+            if limits.waypoints[1] is not None:
+                yield name, limits.target, limits.waypoints[1]
+
+
+@pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))
+def test_no_file_holds_more_than_its_target_takes(name, target, most):
+    autopilot = target if target in {"px4", "ardupilot"} else None
+    for count in (most, most + 1, 2 * most + 1):
+        mission = grid(count, kind="line", autopilot=autopilot)
+        pieces = parts(mission, formats()[name])
+        sizes = [len(piece.waypoints) for piece in pieces]
+        assert max(sizes) <= most
+        assert max(sizes) - min(sizes) <= 1
+        assert len(sizes) == -(-count // most)
+        flown = [east for piece in pieces for east in piece.waypoints.east_m]
+        assert flown == mission.waypoints.east_m
+        if most < 1000:
+            contents = files([mission], formats()[name], "a/grid.b").values()
+            assert [len(READERS[name](content)) for content in contents] == sizes
+
+
+def test_ardupilot_files_keep_within_its_718_commands():
+    for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
+        mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
+        mission = mission._replace(conduct=mission.conduct._replace(trigger=trigger))
+        for content in files([mission], formats()["waypoints"], "g.waypoints").values():
+            assert len(commands_of(content.decode())) <= 718
+        for content in files([mission], formats()["qgc_plan"], "g.plan").values():
+            assert len(json.loads(content)["mission"]["items"]) <= 500
+
+
+def test_each_part_is_a_whole_mission_of_its_own():
+    needed = files([grid(300)], formats()["waypoints"], "grid.waypoints")
+    assert list(needed) == ["grid-1.waypoints", "grid-2.waypoints"]
+    for content in needed.values():
+        rows = commands_of(content.decode())
+        assert [row[3] for row in rows[:4]] == [16, 22, 178, 205]
+        assert rows[-1][3] == 20
+        assert rows[0][8:10] == rows[5][8:10]
+
+
+def test_several_flights_are_numbered_on():
+    flights = [grid(120)._replace(flight=number, flights=2) for number in (1, 2)]
+    needed = files(flights, formats()["litchi"], "grid.csv")
+    assert list(needed) == [f"grid-{number}.csv" for number in (1, 2, 3, 4)]
+    assert flights[0].title == "120 photos over stand, flight 1 of 2"
+    assert parts(flights[1], formats()["litchi"])[0].title.endswith("flight 2 of 2, part 1 of 2")
+
+
+def test_a_drone_that_takes_fewer_waypoints_rules():
+    needed = files([grid(85, most_waypoints=40)], formats()["litchi"], "grid.csv")
+    assert [len(READERS["litchi"](content)) for content in needed.values()] == [28, 28, 29]
+    assert len(files([grid(85, most_waypoints=40)], formats()["csv"], "grid.csv")) == 1
+
+
+def test_several_files_do_not_fit_into_stdout():
+    with pytest.raises(RequestError, match="needs 2 Litchi CSV files, and stdout takes one"):
+        files([grid(100)], formats()["litchi"], "-")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "words"),
+    [
+        ("wpml", {"samples": 1}, "needs 2 waypoints or more, and the mission has 1"),
+        ("litchi", {"samples": 1}, "needs 2 waypoints or more"),
+        ("wpml", {"baseline_m": 0.4}, "waypoints 1 and 2 are 0.4 m apart"),
+        ("wpml", {"baseline_m": 2001.0}, "legs of 0.5 to 2000 m"),
+        ("litchi", {"baseline_m": 0.49}, "0.49 m apart"),
+        ("wpml", {"speed_mps": 15.5}, "speed 15.5 m/s: DJI WPML takes 0.1 to 15 m/s"),
+        ("litchi", {"speed_mps": 16.0}, "speed 16 m/s"),
+        ("litchi", {"hold_s": 33.0}, "hold 33 s: Litchi CSV takes 0 to 32 s"),
+        ("litchi", {"altitude_m": 501.0}, "height 501 m: Litchi CSV takes -200 to 500 m"),
+        ("litchi", {"altitude_m": -201.0}, "height -201 m"),
+        ("wpml", {"altitude_m": 1501.0}, "height 1501 m: DJI WPML takes any to 1500 m"),
+        ("waypoints", {"altitude_m": 1e6}, "height 1e+06 m"),
+    ],
+)
+def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, words):
+    with pytest.raises(RequestError) as caught:
+        files([grid(**values)], formats()[name], "grid")
+    assert words in caught.value.message
+    assert caught.value.hint
+
+
+def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least_length():
+    east = [-0.4, 0.0, 3.0, 6.0, 6.3, 9.0, 9.4]
+    photo = [False, True, True, True, False, True, False]
+    ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
+    mission = grid(trigger="distance")._replace(waypoints=ways)
+    for name, form in formats().items():
+        (content,) = files([mission], form, "g").values()
+        found = [place[0] for place in positions_of(name, [content])]
+        short = form.limits[0].leg_m[0] > 0.4
+        assert found == pytest.approx([0.0, 3.0, 6.0, 9.0] if short else east, abs=1e-6), name
+
+
+def test_one_waypoint_is_enough_elsewhere():
+    for name in ("waypoints", "qgc_plan", "kml", "geojson", "csv"):
+        assert len(positions_of(name, files([grid(1)], formats()[name], "g").values())) == 1
+
+
+def test_limits_follow_the_autopilot():
+    form = formats()["qgc_plan"]
+    assert limits_of(grid(), form).target == "px4"
+    assert limits_of(grid(autopilot="ardupilot"), form).target == "ardupilot"
+
+
+def test_every_limit_names_its_source():
+    for form in formats().values():
+        for limits in form.limits:
+            assert bool(limits.source) == (limits != Limits())

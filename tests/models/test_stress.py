@@ -1,0 +1,62 @@
+"""Numerical stress: every model at its corners stays within a few units in the last place.
+
+`reference.stress` walks the corners and has their exact values; the same walk prints the table of
+`benchmarks/results/numerical_stress.md`.
+"""
+
+import math
+from fractions import Fraction
+
+import pytest
+from reference import exact, stress
+
+from aosplan.camera.disparity import Slab, coverage_baseline
+from aosplan.models import equations
+from aosplan.models.layered import LayeredModel
+from aosplan.scenes.scene import Layer
+
+BOUND_ULPS = 4.0
+
+
+@pytest.mark.parametrize("part", stress.PARTS, ids=lambda part: part.__name__)
+def test_every_corner_is_within_a_few_ulps(part):
+    found = stress.worst(part())
+    assert sum(row.cases for row in found.values()) >= 30
+    for key, row in found.items():
+        assert row.ulps <= BOUND_ULPS, (key, row)
+
+
+def test_the_walk_reaches_the_corners_it_names():
+    corners = [
+        check.corner for part in (stress.eq1, stress.eq2, stress.uniform) for check in part()
+    ]
+    assert any("1000000 x 1000000" in corner for corner in corners)  # N = 10^12
+    assert any("spiral of 40" in corner for corner in corners)
+    for named in ("b = 1e-09", "b = 1e+09", "p = 1e-16", "p = 0.9999999999999999", "T = 1e-16"):
+        assert any(named in corner for corner in corners), named
+    dhats = set(stress.breakpoints(50))
+    for middle in (1.0, 1 / 7, 1 / 49):
+        assert {math.nextafter(middle, 0.0), middle, math.nextafter(middle, 2.0)} <= dhats
+
+
+def test_an_error_of_ten_ulps_would_be_found(monkeypatch):
+    true = equations.visibility_shortfall
+    monkeypatch.setattr(
+        "aosplan.visibility_shortfall", lambda *a: true(*a) * (1 + 1e-14), raising=False
+    )
+    row = stress.worst(stress.eq2())["equations", "1 - V̂ (Eq. 2)"]
+    assert row.ulps > 40
+
+
+def test_layers_that_hide_nearly_all_keep_their_digits():
+    # The logarithm of T = 10^-247 is 569: its last place alone is 256 units in that of T.
+    walls = stress.STANDS["a wall of walls"]
+    clear = math.prod((1 - Fraction(density) for _, _, density, _ in walls), start=Fraction(1))
+    model = LayeredModel([Layer(*wall) for wall in walls], 50.0)
+    assert exact.ulps(model.transparency, clear) < 4
+    assert exact.ulps(math.exp(model._log_transparency), clear) > 20  # why it isn't done so
+
+
+def test_a_rule_that_asks_for_all_gets_the_bottom_itself():
+    found = coverage_baseline([Slab(1e-6, 20.0, 0.2, 1.0)], 40.0, 750.0, 1.0)
+    assert found.height_m == 1e-6

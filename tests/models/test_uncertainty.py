@@ -1,0 +1,166 @@
+"""Standard errors against fields whose scatter is known, and against forests of the same kind."""
+
+import math
+
+import numpy as np
+import pytest
+from support.forests import STANDS, clumped_forest
+
+from aosplan.grid.patterns import Pattern
+from aosplan.models.measured import MeasuredModel
+from aosplan.models.model import Prediction
+from aosplan.models.uncertainty import SMALLEST_QUARTER, of_parts, of_targets, quarters
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.voxels import VoxelVolume
+
+
+def statistics(hidden):
+    """p̄, V and V̂ from their definitions."""
+    p, square = hidden.mean(), (hidden**2).mean()
+    return p, 1.0 - square, 1.0 - (square - p * p) / (p * (1.0 - p))
+
+
+@pytest.mark.parametrize(("block", "cell"), [(1, 1), (4, 1), (8, 1), (8, 2)])
+def test_errors_are_the_scatter_of_fields_of_blocks(block, cell):
+    rng = np.random.default_rng(6)
+    side = 96 // block
+    fields = [
+        np.roll(
+            (rng.binomial(9, rng.beta(2.0, 3.0, (side, side))) / 9.0)
+            .repeat(block, axis=0)
+            .repeat(block, axis=1),
+            rng.integers(0, 96, 2),
+            axis=(0, 1),
+        )
+        for _ in range(300)
+    ]
+    scatter = np.std([statistics(field) for field in fields], axis=0, ddof=1)
+    errors = [of_targets(field, cell) for field in fields[:60]]
+    for index, name in enumerate(("density", "expected", "normalized")):
+        stated = math.sqrt(np.mean([getattr(error, name) ** 2 for error in errors]))
+        # Their scatter is known to 4 %; where blocks are few, noise makes for a longer range.
+        assert 0.88 < stated / scatter[index] < (1.2 if block < 8 else 1.35), name
+    assert {error.method for error in errors} == {"integral range"}
+
+
+def test_where_a_plot_is_cut_out_of_its_copies_does_not_matter():
+    rng = np.random.default_rng(7)
+    field = rng.random((12, 18)).repeat(4, axis=0).repeat(4, axis=1)
+    here, there = of_targets(field), of_targets(np.roll(field, (5, 11), axis=(0, 1)))
+    assert here[:3] == pytest.approx(there[:3], rel=1e-9)
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_all_or_nothing_hidden_has_no_normalized_error(value):
+    assert of_targets(np.full((16, 16), value)) == (0.0, 0.0, None, "integral range")
+
+
+def test_parts_scatter_by_their_number():
+    predictions = [Prediction(p, 1.0 - p, k) for p, k in ((0.4, 0.1), (0.5, 0.3), (0.6, 0.2))]
+    errors = of_parts(predictions)
+    assert errors.density == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-12)
+    assert errors.normalized == pytest.approx(0.1 / math.sqrt(3.0), rel=1e-12)
+    expected = [each.expected for each in predictions]
+    assert errors.expected == pytest.approx(np.std(expected, ddof=1) / math.sqrt(3.0), rel=1e-12)
+    assert errors.method == "3 parts of the plot"
+    assert of_parts([*predictions, Prediction(0.0, 1.0, 0.1)]).normalized is None
+
+
+def test_quarters_are_the_plot():
+    volume = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
+    parts = list(quarters(volume))
+    assert {part.occupied.shape[1:] for part in parts} == {(16, 16)}
+    lower = np.concatenate([part.occupied for part in parts[:2]], axis=2)
+    upper = np.concatenate([part.occupied for part in parts[2:]], axis=2)
+    assert (np.concatenate([lower, upper], axis=1) == volume.occupied).all()
+    side = 2 * SMALLEST_QUARTER
+    assert len(list(quarters(VoxelVolume(np.zeros((3, side, side + 1), dtype=bool), 1.0)))) == 4
+    assert not list(quarters(VoxelVolume(np.zeros((3, side - 1, 40), dtype=bool), 1.0)))
+
+
+def test_the_share_of_views_is_that_of_the_masks():
+    model = MeasuredModel(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5), 50.0)
+    pattern = Pattern(3, 4)
+    views = model.occlusion.unpack(model.occlusion.masks(model.sites_m(pattern, 1.5)))
+    hidden = model.hidden_share(pattern, 1.5)
+    assert (hidden == views.mean(axis=0)).all()
+    found = model.predict(pattern, 1.5)
+    assert statistics(hidden)[1:] == pytest.approx((found.expected, found.normalized), rel=1e-12)
+
+
+def test_stated_errors_are_those_of_other_forests_of_the_same_kind():
+    rng = np.random.default_rng(8)
+    found = []
+    for seed in range(16):
+        stand = STANDS["open_pine"]._replace(seed=100 + seed, trees=int(rng.poisson(32)))
+        forest = clumped_forest(stand, side_m=48.0, voxel_m=0.75)
+        model = MeasuredModel(forest, 50.0, targets_per_voxel=2)
+        plan_at = Pattern(5, 5), 2.0
+        found.append((model.predict(*plan_at), of_targets(model.hidden_share(*plan_at), 2)))
+    for name in ("density", "expected", "normalized"):
+        scatter = np.std([getattr(each, name) for each, _ in found], ddof=1)
+        stated = math.sqrt(np.mean([getattr(error, name) ** 2 for _, error in found]))
+        assert 0.6 < stated / scatter < 1.6, name  # sixteen forests tell a scatter to 18 %
+
+
+# --- Plans -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def stand(tmp_path_factory):
+    path = tmp_path_factory.mktemp("stand") / "beech.npz"
+    path.write_bytes(stand_npz(Stand.of(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5))))
+    return str(path)
+
+
+def test_a_measured_plan_states_its_errors_and_its_edges(stand):
+    result = plan(PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9))
+    visibility = result.document()["visibility"]
+    model = MeasuredModel(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5), 60.0)
+    expected = of_targets(model.hidden_share(Pattern(3, 3), 1.5), 4)
+    assert visibility["uncertainty"] == expected._asdict()
+    assert 0.0 < visibility["uncertainty"]["normalized"] < 0.3
+    assert visibility["uncertainty_reason"] is None
+    assert visibility["edges"] == "wrapped"
+    assert visibility["noise"] is None
+
+
+def test_noise_is_stated_beside_it(stand):
+    noisy = PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9, hold_error=0.5)
+    visibility = plan(noisy).document()["visibility"]
+    assert visibility["noise"]["flights"] == 45
+    assert visibility["noise"]["seed"] == 1
+    assert 0.0 < visibility["noise"]["normalized_error"] < 0.02
+    assert visibility["uncertainty"]["normalized"] > visibility["noise"]["normalized_error"]
+
+
+@pytest.mark.parametrize("model", ["uniform", "layered"])
+def test_models_of_statistics_compare_quarters_of_a_cloud(stand, model):
+    request = PlanRequest(altitude=60, scene=stand, baseline=2.5, samples=9, model=model)
+    errors = plan(request).document()["visibility"]["uncertainty"]
+    assert errors["method"] == "4 parts of the plot"
+    assert 0.0 < errors["density"] < 0.2
+    assert plan(request).document()["visibility"]["edges"] is None
+    from aosplan.models.layered import LayeredModel
+    from aosplan.scenes.occluder_statistics import layered_scene
+
+    if model == "layered":
+        volume = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
+        densities = [
+            LayeredModel(layered_scene(part, "part").slices(), 60.0).density
+            for part in quarters(volume)
+        ]
+        assert errors["density"] == pytest.approx(np.std(densities, ddof=1) / 2.0, rel=1e-9)
+
+
+def test_scenes_of_numbers_say_why_they_state_no_error():
+    for request in (
+        PlanRequest(altitude=40),
+        PlanRequest(altitude=40, model="layered"),
+        PlanRequest(altitude=40, density=0.0, occluder_size=0.2, volume_height=10),
+    ):
+        visibility = plan(request).document()["visibility"]
+        assert visibility["uncertainty"] is None
+        assert visibility["uncertainty_reason"]

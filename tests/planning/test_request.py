@@ -1,0 +1,505 @@
+"""PlanRequest: cross-option rules, files overridden by flags, and nothing that escapes."""
+
+import json
+import math
+from dataclasses import fields
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from aosplan.errors import RequestError
+from aosplan.planning.request import ALTERNATIVES, BY_NAME, OPTIONS, PlanRequest, request_from
+
+UNIFORM = {"density": 0.01, "occluder_size": 0.2, "volume_height": 18}
+LENS = {"focal_length": 9.1, "sensor_width": 7.68, "image_width": 640, "image_height": 512}
+FOV = {"fov": 60, "image_width": 640, "image_height": 512}
+
+
+def refusal(**values):
+    with pytest.raises(RequestError) as caught:
+        PlanRequest(**values)
+    return caught.value
+
+
+def outcome(make, *arguments, **values):
+    """The result, or the error that aosplan raised on purpose; anything else escapes."""
+    try:
+        return make(*arguments, **values)
+    except RequestError as error:
+        return error
+
+
+def test_options_and_fields_are_the_same_names_in_the_same_order():
+    assert [option.name for option in OPTIONS] == [field.name for field in fields(PlanRequest)]
+
+
+def test_flags_are_names_with_hyphens():
+    assert BY_NAME["max_aperture"].flag == "--max-aperture"
+
+
+def test_alternatives_name_options_that_exist():
+    assert {name for ways in ALTERNATIVES for names in ways for name in names} <= set(BY_NAME)
+
+
+def test_defaults_are_those_of_the_contract():
+    request = PlanRequest(altitude=40)
+    assert request.document() == {
+        "altitude": 40.0,
+        "focal_height": 0.0,
+        "vhat": 0.98,
+        "scene": "paper-forest",
+        "camera": "dji-m3t-thermal",
+        "coverage": 0.98,
+        "optimize": "samples",
+        "sensitivity": False,
+        "grid": "trimmed",
+        "heading": 0.0,
+        "speed": 5.0,
+        "acceleration": 2.0,
+        "climb": 3.0,
+        "hold": 1.0,
+        "trigger": "stop",
+        "altitude_frame": "takeoff",
+        "clearance": 2.0,
+        "hold_error": 0.0,
+    }
+
+
+def test_text_is_read_as_on_the_command_line():
+    written = PlanRequest(altitude="40 m", vhat="98%", samples="50", origin="48.5,14.25")
+    assert written == PlanRequest(altitude=40, vhat=0.98, samples=50, origin=(48.5, 14.25))
+
+
+def test_requests_are_frozen():
+    with pytest.raises(AttributeError):
+        PlanRequest(altitude=40).altitude = 50
+
+
+@pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
+def test_every_option_refuses_a_table(option):
+    error = refusal(**({"altitude": 40} | {option.name: {"a": 1}}))
+    assert option.name in error.message
+
+
+@pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
+def test_every_option_refuses_empty_text(option):
+    error = refusal(**({"altitude": 40} | {option.name: ""}))
+    assert option.name in error.message
+
+
+@pytest.mark.parametrize(
+    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
+)
+@pytest.mark.parametrize("value", [True, False])
+def test_no_number_may_be_a_boolean(option, value):
+    error = refusal(**({"altitude": 40} | {option.name: value}))
+    assert error.message.startswith(option.name)
+
+
+@pytest.mark.parametrize(
+    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
+)
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, "nan", "-inf", pytest.param(10**400, id="401 digits")]
+)
+def test_no_number_may_be_infinite_or_too_long(option, value):
+    error = refusal(**({"altitude": 40} | {option.name: value}))
+    assert error.message.startswith(option.name)
+
+
+@pytest.mark.parametrize("heading", [1e-15, -1e-130, "1e-12"])
+def test_a_heading_may_be_as_small_as_rounding_leaves_it(heading):
+    assert PlanRequest(altitude=40, heading=heading).heading == float(heading)
+
+
+@pytest.mark.parametrize("name", ["altitude", "samples", "vhat", "origin"])
+def test_an_integer_too_long_to_print_is_refused_like_any_other(name):
+    # Python itself refuses to turn integers of more than 4300 digits into text.
+    value = (10**5000, 1) if name == "origin" else 10**5000
+    assert name in refusal(**({"altitude": 40} | {name: value})).message
+
+
+# Ways of giving an altitude
+
+
+def test_an_altitude_is_needed():
+    error = refusal()
+    assert error.message == "no altitude is given"
+    assert "--altitude M" in error.hint
+    assert "--gsd M" in error.hint
+
+
+@pytest.mark.parametrize(
+    "values", [{"altitude": 40}, {"gsd": 0.05}, {"target_size": 1.8, "target_pixels": 20}]
+)
+def test_each_way_of_giving_an_altitude_is_enough(values):
+    PlanRequest(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "flags"),
+    [
+        ({"altitude": 40, "gsd": 0.05}, ("--altitude", "--gsd")),
+        ({"altitude": 40, "target_size": 1.8, "target_pixels": 9}, ("--altitude", "--target-size")),
+        ({"gsd": 0.05, "target_size": 1.8, "target_pixels": 9}, ("--gsd", "--target-size")),
+        ({"altitude": 40, "target_pixels": 9}, ("--altitude", "--target-pixels")),
+        ({"altitude": 40, "vhat": 0.9, "visibility": 0.5}, ("--vhat", "--visibility")),
+        ({"altitude": 40, "scene": "savanna", "density": 0.1}, ("--scene", "--density")),
+        (
+            {"altitude": 40, "scene": "savanna", "integrated_density": 0.1},
+            ("--scene", "--integrated-density"),
+        ),
+        ({"altitude": 40, "scene": "savanna", "volume_base": 1}, ("--scene", "--volume-base")),
+        ({"altitude": 40, "scene": "savanna", "volume_height": 9}, ("--scene", "--volume-height")),
+        (
+            {"altitude": 40, "density": 0.1, "integrated_density": 0.1},
+            ("--density", "--integrated-density"),
+        ),
+        ({"altitude": 40, **UNIFORM, "voxel": 0.2}, ("--density", "--voxel")),
+        ({"altitude": 40, **UNIFORM, "ground": "auto"}, ("--density", "--ground")),
+        ({"altitude": 40, **UNIFORM, "min_height": 1}, ("--density", "--min-height")),
+        ({"altitude": 40, "camera": "x", "fov": 60}, ("--camera", "--fov")),
+        ({"altitude": 40, "camera": "x", "focal_length": 9}, ("--camera", "--focal-length")),
+        ({"altitude": 40, "camera": "x", "image_width": 9}, ("--camera", "--image-width")),
+        ({"altitude": 40, "camera": "x", "sensor_height": 9}, ("--camera", "--sensor-height")),
+        ({"altitude": 40, **LENS, "fov": 60}, ("--focal-length", "--fov")),
+        ({"altitude": 40, **FOV, "sensor_width": 7}, ("--fov", "--sensor-width")),
+        ({"altitude": 40, **FOV, "sensor_height": 7}, ("--fov", "--sensor-height")),
+    ],
+)
+def test_contradictions_name_both_options(values, flags):
+    error = refusal(**values)
+    assert all(flag in error.message for flag in flags)
+    assert error.hint == "keep one of them"
+
+
+@pytest.mark.parametrize(
+    ("values", "missing"),
+    [
+        ({"target_size": 1.8}, "--target-pixels"),
+        ({"target_pixels": 20}, "--target-size"),
+        ({"altitude": 40, "density": 0.01}, "--occluder-size"),
+        ({"altitude": 40, "density": 0.01, "occluder_size": 0.2}, "--volume-height"),
+        ({"altitude": 40, "integrated_density": 0.5, "volume_height": 9}, "--occluder-size"),
+        ({"altitude": 40, "volume_height": 9}, "--density"),
+        ({"altitude": 40, "volume_base": 9}, "--density"),
+        ({"altitude": 40, "focal_length": 9}, "--sensor-width"),
+        ({"altitude": 40, "focal_length": 9, "sensor_width": 7}, "--image-width"),
+        (
+            {"altitude": 40, "focal_length": 9, "sensor_width": 7, "image_width": 640},
+            "--image-height",
+        ),
+        ({"altitude": 40, "fov": 60}, "--image-width"),
+        ({"altitude": 40, "fov": 60, "image_width": 640}, "--image-height"),
+        ({"altitude": 40, "image_width": 640}, "--focal-length"),
+        ({"altitude": 40, "sensor_width": 7}, "--focal-length"),
+        ({"altitude": 40, "sensor_height": 7}, "--focal-length"),
+    ],
+)
+def test_a_missing_partner_is_named(values, missing):
+    error = refusal(**values)
+    assert missing in f"{error.message} {error.hint}"
+
+
+@pytest.mark.parametrize(
+    "values", [{"altitude": 40, "fov": 60}, {"altitude": 40, **LENS, "image_width": None}]
+)
+def test_an_incomplete_camera_has_a_hint(values):
+    assert refusal(**values).hint
+
+
+def test_a_uniform_scene_stands_two_metres_up_unless_given():
+    assert PlanRequest(altitude=40, **UNIFORM).volume_base == 2.0
+    assert PlanRequest(altitude=40, **UNIFORM, volume_base=0).volume_base == 0.0
+
+
+def test_the_base_that_was_assumed_is_in_the_document():
+    assert PlanRequest(altitude=40, **UNIFORM).document()["volume_base"] == 2.0
+
+
+def test_a_uniform_scene_leaves_no_preset_behind():
+    assert PlanRequest(altitude=40, **UNIFORM).scene is None
+
+
+@pytest.mark.parametrize("values", [LENS, FOV, LENS | {"sensor_height": 6.1}])
+def test_a_camera_in_numbers_leaves_no_preset_behind(values):
+    assert PlanRequest(altitude=40, **values).camera is None
+
+
+@pytest.mark.parametrize("fov", [180, 180.0001, 360])
+def test_a_field_of_view_stays_below_180(fov):
+    assert "--fov" in refusal(altitude=40, **(FOV | {"fov": fov})).message
+
+
+def test_a_visibility_leaves_no_vhat_behind():
+    request = PlanRequest(altitude=40, visibility=0.5)
+    assert request.vhat is None
+    assert request.visibility == 0.5
+
+
+@pytest.mark.parametrize("name", ["vhat", "visibility"])
+@pytest.mark.parametrize(
+    ("value", "hint"),
+    [
+        ("98", "write 98%"),
+        (98, "write 98%"),
+        (50.0, "write 50%"),
+        ("1", "no finite number of samples reaches 1; ask for 0.98"),
+        (1, "no finite number of samples reaches 1; ask for 0.98"),
+        ("100%", "no finite number of samples reaches 1; ask for 0.98"),
+        ("-0.1", "a target lies between 0 and 1, such as 0.98 or 98%"),
+        ("120%", "a target lies between 0 and 1, such as 0.98 or 98%"),
+        ("98m", "write a share such as 0.98, or 98%"),
+        ("0,98", "write a share such as 0.98, or 98%"),
+    ],
+)
+def test_targets_that_are_no_share_below_1_get_a_hint(name, value, hint):
+    error = refusal(altitude=40, **{name: value})
+    assert error.message.startswith(f"{name} '{value}' is not a")
+    assert error.hint == hint
+
+
+def test_empty_targets_are_quoted_once():
+    assert refusal(altitude=40, vhat="").message == "vhat '' is not a number"
+
+
+@pytest.mark.parametrize("value", ["0.9_8", "9_8%"])
+def test_underscores_in_targets_are_refused_as_in_every_other_number(value):
+    refusal(altitude=40, vhat=value)
+
+
+def test_percent_and_share_are_the_same_request():
+    assert PlanRequest(altitude=40, vhat="98%") == PlanRequest(altitude=40, vhat=0.98)
+
+
+@pytest.mark.parametrize(
+    "text", ["0.99999999999999999999", "0.98000000000000000001", "99.99999999999999999999%"]
+)
+def test_a_target_with_more_digits_than_a_float_keeps_them(text):
+    assert PlanRequest(altitude=40, vhat=text).vhat == text
+
+
+@pytest.mark.parametrize(
+    ("samples", "most", "fits"), [(50, 50, True), (51, 50, False), (1, 1, True), (2, 1, False)]
+)
+def test_samples_stay_within_their_own_bound(samples, most, fits):
+    result = outcome(PlanRequest, altitude=40, samples=samples, max_samples=most)
+    assert isinstance(result, PlanRequest) == fits
+
+
+def test_lanes_have_their_defaults_only_where_they_are_flown():
+    lanes = PlanRequest(altitude=40, grid="lanes")
+    assert (lanes.lanes, lanes.lane_pitch) == (3, 4.0)
+    trimmed = PlanRequest(altitude=40)
+    assert (trimmed.lanes, trimmed.lane_pitch) == (None, None)
+
+
+@pytest.mark.parametrize("name", ["lanes", "lane_pitch"])
+@pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
+def test_lane_options_go_with_lanes(grid, name):
+    error = refusal(altitude=40, grid=grid, **{name: 3})
+    assert BY_NAME[name].flag in error.message
+    assert f"--grid {grid}" in error.message
+    assert error.hint == "they go with --grid lanes"
+
+
+def test_lanes_are_no_closer_than_samples_along_them():
+    assert PlanRequest(altitude=40, grid="lanes", lane_pitch=1).lane_pitch == 1.0
+    assert "--lane-pitch" in refusal(altitude=40, grid="lanes", lane_pitch=0.99).message
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "hint"),
+    [
+        ("model", "layerd", "did you mean layered?"),
+        ("optimize", "sample", "did you mean samples?"),
+        ("grid", "rectangel", "did you mean rectangle?"),
+        ("ground", "normalised", "did you mean normalized?"),
+    ],
+)
+def test_unknown_words_get_the_nearest_known(name, value, hint):
+    error = refusal(altitude=40, **{name: value})
+    assert f"{name} '{value}'" in error.message
+    assert error.hint == hint
+
+
+# Files and flags
+
+
+def test_a_flag_overrides_the_file():
+    request = request_from({"altitude": 40, "samples": 60}, overrides={"altitude": "50"})
+    assert (request.altitude, request.samples) == (50.0, 60)
+
+
+def test_a_flag_that_was_not_given_leaves_the_file_alone():
+    request = request_from({"altitude": 40}, overrides={"altitude": None, "gsd": None})
+    assert request.altitude == 40.0
+
+
+@pytest.mark.parametrize(
+    ("file", "flags", "gone"),
+    [
+        ({"altitude": 40}, {"gsd": 0.05}, ("altitude",)),
+        ({"altitude": 40}, {"target_size": 1.8, "target_pixels": 9}, ("altitude",)),
+        (
+            {"target_size": 1.8, "target_pixels": 9},
+            {"altitude": 40},
+            ("target_size", "target_pixels"),
+        ),
+        ({"gsd": 0.05}, {"altitude": 40}, ("gsd",)),
+        ({"altitude": 40, "vhat": 0.9}, {"visibility": 0.5}, ("vhat",)),
+        ({"altitude": 40, "visibility": 0.5}, {"vhat": 0.9}, ("visibility",)),
+        ({"altitude": 40, "scene": "savanna"}, UNIFORM, ("scene",)),
+        ({"altitude": 40, "scene": "a.laz", "voxel": 0.2, "ground": "class"}, UNIFORM, ("voxel",)),
+        ({"altitude": 40, **UNIFORM}, {"scene": "savanna"}, ("density", "volume_height")),
+        ({"altitude": 40, **UNIFORM}, {"integrated_density": 0.5}, ("density",)),
+        ({"altitude": 40, **LENS}, {"camera": "dji-m3t-thermal"}, ("focal_length", "image_width")),
+        ({"altitude": 40, "camera": "dji-m3t-thermal"}, FOV, ("camera",)),
+        ({"altitude": 40, **LENS}, {"fov": 60}, ("focal_length", "sensor_width")),
+    ],
+)
+def test_a_flag_drops_what_it_contradicts_in_the_file(file, flags, gone):
+    request = request_from(file, overrides=flags)
+    document = request.document()
+    assert not set(gone) & set(document)
+    assert {name: document[name] for name in flags} == pytest.approx(flags)
+
+
+@pytest.mark.parametrize("kept", ["scene", "camera"])
+def test_a_complete_request_can_be_overridden_by_a_preset(kept):
+    # The occluder size of a uniform scene in the file means nothing to a preset.
+    file = PlanRequest(altitude=40, **UNIFORM, **LENS).document()
+    preset = {"scene": "savanna", "camera": "dji-m3t-wide"}[kept]
+    request = request_from(file, overrides={kept: preset})
+    assert getattr(request, kept) == preset
+    if kept == "scene":
+        assert request.occluder_size is None
+
+
+def test_flags_contradict_each_other_even_over_a_file():
+    with pytest.raises(RequestError, match="say the same thing twice"):
+        request_from({"altitude": 40}, overrides={"altitude": 50, "gsd": 0.05})
+
+
+def test_a_file_that_contradicts_itself_is_refused():
+    with pytest.raises(RequestError, match="say the same thing twice"):
+        request_from({"altitude": 40, "gsd": 0.05})
+
+
+def test_values_of_a_file_are_named_with_the_file_and_flags_as_flags():
+    with pytest.raises(RequestError, match=r"^altitude in r\.toml '-1' is not above zero"):
+        request_from({"altitude": -1}, where="r.toml")
+    with pytest.raises(RequestError, match=r"^--altitude '-1' is not above zero"):
+        request_from({"altitude": 5}, overrides={"altitude": "-1"}, where="r.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"),
+    [
+        ("altitud", "altitude"),
+        ("max-samples", "max_samples"),
+        ("Vhat", "vhat"),
+        ("scenes", "scene"),
+    ],
+)
+def test_unknown_options_get_the_nearest_known(name, nearest):
+    with pytest.raises(RequestError) as caught:
+        request_from({"altitude": 40, name: 1}, where="r.toml")
+    assert caught.value.message == f"unknown option {name} in r.toml"
+    assert caught.value.hint == f"did you mean {nearest}?"
+
+
+def test_grid_lanes_in_a_file_can_be_overridden_by_another_grid():
+    # What a lanes request writes out is overridden by one flag, without naming the lanes again.
+    file = PlanRequest(altitude=40, grid="lanes").document()
+    assert request_from(file, overrides={"grid": "trimmed"}).grid == "trimmed"
+
+
+# Anything at all
+
+
+values = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=30),
+    st.sampled_from(["98%", "98", "0.98", "40ft", "1e400", "_", "lanes", "line", "layered", "0"]),
+    st.lists(st.floats(), max_size=3),
+    st.dictionaries(st.text(max_size=3), st.integers(), max_size=2),
+)
+
+sensible = {
+    "altitude": st.floats(0.1, 500),
+    "gsd": st.floats(0.001, 1),
+    "target_size": st.floats(0.1, 10),
+    "target_pixels": st.floats(1, 100),
+    "focal_height": st.floats(0, 50),
+    "vhat": st.one_of(st.floats(0, 0.9999), st.sampled_from(["98%", "0.9999999999999999999"])),
+    "visibility": st.floats(0, 0.9999),
+    "scene": st.sampled_from(["paper-forest", "savanna", "x.toml"]),
+    "density": st.floats(0, 1),
+    "integrated_density": st.floats(0, 1),
+    "occluder_size": st.floats(0.01, 5),
+    "volume_height": st.floats(0.1, 50),
+    "volume_base": st.floats(0, 10),
+    "camera": st.just("dji-m3t-thermal"),
+    "fov": st.floats(1, 179),
+    "image_width": st.integers(1, 9000),
+    "image_height": st.integers(1, 9000),
+    "grid": st.sampled_from(["trimmed", "lanes", "line"]),
+    "lanes": st.integers(1, 9),
+    "samples": st.integers(1, 100),
+    "max_samples": st.integers(1, 100),
+    "origin": st.tuples(st.floats(-90, 90), st.floats(-180, 180)),
+    "heading": st.floats(-720, 720),
+}
+
+junk = st.dictionaries(st.sampled_from(list(BY_NAME)), values, max_size=6)
+
+
+def check_error(error):
+    assert error.message
+    assert error.message.isprintable()
+    assert error.hint.isprintable()
+
+
+@given(values=junk)
+def test_any_values_make_a_request_or_one_line(values):
+    result = outcome(PlanRequest, **({"altitude": 40} | values))
+    if isinstance(result, RequestError):
+        check_error(result)
+    else:
+        json.dumps(result.document(), allow_nan=False)
+
+
+@given(values=junk, names=st.dictionaries(st.text(max_size=12), values, max_size=2))
+@example(values={}, names={"a\nb": 1})
+def test_any_table_makes_a_request_or_an_error(values, names):
+    result = outcome(request_from, values | names, where="r.toml")
+    assert isinstance(result, (RequestError, PlanRequest))
+
+
+@given(values=st.fixed_dictionaries({}, optional=sensible))
+def test_the_document_of_a_request_makes_the_same_request(values):
+    result = outcome(PlanRequest, **values)
+    if isinstance(result, RequestError):
+        check_error(result)
+        return
+    document = json.loads(json.dumps(result.document(), allow_nan=False))
+    assert request_from(document) == result
+
+
+@given(values=st.fixed_dictionaries({}, optional=sensible))
+def test_a_request_is_the_same_from_flags_and_from_a_file(values):
+    flags = {
+        name: ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
+        for name, value in values.items()
+    }
+    file = outcome(request_from, values)
+    typed = outcome(request_from, {}, overrides=flags)
+    if isinstance(file, RequestError):
+        assert isinstance(typed, RequestError)
+    else:
+        assert typed == file

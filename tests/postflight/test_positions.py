@@ -1,0 +1,190 @@
+"""Places read back from what was written, and from files that want to do harm."""
+
+import csv
+import io
+import json
+
+import pytest
+from hypothesis import given, settings
+from pyproj import Geod
+from support.flights import grid, missions
+
+from aosplan.cli.app import run
+from aosplan.errors import AosplanError, RequestError
+from aosplan.geodesy import to_local, to_wgs84
+from aosplan.mission.export import formats, render
+from aosplan.postflight.positions import read_places, read_positions
+
+ENDINGS = {"csv": ".csv", "geojson": ".geojson", "qgc_plan": ".plan", "waypoints": ".waypoints"}
+
+
+def file_of(folder, mission, name):
+    path = folder / f"mission{ENDINGS[name]}"
+    path.write_bytes(render(mission, formats()[name]))
+    return str(path)
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+@given(mission=missions)
+@settings(max_examples=20)
+def test_places_read_back_are_the_sites_with_photos(tmp_path_factory, name, mission):
+    path = file_of(tmp_path_factory.mktemp("places"), mission, name)
+    found = read_places(path)
+    assert len(found) == len(mission.waypoints)
+    for place, site in zip(found, mission.waypoints, strict=True):
+        assert place.latitude == pytest.approx(site.latitude, rel=0, abs=1e-8)
+        assert place.longitude == pytest.approx(site.longitude, rel=0, abs=1e-8)
+        assert place.altitude_m == pytest.approx(site.altitude_m, abs=1e-4)
+
+
+@pytest.mark.parametrize("trigger", ["stop", "distance"])
+@pytest.mark.parametrize("name", ENDINGS)
+def test_turning_points_are_left_out(tmp_path, name, trigger):
+    photo = [index % 4 != 3 for index in range(12)]
+    mission = grid(photo=photo, trigger=trigger)
+    found = read_places(file_of(tmp_path, mission, name))
+    sites = [site for site in mission.waypoints if site.photo]
+    assert len(found) == len(sites) == 9
+    for place, site in zip(found, sites, strict=True):
+        assert place.latitude == pytest.approx(site.latitude, rel=0, abs=1e-8)
+        assert place.longitude == pytest.approx(site.longitude, rel=0, abs=1e-8)
+
+
+def test_a_mission_without_a_camera_has_its_waypoints(tmp_path):
+    content = render(grid(5), formats()["waypoints"]).replace(b"\t203\t", b"\t113\t")
+    (tmp_path / "bare.waypoints").write_bytes(content)
+    assert len(read_places(str(tmp_path / "bare.waypoints"))) == 5
+
+
+@pytest.mark.parametrize("name", ["geojson", "qgc_plan", "waypoints"])
+def test_positions_of_missions_are_metres_from_the_first(tmp_path, name):
+    mission = grid(20, origin=(-33.9, -179.9999), baseline_m=7.0)
+    found = read_positions(file_of(tmp_path, mission, name))
+    ways = mission.waypoints
+    for (east, north), x, y in zip(found, ways.east_m, ways.north_m, strict=True):
+        assert east == pytest.approx(x - ways.east_m[0], abs=2e-3)
+        assert north == pytest.approx(y - ways.north_m[0], abs=2e-3)
+
+
+@given(mission=missions)
+def test_local_metres_are_the_inverse_of_places_on_earth(mission):
+    ways = mission.waypoints
+    origin = (ways.latitude[0], ways.longitude[0])
+    east, north = to_local(origin, ways.latitude, ways.longitude)
+    geod = Geod(ellps="WGS84")
+    latitude, longitude = to_wgs84(origin, east, north)
+    for one, other in zip(
+        zip(latitude, longitude, strict=True),
+        zip(ways.latitude, ways.longitude, strict=True),
+        strict=True,
+    ):
+        assert geod.inv(one[1], one[0], other[1], other[0])[2] < 1e-6
+
+
+def test_the_calculator_takes_a_mission_for_positions(tmp_path, capsys):
+    path = file_of(tmp_path, grid(9, baseline_m=4.0, heading_deg=0.0), "qgc_plan")
+    line = ["visibility", "--density", "0.5", "--spacing", "4", "--json", "--positions"]
+    assert run([*line, path]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == 9
+
+
+def test_a_csv_of_positions_leaves_turning_points_out(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("x,y,photo\n0,0,true\n1,1,false\n2,2,1\n3,3,0\n")
+    assert read_positions(str(path)) == [(0.0, 0.0), (2.0, 2.0)]
+
+
+def test_places_of_a_csv_of_others(tmp_path):
+    path = tmp_path / "p.csv"
+    path.write_text("Lat,Lng,name\n48.1,14.2,a\n48.2,14.3,b\n")
+    assert read_places(str(path)) == [(48.1, 14.2, None), (48.2, 14.3, None)]
+
+
+# Hostile files
+
+PLAN = '{"mission": {"items": %s}}'
+ITEM = '{"type": "SimpleItem", "command": %s, "params": %s}'
+GEOJSON = '{"type": "FeatureCollection", "features": %s}'
+FEATURE = '{"type": "Feature", "geometry": %s, "properties": {}}'
+
+BAD = {
+    "wrong first line.waypoints": ("QGC WPL", "does not begin with QGC WPL 110"),
+    "empty.waypoints": ("", "does not begin with"),
+    "no rows.waypoints": ("QGC WPL 110\n", "holds no waypoints"),
+    "eleven.waypoints": ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 1 2 3\n", "line 3: 11 fields"),
+    "letters.waypoints": ("QGC WPL 110\n\n" + "a " * 12, "line 3: command 'a'"),
+    "fraction.waypoints": ("QGC WPL 110\n\n1 0 3 16.5 0 0 0 0 1 2 3 1", "no whole number"),
+    "nan.waypoints": ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 nan 2 3 1", "line 3: latitude 'nan'"),
+    "huge.waypoints": ("QGC WPL 110\n\n1 0 3 16 0 0 0 0 91 2 3 1", "no latitude and longitude"),
+    "infinite.waypoints": ("QGC WPL 110\n\n1 0 3 1e999 0 0 0 0 1 2 3 1", "command '1e999'"),
+    "list.plan": ("[]", "no table of named values"),
+    "nothing.plan": ("{}", "it is no QGroundControl plan"),
+    "items.plan": (PLAN % '{"a": 1}', "it is no QGroundControl plan"),
+    "survey.plan": (PLAN % '[{"type": "ComplexItem"}]', "'ComplexItem' is no SimpleItem"),
+    "text.plan": (PLAN % '["SimpleItem"]', "item 1: None is no SimpleItem"),
+    "six.plan": (PLAN % f"[{ITEM % (16, '[0, 0, 0, 0, 1, 2]')}]", "params are not seven values"),
+    "null.plan": (PLAN % f"[{ITEM % (16, '[0, 0, 0, 0, null, 2, 3]')}]", "item 1: latitude"),
+    "true.plan": (PLAN % f"[{ITEM % ('true', '[0, 0, 0, 0, 1, 2, 3]')}]", "item 1: command"),
+    "constant.plan": (PLAN % f"[{ITEM % (16, '[0, 0, 0, 0, NaN, 2, 3]')}]", "NaN is not a number"),
+    "deep.plan": ("[" * 100_000, "nested too deeply"),
+    "deep.geojson": ('{"a":' * 200 + "1" + "}" * 200, "nested too deeply"),
+    "geometry.geojson": ('{"type": "Point", "coordinates": [1, 2]}', "no GeoJSON"),
+    "none.geojson": (GEOJSON % "[]", "holds no positions"),
+    "null.geojson": (GEOJSON % f"[{FEATURE % 'null'}]", "holds no positions"),
+    "far.geojson": (
+        GEOJSON % f"[{FEATURE % json.dumps({'type': 'Point', 'coordinates': [14, 200]})}]",
+        "feature 1: 200, 14 is no latitude and longitude",
+    ),
+    "one.geojson": (
+        GEOJSON % f"[{FEATURE % json.dumps({'type': 'Point', 'coordinates': [14]})}]",
+        "coordinates are not longitude",
+    ),
+    "words.geojson": (
+        GEOJSON % f"[{FEATURE % json.dumps({'type': 'LineString', 'coordinates': 'abc'})}]",
+        "coordinates are no list",
+    ),
+    "header.csv": ("a,b\n1,2\n", "has no columns latitude and longitude"),
+    "rows.csv": ("latitude,longitude\n", "holds no positions"),
+    "short.csv": ("latitude,longitude\n1\n", "line 2: 1 values are too few"),
+    "off.csv": ("lat,lon\n1,181\n", "line 2: 1, 181 is no latitude and longitude"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_broken_files_are_refused_at_their_place(tmp_path, name):
+    content, words = BAD[name]
+    path = tmp_path / name.replace(" ", "-")
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(RequestError) as caught:
+        read_places(str(path))
+    assert words in caught.value.message
+
+
+@pytest.mark.parametrize("suffix", [".waypoints", ".plan", ".geojson", ".csv"])
+def test_bytes_that_are_no_text_are_refused(tmp_path, suffix):
+    path = tmp_path / f"noise{suffix}"
+    path.write_bytes(bytes(range(256)) * 4)
+    with pytest.raises(AosplanError):
+        read_places(str(path))
+    with pytest.raises(AosplanError, match="no file"):
+        read_places(str(tmp_path / f"none{suffix}"))
+
+
+def test_places_too_far_apart_are_no_positions(tmp_path):
+    features = [
+        {"type": "Feature", "properties": None, "geometry": {"type": "Point", "coordinates": where}}
+        for where in ([14.0, 48.0], [-100.0, 48.0])
+    ]
+    path = tmp_path / "far.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    assert len(read_places(str(path))) == 2
+    with pytest.raises(RequestError, match="km from the first"):
+        read_positions(str(path))
+
+
+def test_many_places_are_read(tmp_path):
+    mission = grid(2500)
+    for name in ENDINGS:
+        assert len(read_places(file_of(tmp_path, mission, name))) == 2500
+    rows = csv.reader(io.StringIO(render(mission, formats()["csv"]).decode()))
+    assert sum(1 for _ in rows) == 2501

@@ -1,0 +1,239 @@
+"""Sweeps that end early: nothing is half there, and the rest makes the same bytes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.campaigns import CAMPAIGN, sweep
+
+from aosplan.sweeps import run as run_module
+from aosplan.sweeps import scenarios as scenarios_module
+
+pl = pytest.importorskip("polars")
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
+@pytest.mark.parametrize("conditions", [[], ["--best", "-flight_time_s", "--per", "altitude"]])
+def test_interruptions_change_no_byte(
+    campaign, tmp_path, small_blocks, monkeypatch, suffix, conditions
+):
+    whole, broken = tmp_path / f"whole.{suffix}", tmp_path / f"broken.{suffix}"
+    assert sweep(campaign, "--out", whole, *conditions) == 0
+    solved = []
+    solve = run_module.solve_part
+
+    def interrupted(sweep, index, path):
+        if len(solved) == 3:
+            raise KeyboardInterrupt
+        solved.append(index)
+        return solve(sweep, index, path)
+
+    monkeypatch.setattr(run_module, "solve_part", interrupted)
+    assert sweep(campaign, "--out", broken, *conditions) == 130
+    assert not broken.exists()
+    assert sweep(campaign, "--out", broken, *conditions) == 2  # neither resumed nor forced
+    again = []
+
+    def counted(sweep, index, path):
+        again.append(index)
+        return solve(sweep, index, path)
+
+    monkeypatch.setattr(run_module, "solve_part", counted)
+    assert sweep(campaign, "--out", broken, "--resume", *conditions) == 0
+    assert not set(again) & set(solved)
+    assert broken.read_bytes() == whole.read_bytes()
+    assert sorted(os.listdir(tmp_path)) == sorted([whole.name, broken.name, campaign.name])
+
+
+def test_a_damaged_part_is_solved_again(campaign, tmp_path, small_blocks, monkeypatch):
+    whole, broken = tmp_path / "whole.csv", tmp_path / "broken.csv"
+    assert sweep(campaign, "--out", whole) == 0
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(broken))
+
+    monkeypatch.setattr(run_module.Parts, "join", full)
+    assert sweep(campaign, "--out", broken) == 1
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    part = tmp_path / "broken.csv.parts" / "00000002.csv"
+    part.write_bytes(part.read_bytes()[:100])
+    assert sweep(campaign, "--out", broken, "--resume") == 0
+    assert broken.read_bytes() == whole.read_bytes()
+
+
+@pytest.mark.parametrize("line", ['{"part": 7}', "5", '{"part": "a"}', "[]", '{"x": 1}', "\x00"])
+def test_a_damaged_journal_is_passed_over_or_refused(
+    campaign, tmp_path, small_blocks, monkeypatch, capsys, line
+):
+    out = tmp_path / "r.csv"
+    monkeypatch.setattr(
+        run_module.Parts, "join", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    assert sweep(campaign, "--out", out) == 130
+    journal = tmp_path / "r.csv.parts" / "journal.jsonl"
+    whole = journal.read_text()
+    journal.write_text(f"{line}\n{whole}")
+    monkeypatch.undo()
+    monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)
+    if line != "\x00":
+        assert sweep(campaign, "--out", out, "--resume") == 2
+        assert "parts of another sweep" in capsys.readouterr().err
+    journal.write_text(f"{whole}{line}\n")
+    assert sweep(campaign, "--out", out, "--resume") == 0
+
+
+def test_a_file_that_came_while_a_sweep_ran_stays(campaign, tmp_path, monkeypatch, capsys):
+    solve, out = run_module.solve_part, tmp_path / "r.csv"
+
+    def other(*arguments):
+        out.write_text("another's")
+        return solve(*arguments)
+
+    monkeypatch.setattr(run_module, "solve_part", other)
+    assert sweep(campaign, "--out", out) == 2
+    assert "exists" in capsys.readouterr().err
+    assert out.read_text() == "another's"
+    monkeypatch.undo()
+    assert sweep(campaign, "--out", out, "--resume", "--force") == 0
+    assert sorted(os.listdir(tmp_path)) == [campaign.name, "r.csv"]
+
+
+def test_another_sweep_is_not_resumed(campaign, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(
+        run_module, "solve_part", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt)
+    )
+    out = tmp_path / "r.csv"
+    assert sweep(campaign, "--out", out) == 130
+    monkeypatch.undo()
+    campaign.write_text(CAMPAIGN.replace("0.2", "0.3"), encoding="utf-8")
+    assert sweep(campaign, "--out", out, "--resume") == 2
+    assert "parts of another sweep" in capsys.readouterr().err
+    assert sweep(campaign, "--out", out, "--force") == 0
+
+
+def test_a_sweep_of_files_that_have_changed_is_not_resumed(
+    tmp_path, small_blocks, monkeypatch, capsys
+):
+    scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.csv"
+    text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\nvolume_base_m = 2.0\n'
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    path.write_text('[sweep]\naltitude = [40, 50]\nscene = "stand.toml"\n', encoding="utf-8")
+
+    def full(*_):
+        raise OSError(28, "No space left on device", str(out))
+
+    monkeypatch.setattr(run_module.Parts, "join", full)
+    assert sweep(path, "--out", out) == 1
+    monkeypatch.undo()
+    scene.write_text(f"{text}volume_height_m = 12.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 2
+    assert "parts of another sweep" in capsys.readouterr().err
+    scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
+    assert sweep(path, "--out", out, "--resume") == 0
+    assert set(pl.read_csv(out)["status"]) == {"ok"}
+
+
+@pytest.mark.slow
+def test_workers_change_no_byte(tmp_path):
+    # In a process of its own: workers are started anew and import the main module.
+    many = tmp_path / "many.toml"
+    many.write_text(
+        "[sweep]\naltitude = { start = 45, stop = 120, count = 300000 }\nvhat = [0.9, 0.98]\n"
+    )
+    files = []
+    for workers in (1, 2):
+        out = tmp_path / f"{workers}.csv"
+        command = ["sweep", many, "--out", out, "--workers", workers, "--where", "altitude > 119"]
+        done = subprocess.run(
+            [sys.executable, "-m", "aosplan", *map(str, command)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        files.append(out.read_bytes())
+    assert files[0] == files[1]
+    assert files[0].count(b"\n") == 1 + 2 * 4000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
+    # A terminal interrupts every process of a line; a job's manager only the first.
+    status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
+    assert status == 130
+    assert error == "hint: what is done is kept; --resume goes on with it\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
+    # The columnar library's handler has them go on.
+    code = (
+        "import os, signal, threading\nfrom aosplan.cli.app import run\n"
+        f"assert run(['sweep', {str(campaign)!r}, '--out', {str(tmp_path / 'r.csv')!r}]) == 0\n"
+        "threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "try:\n    threading.Event().wait()\nexcept KeyboardInterrupt:\n    os._exit(7)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    assert done.returncode == 7
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_termination_leaves_whole_parts_alone(tmp_path):
+    def terminate(pid):
+        # As of a worker that ends in the middle of a part.
+        (tmp_path / "r.csv.parts" / f"00000099.csv.{'0' * 32}.tmp").write_text("altitude")
+        os.kill(pid, signal.SIGTERM)
+
+    assert ended(tmp_path, terminate) == (143, "")
+    names = os.listdir(tmp_path / "r.csv.parts")
+    assert "journal.jsonl" in names
+    assert not [name for name in names if name.endswith(".tmp")]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
+def test_a_worker_that_dies_is_an_error(tmp_path):
+    def kill_workers(pid):
+        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
+            for child in children.read().split():
+                with open(f"/proc/{child}/cmdline", encoding="utf-8") as line:
+                    if "spawn_main" in line.read():
+                        os.kill(int(child), signal.SIGKILL)
+
+    status, error = ended(tmp_path, kill_workers)
+    assert status == 1
+    assert error.startswith("error: a worker process died")
+    assert "--resume" in error
+    assert error.count("\n") == 2
+
+
+def ended(folder, act):
+    """How a long sweep with two workers ends when something happens to it, and what it says."""
+    path, out = folder / "s.toml", folder / "r.csv"
+    path.write_text(
+        "[sweep]\nspeed = { start = 1, stop = 9, count = 5000 }\n"
+        "vhat = { start = 0.5, stop = 0.99, count = 30 }\n"
+        "altitude = { start = 30, stop = 90, count = 5000 }\n"
+    )
+    command = ["sweep", path, "--out", out, "--workers", 2, "--where", "altitude < 0"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "aosplan", *map(str, command)],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            journal = folder / "r.csv.parts" / "journal.jsonl"
+            while not journal.exists() or journal.read_bytes().count(b"\n") < 2:
+                assert process.poll() is None
+                time.sleep(0.05)
+            act(process.pid)
+            error = process.communicate(timeout=60)[1]  # stderr ends with the last process
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    return process.returncode, error
