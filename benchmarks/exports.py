@@ -20,7 +20,7 @@ import tempfile
 import time
 
 RESULTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "results")
-FORMATS = ("csv", "geojson", "kml", "waypoints", "qgc_plan", "litchi", "wpml")
+FORMATS = ("csv", "geojson", "kml", "waypoints", "plan", "litchi", "kmz")
 LIMIT = 5.0
 """GDAL takes at least so many times as long."""
 

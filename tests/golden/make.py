@@ -57,7 +57,7 @@ def contents():
         for form in formats().values():
             if mission.has_place or not form.needs_place:
                 content = render(mission, form)
-                if form.name == "wpml":
+                if form.name == "kmz":
                     archive = zipfile.ZipFile(io.BytesIO(content))
                     for member in archive.namelist():
                         files[f"{name}-{Path(member).name}"] = archive.read(member)

@@ -64,7 +64,7 @@ def check_plan(plan):
 def test_plans_follow_the_rules_of_qgroundcontrol(mission):
     for autopilot, number in (("px4", 12), ("ardupilot", 3)):
         flown = mission._replace(conduct=mission.conduct._replace(autopilot=autopilot))
-        content = written(flown, "qgc_plan").decode()
+        content = written(flown, "plan").decode()
         assert "NaN" not in content
         plan = json.loads(content)
         check_plan(plan)
@@ -124,7 +124,7 @@ def test_home_is_the_take_off_and_the_climb_reaches_the_highest_site():
     assert rows[0][8:11] == [48.0, 14.0, 190.0]
     assert rows[1][8:11] == [48.0, 14.0, 83.0]
     assert plan_of(mission)["mission"]["plannedHomePosition"] == [48.0, 14.0, 190.0]
-    (template, waylines) = documents_of(written(mission, "wpml")).values()
+    (template, waylines) = documents_of(written(mission, "kmz")).values()
     assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,190.00"]
     assert texts(waylines, "takeOffSecurityHeight") == ["83.00"]
     assert texts(waylines, "globalRTHHeight") == ["83.00"]

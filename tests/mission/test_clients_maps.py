@@ -76,7 +76,7 @@ def test_gdal_reads_csv(tmp_path, name):
 @pytest.mark.parametrize("member", ["template.kml", "waylines.wpml"])
 def test_gdal_reads_both_documents_of_wpml(tmp_path, member):
     mission = MISSIONS["linz"]
-    archive = zipfile.ZipFile(io.BytesIO(render(mission, formats()["wpml"])))
+    archive = zipfile.ZipFile(io.BytesIO(render(mission, formats()["kmz"])))
     path = tmp_path / f"{member}.kml"
     path.write_bytes(archive.read(f"wpmz/{member}"))
     found = gdal_points(path)

@@ -145,7 +145,7 @@ def sites_of(items):
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_mavsdk_imports_uploads_and_downloads_plans(ground_station, tmp_path, name, autopilot):
     missions, arrived = ground_station
-    path = file_of(MISSIONS[name], "qgc_plan", tmp_path, autopilot=autopilot)
+    path = file_of(MISSIONS[name], "plan", tmp_path, autopilot=autopilot)
     plan = missions.import_qgroundcontrol_mission(str(path))
     check_sites(sites_of(plan.mission_items), MISSIONS[name])
     assert plan.geofence_items == plan.rally_items == []
@@ -171,7 +171,7 @@ def test_mavsdk_imports_waypoints(ground_station, tmp_path, name):
 @pytest.mark.parametrize("key", ["mission", "geoFence", "params"])
 def test_mavsdk_refuses_a_plan_without(ground_station, tmp_path, key):
     missions, _ = ground_station
-    path = file_of(SITES, "qgc_plan", tmp_path)
+    path = file_of(SITES, "plan", tmp_path)
     path.write_text(path.read_text().replace(f'"{key}"', '"elsewhere"'))
     from mavsdk.plugins.mission_raw import MissionRawError
 

@@ -290,6 +290,9 @@ def test_every_ending_belongs_to_one_format():
         ("plan", "csv", "csv", "plan"),
         ("plan.csv", "geojson", "geojson", "plan.csv"),
         ("-", "csv", "csv", "-"),
+        ("x", "qgc_plan", "plan", "x"),
+        ("wpml:x.zip", None, "kmz", "x.zip"),
+        ("wpml:x.zip", "kmz", "kmz", "x.zip"),
     ],
 )
 def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):

@@ -62,7 +62,7 @@ def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
     assert heights == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", ["waypoints", "qgc_plan", "litchi"])
+@pytest.mark.parametrize("name", ["waypoints", "plan", "litchi"])
 def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
     ground = [200.0 + 3.0 * index for index in range(12)]
     mission = grid(ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain")
@@ -81,7 +81,7 @@ def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
 
 def test_wpml_has_no_terrain_frame():
     with pytest.raises(RequestError, match="no height above the ground"):
-        written(grid(altitude_frame="terrain"), "wpml")
+        written(grid(altitude_frame="terrain"), "kmz")
 
 
 # Photos
@@ -102,7 +102,7 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
     places = [place for place, item in enumerate(items) if item["command"] == 16]
     assert [items[place + 1]["command"] == 2000 for place in places] == shot
     assert [items[place]["params"][0] for place in places] == [1.25 if yes else 0.0 for yes in shot]
-    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     marks = list(waylines.iter(f"{KML}Placemark"))
     assert [
         texts(mark, "actionActuatorFunc")[-2:] == ["hover", "takePhoto"] for mark in marks
@@ -127,7 +127,7 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
     assert holds == [0.0, 0.0, 0.0, 1.0] * 3
-    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [
         (
             texts(g, "actionGroupStartIndex"),
@@ -155,7 +155,7 @@ def test_turning_points_take_no_photo_in_flight():
     codes = [row[3] for row in commands_of(written(mission, "waypoints").decode())[4:-1]]
     one = [115, 16, 115, 16, 206, 115, 16, 115, 16, 115, 16, 206]
     assert codes == one * 2  # on at the first site, off at the turn beyond the last
-    waylines = documents_of(written(mission, "wpml"))["waylines.wpml"]
+    waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     stops = ["Stop" in mode for mode in texts(waylines, "waypointTurnMode")]
     assert stops == [True, False, False, False, True] * 2
 
@@ -215,11 +215,11 @@ NAMES = [
 def test_names_stay_names(name):
     mission = grid()._replace(summary={"scene": {"name": name}, "camera": {"name": "dji-m3t-wide"}})
     for form in formats().values():
-        if "\ud800" in name and form.name in {"geojson", "qgc_plan"}:
+        if "\ud800" in name and form.name in {"geojson", "plan"}:
             continue  # JSON files are UTF-8: half a character never comes out of one
         content = render(mission, form)
         assert len(positions_of(form.name, [content])) == 12
-        assert b"<script>" not in content or form.name in {"geojson", "qgc_plan"}
+        assert b"<script>" not in content or form.name in {"geojson", "plan"}
         if form.name == "kml":
             assert len(content) < 4000
 
@@ -332,9 +332,9 @@ def test_formats_are_listed_with_what_they_need_and_hold(capsys):
     assert run(["formats", "--json"]) == 0
     listed = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
     assert set(listed) == set(formats())
-    assert listed["wpml"]["limits"][0]["waypoints"] == [2, 65535]
+    assert listed["kmz"]["limits"][0]["waypoints"] == [2, 65535]
     assert listed["litchi"]["limits"][0]["waypoints"] == [2, 99]
-    assert [one["target"] for one in listed["qgc_plan"]["limits"]] == ["px4", "ardupilot"]
+    assert [one["target"] for one in listed["plan"]["limits"]] == ["px4", "ardupilot"]
     assert run(["formats"]) == 0
     shown = capsys.readouterr().out
     assert "litchi:PATH" in shown

@@ -43,7 +43,7 @@ def test_ardupilot_files_keep_within_its_718_commands():
         mission = mission._replace(conduct=mission.conduct._replace(trigger=trigger))
         for content in files([mission], formats()["waypoints"], "g.waypoints").values():
             assert len(commands_of(content.decode())) <= 718
-        for content in files([mission], formats()["qgc_plan"], "g.plan").values():
+        for content in files([mission], formats()["plan"], "g.plan").values():
             assert len(json.loads(content)["mission"]["items"]) <= 500
 
 
@@ -79,17 +79,17 @@ def test_several_files_do_not_fit_into_stdout():
 @pytest.mark.parametrize(
     ("name", "values", "words"),
     [
-        ("wpml", {"samples": 1}, "needs 2 waypoints or more, and the mission has 1"),
+        ("kmz", {"samples": 1}, "needs 2 waypoints or more, and the mission has 1"),
         ("litchi", {"samples": 1}, "needs 2 waypoints or more"),
-        ("wpml", {"baseline_m": 0.4}, "waypoints 1 and 2 are 0.4 m apart"),
-        ("wpml", {"baseline_m": 2001.0}, "legs of 0.5 to 2000 m"),
+        ("kmz", {"baseline_m": 0.4}, "waypoints 1 and 2 are 0.4 m apart"),
+        ("kmz", {"baseline_m": 2001.0}, "legs of 0.5 to 2000 m"),
         ("litchi", {"baseline_m": 0.49}, "0.49 m apart"),
-        ("wpml", {"speed_mps": 15.5}, "speed 15.5 m/s: DJI WPML takes 0.1 to 15 m/s"),
+        ("kmz", {"speed_mps": 15.5}, "speed 15.5 m/s: DJI WPML takes 0.1 to 15 m/s"),
         ("litchi", {"speed_mps": 16.0}, "speed 16 m/s"),
         ("litchi", {"hold_s": 33.0}, "hold 33 s: Litchi CSV takes 0 to 32 s"),
         ("litchi", {"altitude_m": 501.0}, "height 501 m: Litchi CSV takes -200 to 500 m"),
         ("litchi", {"altitude_m": -201.0}, "height -201 m"),
-        ("wpml", {"altitude_m": 1501.0}, "height 1501 m: DJI WPML takes any to 1500 m"),
+        ("kmz", {"altitude_m": 1501.0}, "height 1501 m: DJI WPML takes any to 1500 m"),
         ("waypoints", {"altitude_m": 1e6}, "height 1e+06 m"),
     ],
 )
@@ -113,12 +113,12 @@ def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least
 
 
 def test_one_waypoint_is_enough_elsewhere():
-    for name in ("waypoints", "qgc_plan", "kml", "geojson", "csv"):
+    for name in ("waypoints", "plan", "kml", "geojson", "csv"):
         assert len(positions_of(name, files([grid(1)], formats()[name], "g").values())) == 1
 
 
 def test_limits_follow_the_autopilot():
-    form = formats()["qgc_plan"]
+    form = formats()["plan"]
     assert limits_of(grid(), form).target == "px4"
     assert limits_of(grid(autopilot="ardupilot"), form).target == "ardupilot"
 

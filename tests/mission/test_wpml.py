@@ -134,7 +134,7 @@ def check_document(name, document):
 @given(mission=missions)
 @settings(max_examples=25)
 def test_wpml_follows_the_specification(mission):
-    documents = documents_of(written(mission, "wpml"))
+    documents = documents_of(written(mission, "kmz"))
     for name, document in documents.items():
         check_document(name, document)
     (heading,) = set(texts(documents["waylines.wpml"], "waypointHeadingAngle"))
@@ -143,7 +143,7 @@ def test_wpml_follows_the_specification(mission):
 
 
 def test_the_zip_of_wpml_has_fixed_times_and_no_folders():
-    archive = zipfile.ZipFile(BytesIO(written(grid(), "wpml")))
+    archive = zipfile.ZipFile(BytesIO(written(grid(), "kmz")))
     assert archive.testzip() is None
     assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
 
@@ -151,7 +151,7 @@ def test_the_zip_of_wpml_has_fixed_times_and_no_folders():
 @pytest.mark.parametrize("drone", DRONES)
 def test_drones_have_their_numbers(drone):
     mission = grid(drone=drone, payload=None if DRONES[drone].payload else "dji-h20t")
-    (_, waylines) = documents_of(written(mission, "wpml")).values()
+    (_, waylines) = documents_of(written(mission, "kmz")).values()
     assert texts(waylines, "droneEnumValue") == [str(DRONES[drone].number)]
     assert texts(waylines, "droneSubEnumValue") == [str(DRONES[drone].variant)]
     payload = PAYLOADS[DRONES[drone].payload or "dji-h20t"]
@@ -183,17 +183,17 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
 def test_wpml_asks_for_what_it_does_not_know(camera, values, words, hint):
     mission = grid(**values)._replace(summary={"camera": {"name": camera}})
     with pytest.raises(RequestError) as caught:
-        written(mission, "wpml")
+        written(mission, "kmz")
     assert words in caught.value.message
     assert hint in caught.value.hint
 
 
 def test_a_camera_tells_its_drone_and_payload():
     mission = grid()._replace(summary={"camera": {"name": "dji-m30t-thermal"}})
-    (template, _) = documents_of(written(mission, "wpml")).values()
+    (template, _) = documents_of(written(mission, "kmz")).values()
     assert texts(template, "droneEnumValue") == ["67"]
     assert texts(template, "imageFormat") == ["ir"]
     mission = grid(drone="dji-m350")._replace(summary={"camera": {"name": "dji-h20t-wide"}})
-    (template, _) = documents_of(written(mission, "wpml")).values()
+    (template, _) = documents_of(written(mission, "kmz")).values()
     assert texts(template, "payloadEnumValue") == ["43"]
     assert texts(template, "imageFormat") == ["wide"]

@@ -15,7 +15,7 @@ from aosplan.geodesy import to_local, to_wgs84
 from aosplan.mission.export import formats, render
 from aosplan.postflight.positions import read_places, read_positions
 
-ENDINGS = {"csv": ".csv", "geojson": ".geojson", "qgc_plan": ".plan", "waypoints": ".waypoints"}
+ENDINGS = {"csv": ".csv", "geojson": ".geojson", "plan": ".plan", "waypoints": ".waypoints"}
 
 
 def file_of(folder, mission, name):
@@ -56,7 +56,7 @@ def test_a_mission_without_a_camera_has_its_waypoints(tmp_path):
     assert len(read_places(str(tmp_path / "bare.waypoints"))) == 5
 
 
-@pytest.mark.parametrize("name", ["geojson", "qgc_plan", "waypoints"])
+@pytest.mark.parametrize("name", ["geojson", "plan", "waypoints"])
 def test_positions_of_missions_are_metres_from_the_first(tmp_path, name):
     mission = grid(20, origin=(-33.9, -179.9999), baseline_m=7.0)
     found = read_positions(file_of(tmp_path, mission, name))
@@ -82,7 +82,7 @@ def test_local_metres_are_the_inverse_of_places_on_earth(mission):
 
 
 def test_the_calculator_takes_a_mission_for_positions(tmp_path, capsys):
-    path = file_of(tmp_path, grid(9, baseline_m=4.0, heading_deg=0.0), "qgc_plan")
+    path = file_of(tmp_path, grid(9, baseline_m=4.0, heading_deg=0.0), "plan")
     line = ["visibility", "--density", "0.5", "--spacing", "4", "--json", "--positions"]
     assert run([*line, path]) == 0
     assert json.loads(capsys.readouterr().out)["samples"] == 9

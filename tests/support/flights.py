@@ -113,9 +113,9 @@ READERS = {
     "geojson": _geojson,
     "kml": _kml,
     "litchi": _litchi,
-    "qgc_plan": _plan,
+    "plan": _plan,
     "waypoints": _waypoints,
-    "wpml": _wpml,
+    "kmz": _wpml,
 }
 
 
@@ -133,7 +133,7 @@ def written(mission, name):
 
 
 def plan_of(mission):
-    return json.loads(written(mission, "qgc_plan"))
+    return json.loads(written(mission, "plan"))
 
 
 def texts(element, name):

@@ -25,12 +25,15 @@ MODULES = {
     "csv": "csv",
     "geojson": "geojson",
     "kml": "kml",
+    "kmz": "wpml",
     "litchi": "litchi",
-    "qgc_plan": "qgc_plan",
+    "plan": "qgc_plan",
     "waypoints": "ardupilot",
-    "wpml": "wpml",
 }
 """Modules of `aosplan.mission.formats` by the name of the format."""
+
+FORMER = {"qgc_plan": "plan", "wpml": "kmz"}
+"""Names that formats had before version 0.2, which are still understood."""
 
 
 def formats() -> dict[str, Format]:
@@ -47,7 +50,9 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
         Where no format of that name or ending is known.
     """
     known = formats()
+    name = FORMER.get(name or "", name)
     prefix, colon, rest = path.partition(":")
+    prefix = FORMER.get(prefix, prefix)
     if colon and prefix in known:
         if name not in (None, prefix):
             raise RequestError(f"output '{path}' and --format {name} contradict each other")

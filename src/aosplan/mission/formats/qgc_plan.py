@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 FORMAT = Format(
-    "qgc_plan",
+    "plan",
     (".plan",),
     "QGroundControl plan",
     needs_place=True,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _Value = TypeVar("_Value")
 
 FORMAT = Format(
-    "wpml",
+    "kmz",
     (".kmz",),
     "DJI WPML",
     needs_place=True,
