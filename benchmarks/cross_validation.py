@@ -98,7 +98,7 @@ def fitted(volume: VoxelVolume, objective: str, grid: str) -> tuple[Pattern, flo
             grid=GridKind(grid),
             bounds=Bounds(max_samples=SAMPLES),
             objective=objective,
-            sketch=CorrelogramModel(correlogram(volume), ALTITUDE_M),
+            surrogate=CorrelogramModel(correlogram(volume), ALTITUDE_M),
         )
     )
     return solution.pattern, solution.baseline_m

@@ -27,11 +27,11 @@ LIMIT = 5.0
 
 def mission_of(count: int):
     from aosplan.grid.patterns import local_sites, pattern_for
-    from aosplan.mission.mission import Conduct, Mission, Waypoints, placed
+    from aosplan.mission.mission import FlightSettings, Mission, Waypoints, placed
 
     east, north = local_sites(pattern_for("rectangle", count), 2.8, 30.0)
     ways = placed(Waypoints(east, north, [40.0] * len(east)), (48.3358, 14.3261))
-    return Mission(ways[:count], {"camera": {"name": "dji-m3t-thermal"}}, Conduct())
+    return Mission(ways[:count], {"camera": {"name": "dji-m3t-thermal"}}, FlightSettings())
 
 
 def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:

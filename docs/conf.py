@@ -66,7 +66,7 @@ html_math_renderer = "mathml"
 
 
 HOMES = {
-    "Conduct": "mission",
+    "FlightSettings": "mission",
     "Limit": "problem",
     "Message": "resolve",
     "Prediction": "models",

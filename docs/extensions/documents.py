@@ -84,7 +84,7 @@ def _kind(about, name):
 def _sentence(schema):
     """What a document's own text says, as Markdown."""
     text = " ".join(schema.get("description", "").split())
-    return re.sub(r"`mission\.Conduct`", "the waypoints", text)
+    return re.sub(r"`mission\.FlightSettings`", "the waypoints", text)
 
 
 def _title(name):

@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from support.shapes import areas, points_in
 
-from aosplan.areas.cell_runs import Spans, spans_of, united
+from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.areas.coverage import (
     Lattice,
     centred_lattice,
@@ -28,7 +28,7 @@ whole_numbers = st.sets(st.integers(-50, 50), max_size=40)
 
 
 def spans(numbers):
-    return spans_of(np.array(sorted(numbers), np.int64))
+    return runs_of(np.array(sorted(numbers), np.int64))
 
 
 # Spans are sets
@@ -82,7 +82,7 @@ def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
     found = set(entered(shape, lattice).numbers().tolist())
     rows = math.ceil((shape.bounds[3] - shape.bounds[1]) / y_pitch) + 2
     every = np.arange(-lattice.stride, rows * lattice.stride)
-    boxes = lattice.boxes(Spans(every, every + 1))
+    boxes = lattice.boxes(CellRuns(every, every + 1))
     shapely.prepare(shape)
     for number, box in zip(every.tolist(), boxes, strict=True):
         # Within a millionth of a pitch of touching, either answer is right.
@@ -231,7 +231,7 @@ def test_few_sites_see_all_cells(places, image):
     wanted = spans({row * stride + column + 10 for row, column in places})
     sites = sites_seeing(wanted, image, stride)
     assert len(set(sites.tolist())) == len(sites)
-    assert wanted.without(seen_cells(spans_of(sites), image, stride)).size == 0
+    assert wanted.without(seen_cells(runs_of(sites), image, stride)).size == 0
     # Each was chosen for a cell that none before it sees.
     assert len(sites) <= wanted.size
 
@@ -245,5 +245,5 @@ def test_a_rectangle_takes_no_more_images_than_fit_into_it():
 def test_a_lattice_says_where_its_cells_are():
     lattice = Lattice((10.0, -5.0), (2.0, 3.0), 50)
     assert lattice.middles(np.array([0, 51])).tolist() == [[11.0, -3.5], [13.0, -0.5]]
-    (box,) = lattice.boxes(Spans(np.array([51]), np.array([54])))
+    (box,) = lattice.boxes(CellRuns(np.array([51]), np.array([54])))
     assert box.bounds == (12.0, -2.0, 18.0, 1.0)

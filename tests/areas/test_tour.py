@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from support.shapes import outlines
 
 from aosplan.areas.area import MARGIN_M
-from aosplan.areas.no_fly import Zones
+from aosplan.areas.no_fly import NoFlyZones
 from aosplan.areas.tour import shortest_m, total, tour_of
 from aosplan.errors import RequestError
 from aosplan.flight.kinematics import Timing
@@ -22,7 +22,7 @@ STRIDE = 40
 LENGTHS = SimpleNamespace(leg_s=float, fly_through=False)
 """How a drone flies whose time is the length it flies."""
 
-NOTHING = Zones(shapely.MultiPolygon())
+NOTHING = NoFlyZones(shapely.MultiPolygon())
 PITCHES = st.sampled_from([(1.0, 1.0), (1.0, 4.0), (3.0, 1.0), (2.0, 2.5)])
 cells = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, max_size=60)
 
@@ -165,7 +165,7 @@ def zones_and_sites(draw):
         draw(st.lists(outlines(least_m=2.0, most_m=6.0), min_size=1, max_size=3))
     )
     zone = shapely.transform(zone, lambda points: points / 2.0 + 6.0)
-    zones = Zones(zone)
+    zones = NoFlyZones(zone)
     numbers, points = numbered(draw(cells), (1.0, 1.0))
     points = points - (5.0, 0.0)
     free = ~zones.inside(points)
@@ -225,14 +225,14 @@ def test_the_way_around_is_the_shortest(seed):
         [shapely.box(*c, *(c + rng.uniform(1, 5, 2))) for c in rng.uniform(-7, 3, (4, 2))]
     )
     start, stop = np.array([-10.0, -2.0]), np.array([10.0, 3.0])
-    own = Zones(zone).length_m(start, stop)
+    own = NoFlyZones(zone).length_m(start, stop)
     found = around_on_a_raster(zone, start, stop)
     # A raster's ways are up to 1.4 % longer than straight ones, and keep no margin.
     assert found / 1.03 <= own <= found + 1.0
 
 
 def test_a_square_is_passed_by_its_corners():
-    zones = Zones(shapely.box(-10, -10, 10, 10))
+    zones = NoFlyZones(shapely.box(-10, -10, 10, 10))
     start, stop = np.array([-30.0, 0.0]), np.array([30.0, 0.0])
     assert zones.length_m(start, stop) == pytest.approx(2 * math.hypot(20, 10) + 20, rel=0.01)
     assert len(zones.around(start, stop)) >= 2
@@ -240,7 +240,7 @@ def test_a_square_is_passed_by_its_corners():
 
 def test_there_is_no_way_out_of_a_ring():
     ring = shapely.Point(0, 0).buffer(10).difference(shapely.Point(0, 0).buffer(5))
-    zones = Zones(ring)
+    zones = NoFlyZones(ring)
     inner, outer = np.array([0.0, 0.0]), np.array([20.0, 0.0])
     assert zones.around(inner, outer) is None
     assert zones.length_m(inner, outer) == math.inf
@@ -252,7 +252,7 @@ def test_rings_within_rings_are_different_places():
     rings = [
         shapely.Point(0, 0).buffer(r + 2).difference(shapely.Point(0, 0).buffer(r)) for r in (5, 20)
     ]
-    zones = Zones(shapely.union_all(rings))
+    zones = NoFlyZones(shapely.union_all(rings))
     places = zones.enclosures(np.array([[0.0, 0.0], [10.0, 0.0], [30.0, 0.0]]))
     assert len(set(places.tolist())) == 3
     assert places[2] == -1
@@ -263,4 +263,4 @@ def test_zones_with_very_many_corners_are_refused():
     radius = 5000.0 + 100.0 * (np.arange(40_000) % 2)
     spiky = shapely.Polygon(np.column_stack([radius * np.cos(angles), radius * np.sin(angles)]))
     with pytest.raises(RequestError, match="corners, more than"):
-        Zones(spiky)
+        NoFlyZones(spiky)

@@ -9,7 +9,7 @@ import pytest
 from support.paths import ROOT
 
 from aosplan.cli.app import COMMANDS, GROUP
-from aosplan.cli.field_descriptions import MEANINGS
+from aosplan.cli.field_descriptions import FIELD_DESCRIPTIONS
 from aosplan.cli.schema import DOCUMENTS, json_schema
 from aosplan.mission.export import formats
 
@@ -101,7 +101,7 @@ def test_every_meaning_is_of_a_field_that_exists():
         for table in (schema, *schema.get("$defs", {}).values()):
             for field in table["properties"]:
                 fields |= {field, f"{table['title']}.{field}"}
-    assert set(MEANINGS) <= fields
+    assert set(FIELD_DESCRIPTIONS) <= fields
 
 
 def test_every_format_is_in_the_table_of_formats():

@@ -203,7 +203,7 @@ def test_a_saved_plan_has_the_same_flights(tmp_path, trigger):
     assert len(saved) == len(result.missions()) > 1
     for one, other in zip(saved, result.missions(), strict=True):
         assert one.waypoints == other.waypoints
-        assert one.conduct == other.conduct
+        assert one.settings == other.settings
         assert (one.flight, one.flights) == (other.flight, other.flights)
     assert read_mission(str(path)).waypoints == result.waypoints
 

@@ -40,8 +40,8 @@ def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
     assert (own.camera, own.speed, own.acceleration, own.climb) == ("dji-m3t-wide", 1, 1, 1)
     lens = PlanRequest(altitude=40, drone=name, fov=60, image_width=640, image_height=512)
     assert lens.camera is None
-    conduct = plan(request).conduct
-    assert (conduct.drone, conduct.most_waypoints) == (name, drone.most_waypoints)
+    settings = plan(request).settings
+    assert (settings.drone, settings.most_waypoints) == (name, drone.most_waypoints)
 
 
 def test_every_drone_that_flies_dji_files_is_listed():
@@ -50,7 +50,7 @@ def test_every_drone_that_flies_dji_files_is_listed():
 
 def test_a_drone_flies_no_faster_than_it_can():
     result = plan(PlanRequest(altitude=40, drone="dji-mini-3-pro", speed=14))
-    assert result.conduct.speed_mps == 10.0
+    assert result.settings.speed_mps == 10.0
     (limit,) = [limit for limit in result.limits if limit.quantity == "speed_mps"]
     assert limit.value == limit.bound == 10.0
     assert "DJI Mini 3 Pro" in limit.message

@@ -46,7 +46,7 @@ def ruling(result):
 )
 def test_the_bound_that_rules_is_named(values, speed, word):
     result = passing(**values)
-    assert result.conduct.speed_mps == pytest.approx(speed, rel=1e-9)
+    assert result.settings.speed_mps == pytest.approx(speed, rel=1e-9)
     assert ruling(result).value == ruling(result).bound == pytest.approx(speed, rel=1e-9)
     assert word in ruling(result).message
 
@@ -59,7 +59,7 @@ def test_the_bound_that_rules_is_named(values, speed, word):
 )
 def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
     result = passing(exposure_time=exposure, max_blur=blur, photo_interval=interval, speed=wanted)
-    speed = result.conduct.speed_mps
+    speed = result.settings.speed_mps
     slack = 1 + 1e-9
     assert speed * exposure / result.camera.gsd_m(40) <= blur * slack
     assert result.solution.baseline_m / speed >= interval / slack
@@ -96,7 +96,7 @@ def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
 
 def test_a_trigger_by_distance_meets_every_site_of_a_line():
     result = passing(heading=57.0)
-    spacing, ways = result.conduct.spacing_m, list(result.waypoints)
+    spacing, ways = result.settings.spacing_m, list(result.waypoints)
     for one, other in pairwise(ways):
         if one.photo and other.photo:
             step = math.dist((one.east_m, one.north_m), (other.east_m, other.north_m))
@@ -112,17 +112,17 @@ def test_one_site_alone_is_flown_through_along_the_heading():
 
 
 def test_in_passing_nothing_is_held_and_yaw_and_gimbal_are_fixed():
-    conduct = passing(heading=-30, hold=3).mission().conduct
-    assert conduct.hold_s == 0.0
-    assert conduct.yaw_deg == 330.0
-    assert conduct.gimbal_pitch_deg == -90.0
-    assert conduct.trigger == "distance"
+    settings = passing(heading=-30, hold=3).mission().settings
+    assert settings.hold_s == 0.0
+    assert settings.yaw_deg == 330.0
+    assert settings.gimbal_pitch_deg == -90.0
+    assert settings.trigger == "distance"
 
 
 def test_stopping_says_nothing_of_blur():
     result = plan(PlanRequest(altitude=40))
     assert not [limit for limit in result.limits if limit.quantity == "speed_mps"]
-    assert result.conduct.spacing_m == 0.0
+    assert result.settings.spacing_m == 0.0
     assert result.waypoints.photo is None
 
 

@@ -188,7 +188,7 @@ def test_every_waypoint_keeps_its_height_above_the_ground(hilly, trigger):
     assert above == pytest.approx(
         [40.0 + ground - result.route.takeoff_ground_m for ground in ways.ground_m]
     )
-    assert result.mission().conduct.takeoff_ground_m == ways.ground_m[0]
+    assert result.mission().settings.takeoff_ground_m == ways.ground_m[0]
 
 
 @settings(max_examples=25)
@@ -265,7 +265,7 @@ def test_the_takeoff_lies_where_it_is(sloped):
     result = planned(terrain=sloped, takeoff=(lat, lon))
     x, y = UTM.transform(lon, lat)
     assert result.route.takeoff_ground_m == pytest.approx(slope(x - EAST, y - NORTH), abs=0.01)
-    assert result.conduct.takeoff_latitude == lat
+    assert result.settings.takeoff_latitude == lat
     assert to_local(LINZ, [lat], [lon])[0][0] == pytest.approx(east, abs=1e-6)
 
 
@@ -276,10 +276,10 @@ def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
     assert f"{first.ground_m:.1f} m" in warning
     # Every flight's file says the same take-off, and so heights that mean the same.
     for mission in result.missions():
-        place = mission.conduct.takeoff_latitude, mission.conduct.takeoff_longitude
+        place = mission.settings.takeoff_latitude, mission.settings.takeoff_longitude
         assert place == pytest.approx((first.latitude, first.longitude), abs=1e-9)
-        assert mission.conduct.takeoff_ground_m == first.ground_m
-    assert planned().conduct.takeoff_latitude is None
+        assert mission.settings.takeoff_ground_m == first.ground_m
+    assert planned().settings.takeoff_latitude is None
 
 
 def test_a_hill_on_the_way_from_the_takeoff_is_warned_of(folder):

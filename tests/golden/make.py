@@ -35,7 +35,7 @@ def missions():
     count = len(stop.waypoints)
     ground = [300.0 + 0.5 * index for index in range(count)]
     ways = replace(stop.waypoints, ground_m=ground, photo=[index != 2 for index in range(count)])
-    conduct = stop.conduct._replace(
+    settings = stop.settings._replace(
         trigger="distance",
         spacing_m=stop.summary["baseline_m"],
         autopilot="ardupilot",
@@ -43,7 +43,7 @@ def missions():
         takeoff_longitude=14.3255,
         takeoff_ground_m=290.25,
     )
-    made["through"] = stop._replace(waypoints=ways, conduct=conduct)
+    made["through"] = stop._replace(waypoints=ways, settings=settings)
     return {
         name: mission._replace(summary={part: mission.summary[part] for part in SUMMARY})
         for name, mission in made.items()

@@ -132,12 +132,12 @@ def test_slices_multiply_over_every_pair_of_sites():
 def test_the_measured_model_takes_the_sites_that_are_flown():
     volume = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
     model = MeasuredModel(volume, 40.0, heading_deg=33.0)
-    sketch = CorrelogramModel(correlogram(volume), 40.0, heading_deg=33.0)
+    surrogate = CorrelogramModel(correlogram(volume), 40.0, heading_deg=33.0)
     for spiral in (Spiral(1), Spiral(2), Spiral(9), Spiral(12, 2.0), Spiral(5)):
         flown = np.column_stack(local_sites(spiral, 1.3, 33.0))
         assert model.predict(spiral, 1.3) == model.predict_positions(flown)
-        assert tuple(sketch.predict(spiral, 1.3)) == pytest.approx(
-            tuple(sketch.predict_positions(flown)), rel=1e-9
+        assert tuple(surrogate.predict(spiral, 1.3)) == pytest.approx(
+            tuple(surrogate.predict_positions(flown)), rel=1e-9
         )
 
 

@@ -63,7 +63,7 @@ def check_plan(plan):
 @settings(max_examples=25)
 def test_plans_follow_the_rules_of_qgroundcontrol(mission):
     for autopilot, number in (("px4", 12), ("ardupilot", 3)):
-        flown = mission._replace(conduct=mission.conduct._replace(autopilot=autopilot))
+        flown = mission._replace(settings=mission.settings._replace(autopilot=autopilot))
         content = written(flown, "plan").decode()
         assert "NaN" not in content
         plan = json.loads(content)
@@ -78,7 +78,7 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
 
 @pytest.mark.parametrize("yaw", [-30.0, 330.0, 1050.0, -1e6 * 360.0 - 30.0])
 def test_headings_are_those_of_a_compass(yaw):
-    mission = grid()._replace(conduct=grid().conduct._replace(yaw_deg=yaw))
+    mission = grid()._replace(settings=grid().settings._replace(yaw_deg=yaw))
     rows = commands_of(written(mission, "waypoints").decode())
     assert {row[4] for row in rows if row[3] == 115} == {330.0}
     items = plan_of(mission)["mission"]["items"]
@@ -111,7 +111,7 @@ def test_waypoint_files_follow_the_rules_of_mission_planner(mission):
     assert [row[1] for row in rows] == [1, *[0] * (len(rows) - 1)]
     assert rows[0][2:4] == [0, 16]
     assert [row[3] for row in rows[1:4]] == [22, 178, 205]
-    assert rows[2][4:7] == [1, mission.conduct.speed_mps, -1]
+    assert rows[2][4:7] == [1, mission.settings.speed_mps, -1]
     assert (rows[3][4], rows[3][10]) == (-90, 2)
     assert rows[-1][3] == 20
 

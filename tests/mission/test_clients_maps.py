@@ -144,8 +144,8 @@ def test_litchi_wp_reads_every_row(tmp_path, name, trigger):
     from litchi_wp.enums import ActionType, GimbalMode
     from litchi_wp.waypoint import Waypoint
 
-    conduct = MISSIONS[name].conduct._replace(trigger=trigger, hold_s=0.35)
-    mission = MISSIONS[name]._replace(conduct=conduct)
+    settings = MISSIONS[name].settings._replace(trigger=trigger, hold_s=0.35)
+    mission = MISSIONS[name]._replace(settings=settings)
     path = tmp_path / "mission.csv"
     path.write_bytes(render(mission, formats()["litchi"]))
     assert path.read_text().splitlines()[0] == Waypoint.get_header(None)
@@ -155,7 +155,7 @@ def test_litchi_wp_reads_every_row(tmp_path, name, trigger):
     for site in read:
         assert site.gimbal.mode is GimbalMode.INTERPOLATE
         assert site.gimbal.pitchangle == -90
-        assert site.heading == pytest.approx(conduct.yaw_deg, abs=0.01)
+        assert site.heading == pytest.approx(settings.yaw_deg, abs=0.01)
         actions = [(a.type, a.param) for a in site.actions if a.type is not ActionType.NO_ACTION]
         if trigger == "stop":
             assert actions == [

@@ -23,10 +23,10 @@ SOUTH = grid(10, origin=(-54.8, -68.3), trigger="distance", kind="line")
 MISSIONS = {"stop": SITES, "through": SOUTH, "west": grid(9, origin=(0.0, -179.99999))}
 
 
-def file_of(mission, name, folder, **conduct):
+def file_of(mission, name, folder, **settings):
     form = formats()[name]
     path = folder / f"mission{form.suffixes[0]}"
-    path.write_bytes(render(mission._replace(conduct=mission.conduct._replace(**conduct)), form))
+    path.write_bytes(render(mission._replace(settings=mission.settings._replace(**settings)), form))
     return path
 
 

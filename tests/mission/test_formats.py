@@ -163,7 +163,7 @@ def test_turning_points_take_no_photo_in_flight():
 @given(mission=missions)
 @settings(max_examples=60)
 def test_every_photo_lies_on_one_line_of_equal_steps(mission):
-    ways, spacing = mission.waypoints, mission.conduct.spacing_m
+    ways, spacing = mission.waypoints, mission.settings.spacing_m
     lines = photo_lines(mission)
     covered = [index for first, last in lines for index in range(first, last + 1)]
     assert covered == list(range(len(ways)))

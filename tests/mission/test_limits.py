@@ -40,7 +40,7 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
 def test_ardupilot_files_keep_within_its_718_commands():
     for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
         mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
-        mission = mission._replace(conduct=mission.conduct._replace(trigger=trigger))
+        mission = mission._replace(settings=mission.settings._replace(trigger=trigger))
         for content in files([mission], formats()["waypoints"], "g.waypoints").values():
             assert len(commands_of(content.decode())) <= 718
         for content in files([mission], formats()["plan"], "g.plan").values():

@@ -138,7 +138,7 @@ def test_wpml_follows_the_specification(mission):
     for name, document in documents.items():
         check_document(name, document)
     (heading,) = set(texts(documents["waylines.wpml"], "waypointHeadingAngle"))
-    away = (float(heading) - mission.conduct.yaw_deg + 180) % 360 - 180
+    away = (float(heading) - mission.settings.yaw_deg + 180) % 360 - 180
     assert abs(away) <= 0.5
 
 

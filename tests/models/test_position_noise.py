@@ -371,9 +371,9 @@ def test_the_sketch_of_a_noisy_stand_is_near_its_model(forest):
     table = correlogram(forest)
     for hold_error in (0.3, 1.5):
         model = MeasuredModel(forest, 50.0, hold_error_m=hold_error)
-        sketch = CorrelogramModel(table, 50.0, hold_error_m=hold_error)
+        surrogate = CorrelogramModel(table, 50.0, hold_error_m=hold_error)
         for baseline in (0.8, 2.0):
-            exact, quick = (each.predict(Pattern(6, 6), baseline) for each in (model, sketch))
+            exact, quick = (each.predict(Pattern(6, 6), baseline) for each in (model, surrogate))
             assert quick.normalized == pytest.approx(exact.normalized, abs=0.025)
             assert quick.density == pytest.approx(exact.density, abs=0.01)
     assert CorrelogramModel(table, 50.0, hold_error_m=0.0).predict(

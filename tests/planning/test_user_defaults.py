@@ -289,5 +289,5 @@ def test_defaults_never_contradict_what_is_asked_for(own, asked):
     alone = {n for n in own if n not in asked and getattr(found, n) != own[n]}
     # What is missing of the user's own was contradicted, or has no partner here.
     contradicted = {"altitude", "gsd", "vhat", "visibility", "camera", "speed"}
-    lonely = {"takeoff", "max_blur", "lanes"}
-    assert alone <= contradicted | lonely
+    unpaired = {"takeoff", "max_blur", "lanes"}
+    assert alone <= contradicted | unpaired

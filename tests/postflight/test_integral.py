@@ -24,7 +24,7 @@ from aosplan.postflight.integral.focal_plane import Plane, Raster, upward
 from aosplan.postflight.integral.integral import Source, integrate
 from aosplan.postflight.integral.poses_file import read_poses
 from aosplan.postflight.integral.recording import Recording, least_views
-from aosplan.postflight.integral.view_subset import Choice
+from aosplan.postflight.integral.view_subset import ViewSubset
 
 LENS = Intrinsics(WIDTH, HEIGHT, FOCAL, FOCAL, WIDTH / 2, HEIGHT / 2)
 PINHOLE = f"1 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {WIDTH / 2} {HEIGHT / 2}"
@@ -48,7 +48,7 @@ def recorded(tmp_path, views=None, **options):
 def test_the_integral_of_unoccluded_views_is_the_plane(tmp_path):
     recording = recorded(tmp_path)
     raster = recording.raster(gsd_m=0.2)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     seen = found.seen(1)
     assert seen.mean() > 0.95
     error = np.abs(found.values[..., 0] - truth(raster))[seen]
@@ -62,7 +62,7 @@ def test_the_integral_of_unoccluded_views_is_the_plane(tmp_path):
 def test_registration_is_better_than_a_tenth_of_a_pixel(tmp_path, pitch):
     recording = recorded(tmp_path, sites(16, pitch))
     raster = recording.raster((-8, -6, 8, 6), 0.1)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     assert found.seen(16).mean() > 0.5
     assert np.abs(shift_px(found.values[..., 0], truth(raster), found.seen(16))).max() < 0.02
 
@@ -71,14 +71,14 @@ def test_registration_is_better_than_a_tenth_of_a_pixel(tmp_path, pitch):
 def test_every_single_view_is_registered(tmp_path, index):
     recording = recorded(tmp_path, sites(4, 3.0, seed=7))
     raster = recording.raster((-4, -3, 4, 3), 0.2)
-    found = recording.integrate(Choice(views=str(index + 1)), raster)
+    found = recording.integrate(ViewSubset(views=str(index + 1)), raster)
     assert np.abs(shift_px(found.values[..., 0], truth(raster), found.seen(1))).max() < 0.05
 
 
 def test_a_shift_of_a_tenth_of_a_pixel_would_be_found(tmp_path):
     recording = recorded(tmp_path)
     raster = recording.raster((-8, -6, 8, 6), 0.2)
-    values = recording.integrate(Choice(), raster).values[..., 0]
+    values = recording.integrate(ViewSubset(), raster).values[..., 0]
     moved = Raster(raster.left_m + 0.02, raster.top_m, 0.2, raster.columns, raster.rows)
     shift = shift_px(values, truth(moved), np.ones(values.shape, bool))
     assert shift == pytest.approx([0.1, 0.0], abs=0.02)
@@ -94,7 +94,7 @@ def test_a_world_with_z_down_gives_the_same_picture(tmp_path):
     recording = Recording(*write_recording(tmp_path, views, images, text=True))
     assert recording.plane.up == "-z"
     raster = recording.raster((-3, -4, 7, 4), 0.2)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     assert np.abs(shift_px(found.values[..., 0], truth(raster), found.seen(1))).max() < 0.02
     assert np.abs(found.values[..., 0] - truth(raster)).max() < bilinear_error(0.25)
 
@@ -104,7 +104,7 @@ def test_the_plane_may_be_at_any_height(tmp_path):
     images = [photo(*view, height=7.5) for view in views]
     recording = Recording(*write_recording(tmp_path, views, images), focal_height_m=7.5)
     raster = recording.raster((-3, -3, 3, 3), 0.15)
-    found = recording.integrate(Choice(), raster).values[..., 0]
+    found = recording.integrate(ViewSubset(), raster).values[..., 0]
     assert np.abs(found - truth(raster)).max() < bilinear_error(0.2)
 
 
@@ -118,7 +118,7 @@ def test_a_point_above_the_plane_appears_where_similar_triangles_put_it(tmp_path
     images = [photo(*view, height=10.0, shade=spot) for view in views]
     recording = Recording(*write_recording(tmp_path, views, images))
     raster = recording.raster((-4, -2, 4, 2), 0.05)
-    values = recording.integrate(Choice(), raster).values[..., 0]
+    values = recording.integrate(ViewSubset(), raster).values[..., 0]
     middles = raster.left_m + 0.05 * (np.arange(raster.columns) + 0.5)
     profile = values.sum(axis=0)
     for side, expected in ((middles < 0, 1.5), (middles > 0, -1.5)):
@@ -133,7 +133,7 @@ def test_coverage_is_the_number_of_views_that_contain_the_projection(tmp_path):
     views = list(sites(9, 6.0, 20.0))
     recording = recorded(tmp_path, views)
     raster = recording.raster((-14, -12, 14, 12), 0.25)
-    coverage = recording.integrate(Choice(), raster).coverage
+    coverage = recording.integrate(ViewSubset(), raster).coverage
     x = raster.left_m + 0.25 * (np.arange(raster.columns) + 0.5)
     y = raster.top_m - 0.25 * (np.arange(raster.rows) + 0.5)
     ground = np.stack([*np.meshgrid(x, y), np.zeros((raster.rows, raster.columns))], axis=-1)
@@ -149,7 +149,7 @@ def test_coverage_is_the_number_of_views_that_contain_the_projection(tmp_path):
 
 def test_what_no_view_sees_is_nan_and_uncovered(tmp_path):
     recording = recorded(tmp_path, sites(1))
-    found = recording.integrate(Choice(), recording.raster((-30, -30, 30, 30), 0.5))
+    found = recording.integrate(ViewSubset(), recording.raster((-30, -30, 30, 30), 0.5))
     assert np.isnan(found.values[0, 0, 0])
     assert found.coverage[0, 0] == 0
     assert np.isfinite(found.values[found.seen(1)]).all()
@@ -171,7 +171,7 @@ def test_the_horizon_does_not_come_back_from_behind(tmp_path):
     assert 0.05 < ahead.mean() < 0.95
     recording = Recording(*write_recording(tmp_path, [view], [photo(*view)]))
     raster = recording.raster((-60, -60, 60, 60), 0.5)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     seen_y = raster.top_m - 0.5 * (np.nonzero(found.seen(1))[0] + 0.5)
     assert abs(seen_y).min() > abs(y[ahead]).min() - 0.5
     assert (np.sign(seen_y) == np.sign(np.median(y[ahead]))).all()
@@ -182,14 +182,14 @@ def test_a_coarse_raster_averages_what_it_passes_over(tmp_path):
     stripes[:, ::2] = 100.0
     view = nadir_to(0.0), np.array([0.0, 0.0, 30.0])
     recording = Recording(*write_recording(tmp_path, [view], [stripes]))
-    found = recording.integrate(Choice(), recording.raster((-9, -9, 9, 9), 0.8))
+    found = recording.integrate(ViewSubset(), recording.raster((-9, -9, 9, 9), 0.8))
     assert found.values == pytest.approx(np.full(found.values.shape, 50.0))
 
 
 def test_blocks_do_not_shift_the_picture(tmp_path):
     recording = recorded(tmp_path, sites(4))
     fine, coarse = (recording.raster((-8, -6, 8, 6), gsd) for gsd in (0.1, 0.5))
-    values = recording.integrate(Choice(), coarse).values[..., 0]
+    values = recording.integrate(ViewSubset(), coarse).values[..., 0]
     assert fine.columns == 5 * coarse.columns
     averaged = truth(fine).reshape(coarse.rows, 5, coarse.columns, 5).mean(axis=(1, 3))
     assert np.abs(shift_px(values, averaged, np.ones(values.shape, bool))).max() < 0.02
@@ -236,7 +236,7 @@ def test_colmap_with_and_without_distortion(tmp_path, model):
     images = [photo(*view, distortion=distortion or None, middle=middle) for view in views]
     recording = Recording(*write_colmap(tmp_path, views, images, [camera]))
     raster = recording.raster((-9, -7, 9, 7), 0.2)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     assert np.abs(shift_px(found.values[..., 0], truth(raster), found.seen(1))).max() < 0.02
     error = np.abs(found.values[..., 0] - truth(raster))[found.seen(1)]
     assert np.quantile(error, 0.99) < bilinear_error(0.27)
@@ -247,7 +247,7 @@ def test_ignoring_the_distortion_would_be_found(tmp_path):
     images = [photo(*view, distortion=(-0.12, 0, 0, 0)) for view in views]
     recording = Recording(*write_colmap(tmp_path, views, images, [PINHOLE]))
     raster = recording.raster((-9, -7, 9, 7), 0.2)
-    found = recording.integrate(Choice(), raster)
+    found = recording.integrate(ViewSubset(), raster)
     error = np.abs(found.values[..., 0] - truth(raster))[found.seen(1)]
     assert np.quantile(error, 0.99) > 4 * bilinear_error(0.27)
 
@@ -334,7 +334,7 @@ def test_images_of_any_mode_keep_their_values(tmp_path, mode):
     (tmp_path / "images" / "000.tif").unlink()
     of_mode(mode, 255 if mode == "1" else 100).save(tmp_path / "images" / f"000.{ending}")
     recording = Recording(poses, images)
-    found = recording.integrate(Choice(), recording.raster((-3, -3, 3, 3), 0.3))
+    found = recording.integrate(ViewSubset(), recording.raster((-3, -3, 3, 3), 0.3))
     assert found.values == pytest.approx(np.full(found.values.shape, MODES[mode] or 255.0))
     assert found.values.shape[2] == (3 if mode in ("RGB", "P", "RGBA", "CMYK") else 1)
     assert found.is_byte == (mode not in ("I;16", "I", "F"))
@@ -346,7 +346,7 @@ def test_values_that_are_not_finite_do_not_count(tmp_path):
     holes = whole + 10.0
     holes[:, :50], holes[:40] = np.nan, np.inf
     recording = Recording(*write_recording(tmp_path, [view] * 2, [whole, holes]))
-    found = recording.integrate(Choice(), recording.raster((-9, -9, 9, 9), 0.3))
+    found = recording.integrate(ViewSubset(), recording.raster((-9, -9, 9, 9), 0.3))
     assert set(np.unique(found.coverage)) == {1.0, 2.0}
     assert found.values[found.coverage == 1] == pytest.approx(20.0)
     assert found.values[found.coverage == 2] == pytest.approx(25.0)
@@ -359,9 +359,9 @@ def test_a_view_of_nothing_is_counted_as_blind(tmp_path, k1):
     views = [(nadir_to(0.0), np.array([x, 0.0, 30.0])) for x in (0.0, 500.0)]
     recording = Recording(*write_colmap(tmp_path, views, [photo(*views[0])] * 2, [camera]))
     raster = recording.raster((-3, -3, 3, 3), 0.3)
-    assert recording.integrate(Choice(), raster).blind == 1
+    assert recording.integrate(ViewSubset(), raster).blind == 1
     with pytest.raises(RequestError, match="none of the 1 views"):
-        recording.integrate(Choice(views="2"), raster)
+        recording.integrate(ViewSubset(views="2"), raster)
 
 
 def test_transparent_pixels_do_not_count(tmp_path):
@@ -375,7 +375,7 @@ def test_transparent_pixels_do_not_count(tmp_path):
         tmp_path, [view] * 2, [Image.fromarray(grey, "LA"), Image.fromarray(masked, "LA")]
     )
     recording = Recording(poses, images)
-    found = recording.integrate(Choice(), recording.raster((-6, -3, 6, 3), 0.3))
+    found = recording.integrate(ViewSubset(), recording.raster((-6, -3, 6, 3), 0.3))
     assert found.values[..., 0] == pytest.approx(np.full(found.values.shape[:2], 40.0))
     assert found.coverage[10, 0] == pytest.approx(1)
     assert found.coverage[10, -1] == pytest.approx(2)

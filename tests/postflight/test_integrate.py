@@ -23,7 +23,7 @@ from support.recorded import (
 )
 
 from aosplan.cli.schema import json_schema
-from aosplan.postflight.integral.view_subset import Choice, chosen, read_choice
+from aosplan.postflight.integral.view_subset import ViewSubset, chosen, read_view_subset
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -44,7 +44,7 @@ def names(count):
 )
 def test_a_pitch_keeps_as_many_as_fit_so_far_apart(points, pitch):
     positions = np.array(points)
-    kept = chosen(Choice(pitch_m=pitch), names(len(points)), positions)
+    kept = chosen(ViewSubset(pitch_m=pitch), names(len(points)), positions)
     distances = np.hypot(*(positions[:, None] - positions[kept][None]).T)
     among = distances[:, kept][~np.eye(len(kept), dtype=bool)]
     assert (among >= pitch * (1 - 1e-8)).all()  # far enough apart
@@ -53,12 +53,12 @@ def test_a_pitch_keeps_as_many_as_fit_so_far_apart(points, pitch):
 
 @pytest.mark.parametrize(("pitch", "count"), [(2.0, 81), (2.8, 41), (4.0, 25), (100.0, 1)])
 def test_grids_are_thinned_to_grids(pitch, count):
-    assert len(chosen(Choice(pitch_m=pitch), names(81), grid(9, 2.0))) == count
+    assert len(chosen(ViewSubset(pitch_m=pitch), names(81), grid(9, 2.0))) == count
 
 
 @pytest.mark.parametrize(("aperture", "count"), [(0, 1), (3.9, 1), (4.0, 9), (16.0, 81), (99, 81)])
 def test_an_aperture_is_a_square_around_the_middle(aperture, count):
-    assert len(chosen(Choice(aperture_m=aperture), names(81), grid(9, 2.0) + 1e6)) == count
+    assert len(chosen(ViewSubset(aperture_m=aperture), names(81), grid(9, 2.0) + 1e6)) == count
 
 
 def test_views_by_number_range_and_name(tmp_path):
@@ -69,14 +69,14 @@ def test_views_by_number_range_and_name(tmp_path):
         ("008.png", [8]),
         (str(tmp_path / "few.txt"), [0, 3]),
     ]:
-        assert chosen(Choice(views=text), names(9), grid(3, 1.0)).tolist() == expected
+        assert chosen(ViewSubset(views=text), names(9), grid(3, 1.0)).tolist() == expected
 
 
 def test_parts_of_a_choice_narrow_it_down():
-    choice = read_choice("views=1-40 pitch=4 aperture=12", "--compare")
+    choice = read_view_subset("views=1-40 pitch=4 aperture=12", "--compare")
     kept = chosen(choice, names(81), grid(9, 2.0))
-    assert choice == Choice(4.0, 12.0, "1-40")
-    assert set(kept) <= set(chosen(Choice(None, 12.0, "1-40"), names(81), grid(9, 2.0)))
+    assert choice == ViewSubset(4.0, 12.0, "1-40")
+    assert set(kept) <= set(chosen(ViewSubset(None, 12.0, "1-40"), names(81), grid(9, 2.0)))
     assert set(kept) < set(range(40))
 
 

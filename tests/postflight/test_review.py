@@ -269,7 +269,7 @@ def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, c
     ways = [way for way in json.loads(text)["waypoints"] if way.get("photo", True)]
     no_fly = str(AREAS / "mast.geojson")
     area = read_area(str(AREAS / "field.geojson"), no_fly=no_fly, buffer_m=5)
-    zones = detour.Zones(area.keep_out)
+    zones = detour.NoFlyZones(area.keep_out)
     sites = np.array([(way["east_m"], way["north_m"]) for way in ways])
     apart = zones.cross(np.repeat(sites[:1], len(sites), axis=0), sites)
     gone = [ways[0], ways[np.flatnonzero(apart)[0]]]  # the mast is between them

@@ -9,7 +9,7 @@ from support.browsers import DESK, PHONE
 from aosplan import PlanRequest, plan
 from aosplan.show.figures.grid import grid_of
 from aosplan.show.page.page import report_page
-from aosplan.show.page.static_map import MOST_ROWS, MOST_SITES, WIDTH, still_of
+from aosplan.show.page.static_map import MOST_ROWS, MOST_SITES, WIDTH, static_map_of
 
 PLANS = {
     "default": {"altitude": 40, "heading": 30},
@@ -32,7 +32,7 @@ def planned(name):
 
 
 def still_map(found):
-    return still_of(found, grid_of(found, found.layout.area))
+    return static_map_of(found, grid_of(found, found.layout.area))
 
 
 def places(path):

@@ -108,9 +108,9 @@ def hedges(angle_deg):
 def hedge_problem(grid, heading=0.0, angle=0.0, objective="samples"):
     volume = hedges(angle)
     model = MeasuredModel(volume, 40.0, heading_deg=heading)
-    sketch = CorrelogramModel(correlogram(volume), 40.0, heading_deg=heading)
+    surrogate = CorrelogramModel(correlogram(volume), 40.0, heading_deg=heading)
     bounds = Bounds(max_samples=30, max_aperture_m=12.0)
-    return Problem(model, vhat("0.5"), grid, bounds, objective, sketch=sketch)
+    return Problem(model, vhat("0.5"), grid, bounds, objective, surrogate=surrogate)
 
 
 def test_a_line_is_flown_across_the_hedges():
@@ -131,14 +131,14 @@ def test_a_line_is_flown_across_the_hedges():
 def test_turning_a_problem_turns_its_models_and_the_wind_in_its_axes():
     problem = hedge_problem(GridKind("line"))._replace(timing=Timing(wind=(3.0, 1.0)))
     turned = problem.turned(90.0)
-    assert turned.model.heading_deg == turned.sketch.heading_deg == 90.0
-    assert problem.model.heading_deg == problem.sketch.heading_deg == 0.0
+    assert turned.model.heading_deg == turned.surrogate.heading_deg == 90.0
+    assert problem.model.heading_deg == problem.surrogate.heading_deg == 0.0
     # What blew along the heading blows to the left of one that is turned to the right.
     assert turned.timing.wind == pytest.approx((1.0, -3.0))
     pattern = GridKind("line").pattern(5)
     fresh = hedge_problem(GridKind("line"), heading=90.0)
     assert turned.model.predict(pattern, 2.0) == fresh.model.predict(pattern, 2.0)
-    assert turned.sketch.predict(pattern, 2.0) == fresh.sketch.predict(pattern, 2.0)
+    assert turned.surrogate.predict(pattern, 2.0) == fresh.surrogate.predict(pattern, 2.0)
 
 
 # --- The trade-off -------------------------------------------------------------------------

@@ -44,7 +44,7 @@ class Scanned:
 
 
 CLEARING = Stand(5, 4, 14.0, 3.0, 0.5, 0.4, 1.5)
-"""A few dense trees: what a sketch gets wrong most."""
+"""A few dense trees: what a surrogate gets wrong most."""
 
 
 @pytest.fixture(scope="module")
@@ -53,17 +53,17 @@ def stands():
     found = {}
     for name, stand in (("beech", STANDS["beech"]), ("clearing", CLEARING)):
         volume = clumped_forest(stand, side_m=16.0, voxel_m=0.5)
-        sketch = CorrelogramModel(correlogram(volume), 40.0)
+        surrogate = CorrelogramModel(correlogram(volume), 40.0)
         model = MeasuredModel(volume, 40.0, targets_per_voxel=2)
-        found[name] = Problem(model, vhat("0.6"), sketch=sketch)
+        found[name] = Problem(model, vhat("0.6"), surrogate=surrogate)
     return found
 
 
 @pytest.fixture(scope="module")
 def beech():
     volume = clumped_forest(STANDS["beech"])
-    sketch = CorrelogramModel(correlogram(volume), 50.0)
-    return Problem(MeasuredModel(volume, 50.0), vhat("0.6"), sketch=sketch)
+    surrogate = CorrelogramModel(correlogram(volume), 50.0)
+    return Problem(MeasuredModel(volume, 50.0), vhat("0.6"), surrogate=surrogate)
 
 
 @pytest.mark.parametrize("objective", ["samples", "aperture"])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.mission.export import formats, render
-from aosplan.mission.mission import Conduct, Mission, Waypoints, placed
+from aosplan.mission.mission import FlightSettings, Mission, Waypoints, placed
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
@@ -22,15 +22,15 @@ SUMMARY = {"scene": {"name": "stand"}, "camera": {"name": "dji-m3t-thermal"}}
 
 
 def grid(samples=12, *, origin=(48.3358, 14.3261), baseline_m=3.0, heading_deg=30.0, **values):
-    """A mission over a grid; other values go to its conduct, or to its waypoints' columns."""
+    """A mission over a grid; other values go to its flight settings, or to its waypoints' columns."""
     altitude_m = values.pop("altitude_m", 40.0)
     kind = values.pop("kind", "trimmed")
     columns = {name: values.pop(name) for name in ("ground_m", "photo") if name in values}
     east, north = local_sites(pattern_for(kind, samples), baseline_m, heading_deg)
     plain = Waypoints(east, north, [altitude_m] * len(east))
     ways = Waypoints(**placed(plain, origin).columns(), **columns)
-    conduct = Conduct(spacing_m=baseline_m, yaw_deg=heading_deg % 360.0)
-    return Mission(ways, SUMMARY, conduct._replace(**values))
+    settings = FlightSettings(spacing_m=baseline_m, yaw_deg=heading_deg % 360.0)
+    return Mission(ways, SUMMARY, settings._replace(**values))
 
 
 places = st.one_of(

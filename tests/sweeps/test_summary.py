@@ -21,7 +21,7 @@ from aosplan.sweeps import aggregate as gather_module
 from aosplan.sweeps import grouping as outline_module
 from aosplan.sweeps import scenarios as scenarios_module
 from aosplan.sweeps import summary as summary_module
-from aosplan.sweeps.grouping import outline
+from aosplan.sweeps.grouping import grouping
 from aosplan.sweeps.scenarios import Crossing, Table, column_of, read_scenarios
 from aosplan.sweeps.summary import MEDIAN_ERROR, bins_of, exact_sum, value_of
 
@@ -234,14 +234,14 @@ def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
 
 def test_many_words_are_not_told_apart(monkeypatch):
     monkeypatch.setattr(outline_module, "MOST_GROUPS", 2)
-    groups = outline(Table({"scene": column_of(["a", "b", "c", "a"])})).groups[0]
+    groups = grouping(Table({"scene": column_of(["a", "b", "c", "a"])})).groups[0]
     assert groups.labels() == [{"value": "a"}, {"value": "b"}, {"others": True}]
     assert groups.places(column_of(["c", "b", "a", "c"])).tolist() == [2, 1, 0, 2]
 
 
 @given(st.sets(st.floats(1.0, 1e6), min_size=2, max_size=60))
 def test_every_number_lies_in_its_bin(values):
-    groups = outline(Crossing({"altitude": column_of(sorted(values))})).groups[0]
+    groups = grouping(Crossing({"altitude": column_of(sorted(values))})).groups[0]
     assert len(groups.numbers) == (len(values) if len(values) <= 20 else 10)
     for value, place in zip(values, groups.places(np.array([*values])).tolist(), strict=True):
         low, high = groups.numbers[place]

@@ -102,13 +102,13 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
         assert {"optimize", "grid", "trigger", "heading", "drone"} & set(crossing.names)
         return
     status, reason = (
-        column.reshape(-1) for column in (solved.verdicts.status, solved.verdicts.reason)
+        column.reshape(-1) for column in (solved.statuses.status, solved.statuses.reason)
     )
     left = solved.left.reshape(-1)
     for row in np.random.default_rng(0).permutation(block.rows)[:20].tolist():
         if left[row]:
             continue  # one row at a time, by plan itself
-        words = "" if reason[row] < 0 else solved.verdicts.texts[reason[row]]
+        words = "" if reason[row] < 0 else solved.statuses.texts[reason[row]]
         state, why, expected = by_plan(block.request_values(row))
         assert (STATUSES[status[row]], words) == (state, why)
         if state != "ok":
@@ -288,7 +288,7 @@ def test_nothing_of_these_is_left_to_rows(axes):
     assert not solved.left.any()
     for row in range(block.rows):
         status, reason = (
-            part.reshape(-1)[row] for part in (solved.verdicts.status, solved.verdicts.reason)
+            part.reshape(-1)[row] for part in (solved.statuses.status, solved.statuses.reason)
         )
-        words = "" if reason < 0 else solved.verdicts.texts[reason]
+        words = "" if reason < 0 else solved.statuses.texts[reason]
         assert (STATUSES[status], words) == by_plan(block.request_values(row))[:2]

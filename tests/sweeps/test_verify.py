@@ -18,7 +18,7 @@ from aosplan.simulation.compare import Settings, simulate
 from aosplan.sweeps import scenarios as scenarios_module
 from aosplan.sweeps import verify as v
 from aosplan.sweeps.block_frame import solve_block
-from aosplan.sweeps.grouping import outline
+from aosplan.sweeps.grouping import grouping
 from aosplan.sweeps.scenarios import Crossing, Table, column_of
 
 pytest.importorskip("polars")
@@ -34,7 +34,7 @@ CROSSING = Crossing(
 
 
 def drawing_of(scenarios, rows, seed):
-    return v.Drawing(rows, seed, outline(scenarios).groups)
+    return v.Drawing(rows, seed, grouping(scenarios).groups)
 
 
 def sample(scenarios, rows, seed):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 
-class Spans(NamedTuple):
+class CellRuns(NamedTuple):
     """Runs of whole numbers from `start` up to, not including, `stop`: sorted, none touching."""
 
     start: Whole
@@ -35,7 +35,7 @@ class Spans(NamedTuple):
         offsets = np.repeat(self.start - (np.cumsum(lengths) - lengths), lengths)
         return offsets + np.arange(len(offsets))
 
-    def dilated(self, runs: Iterable[tuple[int, int]]) -> Spans:
+    def dilated(self, runs: Iterable[tuple[int, int]]) -> CellRuns:
         """Every sum of a number here and one of some runs (first, last)."""
         pairs = [(self.start + first, self.stop + last) for first, last in runs]
         return united(
@@ -43,7 +43,7 @@ class Spans(NamedTuple):
             np.concatenate([stop for _, stop in pairs]),
         )
 
-    def without(self, other: Spans) -> Spans:
+    def without(self, other: CellRuns) -> CellRuns:
         """What is here and not in the other."""
         bounds = np.unique(np.concatenate([*self, *other]))
         if len(bounds) < 2:
@@ -58,17 +58,17 @@ class Spans(NamedTuple):
         )
 
 
-def united(start: Whole, stop: Whole) -> Spans:
+def united(start: Whole, stop: Whole) -> CellRuns:
     """The runs that cover given ones, which may be in any order and overlap."""
     order = np.argsort(start, kind="stable")
     start, reach = start[order], np.maximum.accumulate(stop[order])
     if len(start) == 0:
-        return Spans(start, reach)
+        return CellRuns(start, reach)
     first = np.append(True, start[1:] > reach[:-1])
     last = np.append(first[1:], True)
-    return Spans(start[first], reach[last])
+    return CellRuns(start[first], reach[last])
 
 
-def spans_of(numbers: Whole) -> Spans:
+def runs_of(numbers: Whole) -> CellRuns:
     """Runs of sorted numbers, each there once."""
     return united(numbers, numbers + 1)

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 
-from aosplan.areas.cell_runs import Spans, spans_of, united
+from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> Window:
     """The window of a pattern of sites."""
     columns = pattern.columns
     numbers = np.array(sorted(row * (columns + 1) + column for row, column in pattern.sites()))
-    runs = spans_of(numbers.astype(np.int64))
+    runs = runs_of(numbers.astype(np.int64))
     used = tuple(
         (start // (columns + 1), start % (columns + 1), (stop - 1) % (columns + 1))
         for start, stop in zip(runs.start.tolist(), runs.stop.tolist(), strict=True)
@@ -98,7 +98,7 @@ class Lattice(NamedTuple):
             ]
         )
 
-    def boxes(self, cells: Spans) -> Any:
+    def boxes(self, cells: CellRuns) -> Any:
         """A rectangle for every run of cells."""
         rows, first = np.divmod(cells.start, self.stride)
         x = self.corner_m[0] + first * self.pitch_m[0]
@@ -146,7 +146,7 @@ def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Latt
     )
 
 
-def entered(shape: Any, lattice: Lattice) -> Spans:
+def entered(shape: Any, lattice: Lattice) -> CellRuns:
     """Cells into which a shape reaches.
 
     They are those that its border passes through, and those between the border's crossings of
@@ -204,7 +204,7 @@ def _cells(
     return (row * stride + first)[kept], (row * stride + stop)[kept]
 
 
-def sites_for(placements: Spans, window: Window, stride: int) -> Spans:
+def sites_for(placements: CellRuns, window: Window, stride: int) -> CellRuns:
     """The sites of every placement of a window; a placement's number is that of its first site."""
     return placements.dilated(
         (row * stride + first, row * stride + last) for row, first, last in window.used
@@ -229,7 +229,7 @@ def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) 
     return columns, rows
 
 
-def seen_cells(sites: Spans, image: tuple[int, int], stride: int) -> Spans:
+def seen_cells(sites: CellRuns, image: tuple[int, int], stride: int) -> CellRuns:
     """Cells that the image of some site contains whole."""
     columns, rows = image
     return sites.dilated(
@@ -238,7 +238,7 @@ def seen_cells(sites: Spans, image: tuple[int, int], stride: int) -> Spans:
     )
 
 
-def sites_seeing(cells: Spans, image: tuple[int, int], stride: int) -> Whole:
+def sites_seeing(cells: CellRuns, image: tuple[int, int], stride: int) -> Whole:
     """Few sites such that each cell is in the image of one, chosen greedily strip by strip."""
     columns, rows = image
     row, first = np.divmod(cells.start, stride)

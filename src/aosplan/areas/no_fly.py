@@ -24,7 +24,7 @@ MOST_CORNERS = 5_000
 """Zones with more corners are refused: each detour looks at all of them."""
 
 
-class Zones:
+class NoFlyZones:
     """No-fly zones, and the ways around them.
 
     Parameters

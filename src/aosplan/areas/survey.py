@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from aosplan.areas.area import quiet
-from aosplan.areas.cell_runs import Spans, spans_of, united
+from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.areas.coverage import (
     Lattice,
     Window,
@@ -22,7 +22,7 @@ from aosplan.areas.coverage import (
     sites_seeing,
     window_of,
 )
-from aosplan.areas.no_fly import Zones
+from aosplan.areas.no_fly import NoFlyZones
 from aosplan.areas.tour import shortest_m, total, tour_of
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.photo_trigger import Sites
@@ -163,7 +163,7 @@ def survey_of(
     wanted = united(np.append(wanted.start, extra), np.append(wanted.stop, extra + 1))
     _refuse_more(wanted.size, max_sites, "")
 
-    zones = Zones(turn.shape(area.keep_out))
+    zones = NoFlyZones(turn.shape(area.keep_out))
     sites, in_zone, enclosed = _allowed(wanted.numbers(), at_sites, zones)
     points = at_sites.middles(sites)
     tour = tour_of(sites, lattice.stride, points, timing, zones)
@@ -274,7 +274,7 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
         )
 
 
-def _allowed(wanted: Whole, at_sites: Lattice, zones: Zones) -> tuple[Whole, int, int]:
+def _allowed(wanted: Whole, at_sites: Lattice, zones: NoFlyZones) -> tuple[Whole, int, int]:
     """Sites that may be flown; how many lie in zones, and how many are shut in by them."""
     if not zones:
         return wanted, 0, 0
@@ -291,7 +291,7 @@ def _allowed(wanted: Whole, at_sites: Lattice, zones: Zones) -> tuple[Whole, int
     return kept, len(wanted) - len(sites), len(sites) - len(kept)
 
 
-def routed(points: Points, zones: Zones) -> tuple[Points, list[bool]]:
+def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
     """The way through points around zones, and which of its points take photos."""
     if not zones:
         return points, [True] * len(points)
@@ -313,7 +313,7 @@ def routed(points: Points, zones: Zones) -> tuple[Points, list[bool]]:
 def _covered(
     sites: Whole,
     shapes: tuple[Any, Any],
-    cells: tuple[Spans, Spans],
+    cells: tuple[CellRuns, CellRuns],
     window: Window,
     lattices: tuple[Lattice, Lattice],
     image: tuple[int, int],
@@ -324,8 +324,8 @@ def _covered(
     placements = cells[0].numbers()
     count = looks(sites, placements, window, stride)
     lost = [
-        (canopy, lattices[0], spans_of(placements[count < window.samples])),
-        (clear, lattices[1], cells[1].without(seen_cells(spans_of(sites), image, stride))),
+        (canopy, lattices[0], runs_of(placements[count < window.samples])),
+        (clear, lattices[1], cells[1].without(seen_cells(runs_of(sites), image, stride))),
     ]
     missing = math.fsum(
         float(shapely.area(shapely.intersection(shape, lattice.boxes(unseen))).sum())

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.areas.cell_runs import Whole
-    from aosplan.areas.no_fly import Zones
+    from aosplan.areas.no_fly import NoFlyZones
     from aosplan.flight.kinematics import Timing
 
     Points = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Tour(NamedTuple):
     axis: str
 
 
-def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: Zones) -> Tour:
+def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: NoFlyZones) -> Tour:
     """An order in which all sites are flown once.
 
     Parameters
@@ -81,7 +81,9 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: Zo
     return Tour(order, axis)
 
 
-def total(points: Points, measure: Callable[[float], float], zones: Zones | None = None) -> float:
+def total(
+    points: Points, measure: Callable[[float], float], zones: NoFlyZones | None = None
+) -> float:
     """Sum of a measure of the lengths of all legs through points, around zones."""
     lengths = np.hypot(*np.diff(points, axis=0).T)
     if zones:
@@ -153,7 +155,7 @@ def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.in
 # Lines
 
 
-def _by_lines(line: Whole, place: Whole, points: Points, zones: Zones) -> NDArray[np.intp]:
+def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> NDArray[np.intp]:
     """Sites line by line, each from one end to the other, nearest end next."""
     order = np.lexsort((place, line))
     apart = (np.diff(line[order]) != 0) | (np.diff(place[order]) != 1)
@@ -170,7 +172,7 @@ def _by_lines(line: Whole, place: Whole, points: Points, zones: Zones) -> NDArra
     return np.concatenate(pieces)
 
 
-def _linked(ends: Points, zones: Zones) -> list[tuple[int, bool]]:
+def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
     """Lines in the order of their nearest ends, and whether each is flown forwards.
 
     `ends` has the first points of all lines, then the last ones.
@@ -194,7 +196,7 @@ def _linked(ends: Points, zones: Zones) -> list[tuple[int, bool]]:
 
 
 def _nearest(
-    here: Points, tree: cKDTree, names: NDArray[np.intp], left: NDArray[np.bool_], zones: Zones
+    here: Points, tree: cKDTree, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
 ) -> int:
     """The nearest end that is left; of the nearest few, one that no zone hides comes first."""
     wanted = 16
@@ -222,7 +224,7 @@ class _Circle:
         order: NDArray[np.intp],
         points: Points,
         leg_s: Callable[[float], float],
-        zones: Zones,
+        zones: NoFlyZones,
     ) -> None:
         self.points = points
         self.nowhere = len(order)
@@ -342,7 +344,7 @@ class _Circle:
 
 
 def _improved(
-    order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: Zones
+    order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: NoFlyZones
 ) -> NDArray[np.intp]:
     """A tour after 2-opt and Or-opt moves among near neighbours, until none gains."""
     circle = _Circle(order, points, leg_s, zones)

@@ -66,12 +66,12 @@ def _show_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
 def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> None:
     if shell is not None:
         from aosplan.cli.completion import install
-        from aosplan.show.text.terminal import say
+        from aosplan.show.text.terminal import print_notice
 
         path, left = install(shell)
         print(f"Wrote {path}; it takes effect in the next shell.")
         if left:
-            say("hint", left)
+            print_notice("hint", left)
         raise Exit(0)
 
 
@@ -196,12 +196,12 @@ def _write_what_can_be_shown() -> None:
 
 
 def _report(message: str, hint: str, status: int) -> int:
-    from aosplan.show.text.terminal import say
+    from aosplan.show.text.terminal import print_notice
 
     try:
-        say("error", _one_line(message))
+        print_notice("error", _one_line(message))
         if hint:
-            say("hint", _one_line(hint))
+            print_notice("hint", _one_line(hint))
     except OSError:
         _unheard()
     return status

@@ -6,7 +6,7 @@ plan are described by `aosplan.planning.options`.
 
 from __future__ import annotations
 
-MEANINGS = {
+FIELD_DESCRIPTIONS = {
     "schema": "Version of the document: it changes when the meaning of a name does.",
     "version": "Version of aosplan that wrote it.",
     "request": "All inputs after defaults: enough to run it again.",
@@ -325,4 +325,4 @@ MEANINGS = {
 
 def meaning(document: str, field: str) -> str | None:
     """What a field of a document means, or None."""
-    return MEANINGS.get(f"{document}.{field}", MEANINGS.get(field))
+    return FIELD_DESCRIPTIONS.get(f"{document}.{field}", FIELD_DESCRIPTIONS.get(field))

@@ -14,7 +14,7 @@ from aosplan.cli.options import command, file_argument, flag_option, json_option
 from aosplan.cli.output import drawn, print_json
 from aosplan.errors import RequestError
 from aosplan.messages import SCHEMA
-from aosplan.show.text.terminal import say
+from aosplan.show.text.terminal import print_notice
 from aosplan.units import number, positive
 
 if TYPE_CHECKING:
@@ -51,15 +51,15 @@ def run(
     """Average recorded images on a focal plane, and compare choices of them."""
     from aosplan.files import check_output, write_all
     from aosplan.postflight.integral.recording import Recording, least_views
-    from aosplan.postflight.integral.view_subset import choice_of, read_choice
+    from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
 
     _check_endings(out)
     for index, path in enumerate(out):
         check_output(path, force=force)
         if os.path.realpath(path) in map(os.path.realpath, out[:index]):
             raise RequestError(f"output '{path}' is given twice")
-    choice = choice_of(pitch, aperture, views)
-    reference = None if compare is None else read_choice(compare, "--compare")
+    choice = view_subset_of(pitch, aperture, views)
+    reference = None if compare is None else read_view_subset(compare, "--compare")
     if not out and reference is None:
         raise RequestError(
             "nothing to do with the integral image", "--out integral.png, or --compare all"
@@ -105,7 +105,7 @@ def run(
     }
     if not quiet:
         for warning in document["warnings"]:
-            say("warning", warning["message"])
+            print_notice("warning", warning["message"])
     if as_json:
         print_json(document)
     elif not quiet:

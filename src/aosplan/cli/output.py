@@ -33,9 +33,9 @@ def print_json(document: Any) -> None:
 def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
     """Warnings on stderr, a line each."""
     for warning in () if quiet else warnings:
-        from aosplan.show.text.terminal import say
+        from aosplan.show.text.terminal import print_notice
 
-        say("warning", warning.message)
+        print_notice("warning", warning.message)
 
 
 def chosen_outputs(
@@ -123,9 +123,9 @@ def write_outputs(
             hints += _leftovers(path, len(needed))
     write_all(contents, force=force)
     for hint in () if quiet else hints:
-        from aosplan.show.text.terminal import say
+        from aosplan.show.text.terminal import print_notice
 
-        say("hint", hint)
+        print_notice("hint", hint)
     return list(contents)
 
 
@@ -158,7 +158,7 @@ class Bar:
             self._show("reading points")
             self._shown.update(self._shown.task_ids[0], completed=done, total=total)
 
-    def trying(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
+    def on_trial(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
         """Show what a search tries, once it has lasted a while."""
         if not self._live:
             return

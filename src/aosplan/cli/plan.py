@@ -59,7 +59,7 @@ def run(
                 )
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
-        result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
+        result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
     pages = {}
     if report is not None:
@@ -79,9 +79,9 @@ def run(
 def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
     """The seed of the report's picture; None for a report without one."""
     if report is None:
-        lonely = "--no-report-picture" if not picture else "--report-seed" if seed else ""
-        if lonely:
-            raise RequestError(f"{lonely} without --report", "give --report PAGE.html too")
+        unpaired = "--no-report-picture" if not picture else "--report-seed" if seed else ""
+        if unpaired:
+            raise RequestError(f"{unpaired} without --report", "give --report PAGE.html too")
         return None
     if not picture:
         if seed is not None:

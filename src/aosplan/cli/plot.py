@@ -116,7 +116,7 @@ def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Sh
     from aosplan.planning.planner import plan
 
     with progress_bar(quiet=quiet) as bar:
-        result = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
+        result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
     if kind.name == "visibility":
         from aosplan.show.figures.visibility import visibility_of

@@ -63,7 +63,7 @@ def run(
             tolerance_m=within,
             folder=os.path.dirname(plan or ""),
             progress=bar,
-            trying=bar.trying,
+            on_trial=bar.on_trial,
         )
     print_warnings(found.warnings, quiet=quiet)
     written = []

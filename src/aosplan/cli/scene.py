@@ -10,7 +10,7 @@ from aosplan.cli.options import command, flag_option, json_option, request_optio
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
 from aosplan.planning.inputs import VOXEL_SUFFIX
-from aosplan.show.text.terminal import say
+from aosplan.show.text.terminal import print_notice
 
 if TYPE_CHECKING:
     from aosplan.planning.inputs import ResolvedScene
@@ -50,7 +50,7 @@ def run(
         resolved = scene_of(request, progress=bar, also=more)
     print_warnings(resolved.warnings, quiet=quiet)
     if resolved.kept and not quiet:
-        say("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
+        print_notice("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
     table = resolved.correlogram
     if table is None and resolved.volume is not None and (as_json or saved):
         from aosplan.scenes.correlogram import correlogram

@@ -50,7 +50,7 @@ def run(
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
-        result = plan(_plannable(wanted), folder=folder, progress=bar, trying=bar.trying)
+        result = plan(_plannable(wanted), folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
     from aosplan.simulation.compare import simulate
 

@@ -24,7 +24,7 @@ from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import find_defaults, read_defaults
-from aosplan.show.text.terminal import readable, say, wrote
+from aosplan.show.text.terminal import print_notice, readable, wrote
 from aosplan.units import whole
 
 if TYPE_CHECKING:
@@ -115,18 +115,16 @@ def run(
         _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
     elif any((plot_x, plot_y, plot_value)):
         raise RequestError("--plot-x, --plot-y and --plot-value go with --plot")
-    conduct: dict[str, Any] = {
+    common: dict[str, Any] = {
         "resume": resume,
         "force": force,
         "workers": 1 if workers is None else whole(workers, "--workers"),
     }
     with _bar(scenarios.rows, quiet=quiet) as advance, _kept():
         if out is not None:
-            rows, gathering = run_sweep(
-                sweep, out, **conduct, scheduler=scheduler, progress=advance
-            )
+            rows, gathering = run_sweep(sweep, out, **common, scheduler=scheduler, progress=advance)
         else:
-            rows, gathering = 0, gather(sweep, f"{file}.gathered", **conduct, progress=advance)
+            rows, gathering = 0, gather(sweep, f"{file}.gathered", **common, progress=advance)
     if gathering is not None:
         tell(sweep, gathering, sampled, summary=summary, quiet=quiet, as_json=as_json)
     if out is not None:
@@ -164,7 +162,7 @@ def _kept() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        say("hint", "what is done is kept; --resume goes on with it")
+        print_notice("hint", "what is done is kept; --resume goes on with it")
         raise
 
 
@@ -349,11 +347,11 @@ class Drawn(NamedTuple):
 
 def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None) -> Gather:
     """What a sweep is to gather."""
-    from aosplan.sweeps.grouping import outline
+    from aosplan.sweeps.grouping import grouping
     from aosplan.sweeps.summary import Gather
     from aosplan.sweeps.verify import Drawing
 
-    found = outline(scenarios, best)
+    found = grouping(scenarios, best)
     if drawn is None:
         return Gather(found)
     return Gather(found, Drawing(drawn.rows, drawn.settings.seed, found.groups))
@@ -395,14 +393,14 @@ def tell(
             verification = _verified(sweep, gathering.gathered, drawn, quiet=quiet)
         except KeyboardInterrupt:
             if gathering.write():
-                say("hint", "--resume goes on with the simulation")
+                print_notice("hint", "--resume goes on with the simulation")
             raise
     gathering.remove()
     document = {
         "schema": SCHEMA,
         "version": __version__,
         "where": sweep.where,
-        **summary_document(gathering.gathered.summary, sweep.gather.outline, sweep.scenarios),
+        **summary_document(gathering.gathered.summary, sweep.gather.grouping, sweep.scenarios),
         "verification": verification and verification.document(),
     }
     if as_json:

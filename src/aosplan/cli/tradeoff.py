@@ -47,7 +47,7 @@ def run(
         check_output(out, force=force)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
-        chosen = plan(wanted, folder=folder, progress=bar, trying=bar.trying)
+        chosen = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
         rows = [row.document() for row in chosen.tradeoff()]
     print_warnings(chosen.warnings, quiet=quiet)
     document = {

@@ -58,14 +58,14 @@ class Sites(NamedTuple):
 class Ground(NamedTuple):
     """Points with the height of the ground below [m], and how far the ways between them miss it.
 
-    A straight way comes up to `hump_m` nearer to the ground than its ends, and up to `dip_m`
+    A straight way comes up to `closer_by_m` nearer to the ground than its ends, and up to `farther_by_m`
     farther away.
     """
 
     sites: Sites
     heights_m: list[float]
-    hump_m: float = 0.0
-    dip_m: float = 0.0
+    closer_by_m: float = 0.0
+    farther_by_m: float = 0.0
 
 
 def with_turns(sites: Sites, *, spacing_m: float, run_in_m: float, heading_deg: float) -> Sites:

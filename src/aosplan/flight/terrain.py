@@ -244,7 +244,7 @@ def follow(
     humped = np.zeros(len(counts), dtype=bool)
     humped[leg[rises > tolerance_m]] = True
     plain = rises[~humped[leg]]
-    hump, dip = float(plain.max(initial=0.0)), float((-plain).max(initial=0.0))
+    closer, farther = float(plain.max(initial=0.0)), float((-plain).max(initial=0.0))
     found: list[tuple[float, float, bool, float]] = []
     points = zip(sites.east_m, sites.north_m, sites.photo, ground.tolist(), strict=True)
     for place, point in enumerate(points):
@@ -256,12 +256,12 @@ def follow(
         along = np.concatenate([[0.0], shares[part], [1.0]])
         knots = raised(along, profile, tolerance_m)
         rise = profile - np.interp(along, along[knots], profile[knots])
-        hump, dip = max(hump, float(rise.max())), max(dip, float(-rise.min()))
+        closer, farther = max(closer, float(rise.max())), max(farther, float(-rise.min()))
         for knot in knots[1:-1]:
             k = starts[place] - 1 + knot
             found.append((float(at_east[k]), float(at_north[k]), False, float(below[k])))
     columns = [list(column) for column in zip(*found, strict=True)]
-    return Ground(Sites(columns[0], columns[1], columns[2]), columns[3], hump, dip)
+    return Ground(Sites(columns[0], columns[1], columns[2]), columns[3], closer, farther)
 
 
 def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:
@@ -277,9 +277,9 @@ def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> li
         start, stop = waiting.pop()
         inner = slice(start + 1, stop)
         share = (along[inner] - along[start]) / (along[stop] - along[start])
-        hump = profile[inner] - _between(profile[start], profile[stop], share)
-        if len(hump) and hump.max() > tolerance_m:
-            worst = start + 1 + int(np.argmax(hump))
+        closer = profile[inner] - _between(profile[start], profile[stop], share)
+        if len(closer) and closer.max() > tolerance_m:
+            worst = start + 1 + int(np.argmax(closer))
             chosen.append(worst)
             waiting += [(start, worst), (worst, stop)]
     return sorted(chosen)

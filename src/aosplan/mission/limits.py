@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:
     """The limits that rule a mission: those of its autopilot, or the format's first."""
-    wanted = mission.conduct.autopilot
+    wanted = mission.settings.autopilot
     limits = next((one for one in chosen.limits if one.target == wanted), chosen.limits[0])
     fewest, most = limits.waypoints
-    drone = mission.conduct.most_waypoints
+    drone = mission.settings.most_waypoints
     if most is not None and drone is not None:
         return limits._replace(waypoints=(fewest, max(fewest, min(most, drone))))
     return limits
@@ -46,7 +46,7 @@ def parts(mission: Mission, chosen: Format) -> list[Mission]:
             f"{chosen.title} needs {fewest} waypoints or more, and the mission has {count}",
             "ask for more --samples, or write another format",
         )
-    _check_conduct(mission, chosen, limits)
+    _check_flight_settings(mission, chosen, limits)
     _check_legs(mission, chosen, limits)
     pieces = 1 if most is None else -(-count // most)
     if pieces == 1:
@@ -58,11 +58,11 @@ def parts(mission: Mission, chosen: Format) -> list[Mission]:
     ]
 
 
-def _check_conduct(mission: Mission, chosen: Format, limits: Limits) -> None:
-    conduct = mission.conduct
-    _check([conduct.speed_mps], limits.speed_mps, "speed", "m/s", chosen, "give a lower --speed")
-    if conduct.trigger == "stop":
-        _check([conduct.hold_s], limits.hold_s, "hold", "s", chosen, "give a shorter --hold")
+def _check_flight_settings(mission: Mission, chosen: Format, limits: Limits) -> None:
+    settings = mission.settings
+    _check([settings.speed_mps], limits.speed_mps, "speed", "m/s", chosen, "give a lower --speed")
+    if settings.trigger == "stop":
+        _check([settings.hold_s], limits.hold_s, "hold", "s", chosen, "give a shorter --hold")
     if limits.height_m != (None, None):
         heights = mission.flown_m()
         hint = "its heights count from the take-off"

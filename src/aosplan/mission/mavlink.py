@@ -59,25 +59,25 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     The drone climbs to its highest waypoint, flies all of them with its nose and its gimbal
     fixed, and returns.
     """
-    ways, conduct = mission.waypoints, mission.conduct
+    ways, settings = mission.waypoints, mission.settings
     assert ways.latitude is not None  # the formats need a place
     assert ways.longitude is not None
     own_yaw = autopilot == "px4"
-    frame = TERRAIN if conduct.altitude_frame == "terrain" else RELATIVE
+    frame = TERRAIN if settings.altitude_frame == "terrain" else RELATIVE
     # ArduPilot stores whole seconds and cuts the rest off.
-    hold = conduct.hold_s if own_yaw else float(math.ceil(conduct.hold_s))
+    hold = settings.hold_s if own_yaw else float(math.ceil(settings.hold_s))
     shoot = _plain(CAPTURE, 0.0, 0.0, 1.0, None) if own_yaw else _plain(SHOOT, fifth=1.0)
     follow = _camera(mission, shoot)
     yield Command(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *mission.home(), mission.climb_m()))
-    yield _plain(SPEED, 1.0, conduct.speed_mps, -1.0)
-    yield Command(GIMBAL, COMMAND, (conduct.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0))
+    yield _plain(SPEED, 1.0, settings.speed_mps, -1.0)
+    yield Command(GIMBAL, COMMAND, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0))
     sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
     for index, (latitude, longitude, height) in enumerate(sites):
         if own_yaw:
-            lead = (REACHED_M, 0.0, conduct.yaw_deg % 360.0)
+            lead = (REACHED_M, 0.0, settings.yaw_deg % 360.0)
         else:
             # ArduPilot turns to the next waypoint at each one, unless it is told again.
-            yield _plain(YAW, conduct.yaw_deg % 360.0)
+            yield _plain(YAW, settings.yaw_deg % 360.0)
             lead = (0.0, 0.0, 0.0)
         shot = follow.get(index, ())
         stay = hold if shoot in shot else 0.0
@@ -88,9 +88,9 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
 
 def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:
     """What the camera does at waypoints, by their place."""
-    conduct, photo = mission.conduct, mission.waypoints.photo
+    settings, photo = mission.settings, mission.waypoints.photo
     count = len(mission.waypoints)
-    if conduct.trigger == "stop":
+    if settings.trigger == "stop":
         return {index: (shoot,) for index in range(count) if photo is None or photo[index]}
     actions: dict[int, tuple[Command, ...]] = {}
     for first, last in photo_lines(mission):
@@ -98,7 +98,7 @@ def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:
             actions[first] = (shoot,)
         else:
             # Its third parameter takes the first photo at once.
-            actions[first] = (_plain(BY_DISTANCE, conduct.spacing_m, 0.0, 1.0),)
+            actions[first] = (_plain(BY_DISTANCE, settings.spacing_m, 0.0, 1.0),)
             off = _plain(BY_DISTANCE, 0.0)
             if runs_out(mission, last):
                 actions[last + 1] = (off,)

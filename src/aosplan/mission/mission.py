@@ -85,7 +85,7 @@ class Waypoints:
         return cls(**kept)
 
 
-class Conduct(NamedTuple):
+class FlightSettings(NamedTuple):
     """How a mission is flown: what each format says beside the waypoints.
 
     The heading of the drone is fixed over the whole flight, clockwise from true north.  With
@@ -113,7 +113,7 @@ class Conduct(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """What a format writes: waypoints in flight order, a summary of the plan, and the conduct.
+    """What a format writes: waypoints in flight order, a summary of the plan, and the flight settings.
 
     `flight` counts from 1, of `flights` into which a plan is split; `part` from 1, of `parts`
     into which a flight is split where a file cannot hold all of it.
@@ -121,7 +121,7 @@ class Mission(NamedTuple):
 
     waypoints: Waypoints
     summary: dict[str, Any]
-    conduct: Conduct = Conduct()
+    settings: FlightSettings = FlightSettings()
     flight: int = 1
     flights: int = 1
     part: int = 1
@@ -150,15 +150,15 @@ class Mission(NamedTuple):
 
         Where the ground's height is not known, it is taken for as high as the take-off.
         """
-        ground, takeoff = self.waypoints.ground_m, self.conduct.takeoff_ground_m
+        ground, takeoff = self.waypoints.ground_m, self.settings.takeoff_ground_m
         altitudes = self.waypoints.altitude_m
         if ground is None or takeoff is None:
             return altitudes
         return [up + below - takeoff for up, below in zip(altitudes, ground, strict=True)]
 
     def flown_m(self) -> Sequence[float]:
-        """Height of each waypoint above what `Conduct.altitude_frame` says."""
-        terrain = self.conduct.altitude_frame == "terrain"
+        """Height of each waypoint above what `FlightSettings.altitude_frame` says."""
+        terrain = self.settings.altitude_frame == "terrain"
         return self.waypoints.altitude_m if terrain else self.above_takeoff_m()
 
     def climb_m(self) -> float:
@@ -167,12 +167,12 @@ class Mission(NamedTuple):
 
     def home(self) -> tuple[float, float]:
         """Latitude and longitude of the take-off, or of the first waypoint where it is not known."""
-        conduct, ways = self.conduct, self.waypoints
+        settings, ways = self.settings, self.waypoints
         assert ways.latitude is not None  # formats that ask have a place
         assert ways.longitude is not None
-        if conduct.takeoff_latitude is None or conduct.takeoff_longitude is None:
+        if settings.takeoff_latitude is None or settings.takeoff_longitude is None:
             return ways.latitude[0], ways.longitude[0]
-        return conduct.takeoff_latitude, conduct.takeoff_longitude
+        return settings.takeoff_latitude, settings.takeoff_longitude
 
 
 LEAST_CLIMB_M = 5.0
@@ -188,7 +188,7 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     Every waypoint with a photo is on one line: neighbours are one spacing apart, and legs that
     turn or are of another length are on none.  A line may be a single waypoint.
     """
-    ways, spacing = mission.waypoints, mission.conduct.spacing_m
+    ways, spacing = mission.waypoints, mission.settings.spacing_m
     photo = ways.photo or [True] * len(ways)
     found: list[tuple[int, int]] = []
     along: tuple[float, float] | None = None

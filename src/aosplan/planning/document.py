@@ -85,7 +85,7 @@ def flight_document(plan: PlanData) -> dict[str, Any]:
     return {
         "length_m": route.length_m,
         "time_s": route.time_s,
-        **_given(plan.conduct._asdict()),
+        **_given(plan.settings._asdict()),
         "acceleration_mps2": route.timing.acceleration_mps2,
         "climb_mps": route.timing.climb_mps,
         "run_in_m": route.timing.run_in_m,
@@ -109,8 +109,8 @@ def height_document(plan: PlanData) -> dict[str, Any]:
         "ground": "from the terrain file",
         "waypoints.ground_m": f"above {route.datum}",
         "flight.takeoff_ground_m": f"above {route.datum}",
-        "nearest_m": plan.altitude_m + plan.request.focal_height - route.hump_m,
-        "farthest_m": plan.altitude_m + plan.request.focal_height + route.dip_m,
+        "nearest_m": plan.altitude_m + plan.request.focal_height - route.closer_by_m,
+        "farthest_m": plan.altitude_m + plan.request.focal_height + route.farther_by_m,
     }
 
 

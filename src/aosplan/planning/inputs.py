@@ -118,10 +118,10 @@ def scene_of(
     suffix = os.path.splitext(name)[1].lower()
     clouds = () if preset is not None else cloud_files(name)
     more = [file for other in also for file in cloud_files(other) or (other,)]
-    strange = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
-    if more and strange:
+    unexpected = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
+    if more and unexpected:
         raise RequestError(
-            f"'{strange[0]}' is no point cloud, and only the files of a point cloud go together",
+            f"'{unexpected[0]}' is no point cloud, and only the files of a point cloud go together",
             "name one scene, or .las and .laz files",
         )
     if clouds:

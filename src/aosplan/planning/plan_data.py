@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from aosplan.flight.drones import find_drone
-from aosplan.mission.mission import Conduct, Waypoints
+from aosplan.mission.mission import FlightSettings, Waypoints
 from aosplan.models.equations import aperture
 
 if TYPE_CHECKING:
@@ -124,11 +124,11 @@ class PlanData:
         return self.solution.limits + self.route.limits
 
     @property
-    def conduct(self) -> Conduct:
+    def settings(self) -> FlightSettings:
         """How the waypoints are flown."""
         request, timing = self.request, self.route.timing
         latitude, longitude = self.route.takeoff or (None, None)
-        return Conduct(
+        return FlightSettings(
             trigger=request.trigger,
             speed_mps=timing.speed_mps,
             hold_s=timing.hold_s,

@@ -124,7 +124,7 @@ class OneFlightDocument(OpenDocument):
 
 
 class FlightDocument(OpenDocument):
-    """Path from the first photo to the last, how it is flown (`mission.Conduct`), and flights."""
+    """Path from the first photo to the last, how it is flown (`mission.FlightSettings`), and flights."""
 
     length_m: Finite
     time_s: Finite

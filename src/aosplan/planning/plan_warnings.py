@@ -185,7 +185,7 @@ def _flying(plan: PlanData) -> Iterator[Message]:
             "heights count from the take-off, taken to lie below the first waypoint, on ground "
             f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
         )
-    highest = plan.altitude_m + request.focal_height + route.dip_m
+    highest = plan.altitude_m + request.focal_height + route.farther_by_m
     if highest > HIGHEST_M:
         yield Message(
             "above_120_m",

@@ -12,14 +12,14 @@ from aosplan.planning.result import Plan
 from aosplan.planning.sensitivity import Doubts, doubts_of
 from aosplan.planning.setup import draft_of, route_of
 from aosplan.planning.sites import layout_of, ways_in_zones
-from aosplan.solver.alternatives import Choice, other_heading
+from aosplan.solver.alternatives import Alternative, other_heading
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from aosplan.planning.inputs import ResolvedScene
     from aosplan.planning.request import PlanRequest
-    from aosplan.solver.problem import Problem, Trying
+    from aosplan.solver.problem import OnTrial, Problem
     from aosplan.solver.solution import Solution
 
 SATURATED = 0.98
@@ -31,7 +31,7 @@ def plan(
     *,
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
-    trying: Trying | None = None,
+    on_trial: OnTrial | None = None,
     found: ResolvedScene | None = None,
 ) -> Plan:
     """Solve a request: how many photos, how far apart, and where.
@@ -44,7 +44,7 @@ def plan(
         Where the request's file names are looked for before the current folder.
     progress
         Called with points read and points in all while a point cloud is read.
-    trying
+    on_trial
         Called while a search lasts, with the problem, a pattern and a baseline [m].
     found
         The request's scene, where it has been read before.
@@ -67,7 +67,7 @@ def plan(
     def scene(request: PlanRequest) -> ResolvedScene:
         return found or scene_of(request, folder=folder, progress=progress)
 
-    draft = draft_of(request, scene=scene, folder=folder, trying=trying)
+    draft = draft_of(request, scene=scene, folder=folder, on_trial=on_trial)
     task, solution, problem = draft.task, draft.solution, draft.problem
     headed, altitude, found = task.request, task.altitude_m, draft.found
     notices = found.warnings
@@ -76,7 +76,9 @@ def plan(
         doubts = doubts_of(task, found, problem, solution)
         if task.model == "measured":
             notices += tuple(_doubts(found, problem, solution, altitude))
-            if request.heading != "best" and (word := other_heading(Choice(problem, solution))):
+            if request.heading != "best" and (
+                word := other_heading(Alternative(problem, solution))
+            ):
                 notices += (Message("heading", word),)
     layout = layout_of(headed, draft.area, solution, problem, task.camera, altitude)
     route = route_of(draft, layout, folder)

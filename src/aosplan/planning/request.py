@@ -190,10 +190,10 @@ class PlanRequest:
         for names in alternatives:
             if leading and names[0] == leading[0]:
                 foreign = {name for others in alternatives for name in others} - set(names)
-                strange = self._given(tuple(sorted(foreign)))
-                if strange:
+                unexpected = self._given(tuple(sorted(foreign)))
+                if unexpected:
                     raise RequestError(
-                        f"{BY_NAME[leading[0]].flag} and {' and '.join(strange)} contradict each other",
+                        f"{BY_NAME[leading[0]].flag} and {' and '.join(unexpected)} contradict each other",
                         "keep one of them",
                     )
 
@@ -227,10 +227,12 @@ class PlanRequest:
             if self.volume_base is None:
                 object.__setattr__(self, "volume_base", 2.0)
             return
-        lonely = self._given(("crown_diameter", "leaf_area_index", "volume_height", "volume_base"))
-        if lonely:
+        unpaired = self._given(
+            ("crown_diameter", "leaf_area_index", "volume_height", "volume_base")
+        )
+        if unpaired:
             raise RequestError(
-                f"{' and '.join(lonely)} without a density or --stems-per-hectare",
+                f"{' and '.join(unpaired)} without a density or --stems-per-hectare",
                 "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
                 "--scene alone",
             )
@@ -246,10 +248,10 @@ class PlanRequest:
             if self.fov >= 180.0:
                 raise RequestError(f"--fov {self.fov:g} is not below 180 degrees")
         else:
-            lonely = self._given(("sensor_width", "sensor_height", "image_width", "image_height"))
-            if lonely:
+            unpaired = self._given(("sensor_width", "sensor_height", "image_width", "image_height"))
+            if unpaired:
                 raise RequestError(
-                    f"{' and '.join(lonely)} without --focal-length or --fov",
+                    f"{' and '.join(unpaired)} without --focal-length or --fov",
                     "give --focal-length MM or --fov DEG as well, or a --camera",
                 )
             if self.camera is None:
@@ -285,9 +287,11 @@ class PlanRequest:
             (("takeoff", "terrain"), "--origin LAT,LON", self.has_place),
             (("terrain_tolerance",), "--terrain", self.terrain is not None),
         ):
-            lonely = self._given(names)
-            if lonely and not given:
-                raise RequestError(f"{' and '.join(lonely)} without {needed}", f"give {needed} too")
+            unpaired = self._given(names)
+            if unpaired and not given:
+                raise RequestError(
+                    f"{' and '.join(unpaired)} without {needed}", f"give {needed} too"
+                )
 
     def _check_bounds(self) -> None:
         if self.samples and self.max_samples and self.samples > self.max_samples:
@@ -310,18 +314,20 @@ class PlanRequest:
                 + (", the narrowest turns of a spiral" if self.grid == "spiral" else "")
             )
         over_area = self.grid == "line" and self.area is not None
-        strange = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
-        strange = ["--lanes"] * ("--lanes" in strange) if over_area else strange
-        if strange:
+        unexpected = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
+        unexpected = ["--lanes"] * ("--lanes" in unexpected) if over_area else unexpected
+        if unexpected:
             raise RequestError(
-                f"{' and '.join(strange)} with --grid {self.grid}", "they go with --grid lanes"
+                f"{' and '.join(unexpected)} with --grid {self.grid}", "they go with --grid lanes"
             )
 
     def _check_area(self) -> None:
         if self.area is None:
-            lonely = self._given(("clear", "no_fly", "buffer", "max_sites"))
-            if lonely:
-                raise RequestError(f"{' and '.join(lonely)} without --area", "give --area FILE too")
+            unpaired = self._given(("clear", "no_fly", "buffer", "max_sites"))
+            if unpaired:
+                raise RequestError(
+                    f"{' and '.join(unpaired)} without --area", "give --area FILE too"
+                )
             if self.heading == "auto":
                 raise RequestError("--heading auto needs --area", "give a number of degrees")
         else:
@@ -436,17 +442,17 @@ def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) 
 def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
     """The options of a layer whose partners are there, among them or among what is asked for."""
     together = own | asked
-    lonely = {
+    unpaired = {
         name
         for name in own.keys() & PARTNERS.keys()
         for partner, wanted in (PARTNERS[name],)
         if (partner not in together and not (partner == "origin" and "area" in together))
         or wanted not in (None, together.get(partner))
     }
-    if not lonely:
+    if not unpaired:
         return own
     # What lost its partner may be one itself.
-    return _fitting({name: value for name, value in own.items() if name not in lonely}, asked)
+    return _fitting({name: value for name, value in own.items() if name not in unpaired}, asked)
 
 
 def _has_altitude(values: Mapping[str, Any]) -> bool:

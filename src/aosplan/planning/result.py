@@ -46,7 +46,7 @@ class Plan(PlanData):
         """The plan as formats take it."""
         document = self.document()
         del document["waypoints"]
-        return Mission(self.waypoints, document, self.conduct)
+        return Mission(self.waypoints, document, self.settings)
 
     def missions(self) -> tuple[Mission, ...]:
         """A mission for each flight, in order; their waypoints together are the plan's."""

@@ -41,7 +41,7 @@ class Route(NamedTuple):
     """Waypoints in flight order, how they are flown, and the flights they are split into.
 
     `length_m` and `time_s` count from the first photo to the last, whatever lies between;
-    `hump_m` and `dip_m` say how much nearer to the ground, and farther from it, the ways between
+    `closer_by_m` and `farther_by_m` say how much nearer to the ground, and farther from it, the ways between
     waypoints come than their ends, and `lowest_way_m` how near the ways from the take-off and back
     come to it, on the level of the waypoint where they end.  Heights of the ground count from
     `datum`.  The take-off is None where nothing depends on it.
@@ -55,8 +55,8 @@ class Route(NamedTuple):
     limits: tuple[Limit, ...] = ()
     takeoff: tuple[float, float] | None = None
     takeoff_ground_m: float | None = None
-    hump_m: float = 0.0
-    dip_m: float = 0.0
+    closer_by_m: float = 0.0
+    farther_by_m: float = 0.0
     lowest_way_m: float | None = None
     datum: str | None = None
 
@@ -225,8 +225,8 @@ def lay(
         limits=(limit,) if limit else (),
         takeoff=known,
         takeoff_ground_m=takeoff.up_m if terrain else None,
-        hump_m=ground.hump_m,
-        dip_m=ground.dip_m,
+        closer_by_m=ground.closer_by_m,
+        farther_by_m=ground.farther_by_m,
         lowest_way_m=lowest,
         datum=terrain.datum if terrain else None,
     )

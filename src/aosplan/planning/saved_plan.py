@@ -6,7 +6,7 @@ from typing import Any
 
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.mission.mission import Conduct, Mission, Waypoint, Waypoints, split
+from aosplan.mission.mission import FlightSettings, Mission, Waypoint, Waypoints, split
 from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
@@ -45,5 +45,5 @@ def _mission(table: dict[str, Any], document: PlanDocument, path: str) -> Missio
     return Mission(
         Waypoints.of(waypoints),
         {name: value for name, value in table.items() if name != "waypoints"},
-        Conduct(**document.flight.model_dump(include=set(Conduct._fields))),
+        FlightSettings(**document.flight.model_dump(include=set(FlightSettings._fields))),
     )

@@ -12,7 +12,7 @@ from aosplan.models.uniform import UniformModel
 from aosplan.planning.inputs import altitude_of, camera_of
 from aosplan.planning.route import Route, lay, timing_of
 from aosplan.planning.sites import Layout, over_area
-from aosplan.solver.alternatives import Choice, kinds, solve_best, solve_best_heading
+from aosplan.solver.alternatives import Alternative, kinds, solve_best, solve_best_heading
 from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solver.solution import Solution, rounded_up
 from aosplan.units import exact_share
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from aosplan.planning.inputs import ResolvedScene
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.scene import Scene
-    from aosplan.solver.problem import Trying
+    from aosplan.solver.problem import OnTrial
 
 
 class Task(NamedTuple):
@@ -47,7 +47,7 @@ class Task(NamedTuple):
     count_required: bool = True
     seek_remedy: bool = True
 
-    def choice(self, problem: Problem) -> Choice:
+    def choice(self, problem: Problem) -> Alternative:
         """The best of the grids and headings that the request leaves open."""
         problems = [problem._replace(grid=kind) for kind in kinds_of(self.request)]
         best = solve_best_heading if self.request.heading == "best" else solve_best
@@ -64,9 +64,9 @@ class Task(NamedTuple):
         slabs = self._kept(_slabs, above)
         coverage = self._kept(coverage_baseline, slabs, altitude, focal, request.coverage)
         if self.model == "measured":
-            model, sketch = self._measured(found)
+            model, surrogate = self._measured(found)
         else:
-            model, sketch = self._model(above, coverage), None
+            model, surrogate = self._model(above, coverage), None
         problem = Problem(
             model=model,
             requirement=requirement_of(request),
@@ -79,7 +79,7 @@ class Task(NamedTuple):
             ),
             objective=request.optimize,
             timing=timing_of(request, self.gsd_m)[0],
-            sketch=sketch,
+            surrogate=surrogate,
             count_required=self.count_required,
             seek_remedy=self.seek_remedy,
         )
@@ -113,14 +113,14 @@ class Task(NamedTuple):
         return model
 
     def _measured(self, found: ResolvedScene) -> tuple[VisibilityModel, VisibilityModel | None]:
-        """The measured model, and the sketch to search with."""
+        """The measured model, and the surrogate to search with."""
         from aosplan.models.correlogram import CorrelogramModel
         from aosplan.models.measured import MeasuredModel
         from aosplan.scenes.correlogram import correlogram
 
         request, altitude, table = self.request, self.altitude_m, found.correlogram
         focal_height = request.focal_height
-        conduct: dict[str, Any] = {
+        common: dict[str, Any] = {
             "heading_deg": request.heading_deg,
             "hold_error_m": request.hold_error,
         }
@@ -132,11 +132,11 @@ class Task(NamedTuple):
                     "focal plane nor the view perspective",
                     "save the scene as .npz, with its voxels, or use --model layered",
                 )
-            return self._kept(CorrelogramModel, table, altitude, **conduct), None
+            return self._kept(CorrelogramModel, table, altitude, **common), None
         seen: dict[str, Any] = {
             "view": "perspective" if request.view == "perspective" else "telecentric",
             "focal_height_m": focal_height,
-            **conduct,
+            **common,
         }
         model = self._kept(MeasuredModel, found.volume, altitude, **seen)
         if None not in (request.baseline, request.samples) and request.heading != "best":
@@ -146,7 +146,7 @@ class Task(NamedTuple):
             return model, sparse
         if table is None or focal_height > 0.0:
             table = self._kept(correlogram, found.volume, focal_height_m=focal_height)
-        return model, self._kept(CorrelogramModel, table, altitude, **conduct)
+        return model, self._kept(CorrelogramModel, table, altitude, **common)
 
 
 def _above(scene: Scene, height_m: float) -> tuple[Scene | None, float]:
@@ -160,11 +160,11 @@ def _slabs(scene: Scene) -> tuple[Slab, ...]:
 
 
 def _layered(
-    above: Scene, altitude_m: float, focal_length_px: float, **conduct: Any
+    above: Scene, altitude_m: float, focal_length_px: float, **common: Any
 ) -> VisibilityModel:
     from aosplan.models.layered import LayeredModel
 
-    return LayeredModel(above.slices(), altitude_m, focal_length_px, **conduct)
+    return LayeredModel(above.slices(), altitude_m, focal_length_px, **common)
 
 
 def _identity(argument: Any) -> Any:
@@ -241,7 +241,7 @@ def draft_of(
     *,
     scene: Callable[[PlanRequest], ResolvedScene],
     folder: str = "",
-    trying: Trying | None = None,
+    on_trial: OnTrial | None = None,
     kept: dict[tuple[Any, ...], Any] | None = None,
     count_required: bool = True,
     seek_remedy: bool = True,
@@ -250,7 +250,7 @@ def draft_of(
 
     Parameters
     ----------
-    request, folder, trying
+    request, folder, on_trial
         As of `aosplan.planning.planner.plan`.
     scene
         Finds the scene of a request.
@@ -292,7 +292,7 @@ def draft_of(
         problem, coverage, heading = None, None, request.heading_deg
     else:
         coverage = posed[1]
-        problem, solution = task.choice(posed[0]._replace(trying=trying))
+        problem, solution = task.choice(posed[0]._replace(on_trial=on_trial))
         grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
     if heading != request.heading:
         task = task._replace(request=replace(request, heading=heading))

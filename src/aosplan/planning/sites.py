@@ -133,10 +133,10 @@ def ways_in_zones(request: PlanRequest, area: Area | None, route: Route) -> Iter
         return
     import numpy as np
 
-    from aosplan.areas.no_fly import Zones
+    from aosplan.areas.no_fly import NoFlyZones
     from aosplan.geodesy import to_local
 
-    zones = Zones(area.keep_out)
+    zones = NoFlyZones(area.keep_out)
     points = np.column_stack([route.waypoints.east_m, route.waypoints.north_m])
     crossing = int(zones.cross(points[:-1], points[1:]).sum())
     if crossing:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.result import Plan
     from aosplan.planning.route import Route
-    from aosplan.solver.problem import Trying
+    from aosplan.solver.problem import OnTrial
 
 ALONE_M = 1.0
 """Tolerance of a single site, which has no neighbour: about what satellites tell."""
@@ -156,7 +156,7 @@ def review(
     tolerance_m: float | None = None,
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
-    trying: Trying | None = None,
+    on_trial: OnTrial | None = None,
 ) -> Review:
     """Hold recorded views against what was planned.
 
@@ -169,7 +169,7 @@ def review(
         without a place is laid where most of its sites have a photo.
     tolerance_m
         Farthest that a photo may be from its site; half the smaller pitch unless given.
-    folder, progress, trying
+    folder, progress, on_trial
         As of `aosplan.planning.planner.plan`.
 
     Raises
@@ -183,7 +183,7 @@ def review(
     if assumed:
         heading = wanted.heading if isinstance(wanted.heading, float) else 0.0
         wanted = replace(wanted, origin=views.middle(heading))
-    planned = plan(wanted, folder=folder, progress=progress, trying=trying)
+    planned = plan(wanted, folder=folder, progress=progress, on_trial=on_trial)
     if tolerance_m is None:
         pattern = planned.solution.pattern
         pitch_m = pattern.nearest * planned.solution.baseline_m if pattern.samples > 1 else 0.0
@@ -315,10 +315,10 @@ def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
     taken = [True] * len(missing)
     _, area = over_area(request, folder)
     if request.no_fly is not None and area is not None:
-        from aosplan.areas.no_fly import Zones
+        from aosplan.areas.no_fly import NoFlyZones
         from aosplan.areas.survey import routed
 
-        points, taken = routed(points, Zones(area.keep_out))
+        points, taken = routed(points, NoFlyZones(area.keep_out))
     route = _laid(
         planned, request, Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken), folder
     )

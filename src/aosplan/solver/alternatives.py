@@ -33,7 +33,7 @@ LANE_PITCHES = (1.5, 2.0, 3.0, 4.0, 6.0)
 """Pitches of lanes, and of the turns of a spiral, that are compared."""
 
 HEADING_STEP_DEG = 5.0
-"""Between the headings that a sketch compares, over half a circle: a grid turned round is itself."""
+"""Between the headings that a surrogate compares, over half a circle: a grid turned round is itself."""
 
 HEADINGS_JUDGED, HEADINGS_APART_DEG = 3, 15.0
 """How many of them the model judges, and how far apart they are."""
@@ -54,7 +54,7 @@ MEASURES = {
 """What the objectives compare."""
 
 
-class Choice(NamedTuple):
+class Alternative(NamedTuple):
     """A problem and its solution."""
 
     problem: Problem
@@ -123,7 +123,7 @@ def solve_best(
     *,
     footprint_m: tuple[float, float] = (math.inf, math.inf),
     over_area: bool = False,
-) -> Choice:
+) -> Alternative:
     """Solve problems that differ in their kind of grid or heading; the best by their objective.
 
     Parameters
@@ -140,11 +140,11 @@ def solve_best(
     InfeasibleError
         Where none of them has a solution: the message of the first.
     """
-    found: list[Choice] = []
+    found: list[Alternative] = []
     failed: list[InfeasibleError] = []
     for problem in problems:
         try:
-            found.append(Choice(problem, solve(_no_worse(problem, found))))
+            found.append(Alternative(problem, solve(_no_worse(problem, found))))
         except InfeasibleError as error:
             failed.append(error)
     if not found:
@@ -162,7 +162,7 @@ def solve_best(
     return best._replace(solution=_with_reason(best, notes, problems))
 
 
-def _no_worse(problem: Problem, found: Sequence[Choice]) -> Problem:
+def _no_worse(problem: Problem, found: Sequence[Alternative]) -> Problem:
     """A problem with the bound that what was found sets: no more samples are of interest."""
     if problem.objective != "samples" or not found or problem.bounds.samples is not None:
         return problem
@@ -173,7 +173,7 @@ def _no_worse(problem: Problem, found: Sequence[Choice]) -> Problem:
     )
 
 
-def _best(found: Sequence[Choice]) -> Choice:
+def _best(found: Sequence[Alternative]) -> Alternative:
     if len(found) == 1:
         return found[0]
     from aosplan.solver.solve_by_scan import near_best
@@ -191,7 +191,7 @@ def _best(found: Sequence[Choice]) -> Choice:
     )
 
 
-def _with_reason(best: Choice, notes: dict[str, str], problems: Sequence[Problem]) -> Solution:
+def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Problem]) -> Solution:
     """The best solution, with a limit that says against what it was chosen."""
     objective = best.problem.objective
     hopeless = [p.name for p in problems if p.name not in (best.problem.name, *notes)]
@@ -218,7 +218,7 @@ def _none_of(problems: Sequence[Problem], failed: Sequence[InfeasibleError]) -> 
 
 
 def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[float, float]]:
-    """Headings [deg] at which a sketch sees a solution do best, each with its V̂, best first.
+    """Headings [deg] at which a surrogate sees a solution do best, each with its V̂, best first.
 
     They are at least `HEADINGS_APART_DEG` apart, on a half circle.
     """
@@ -226,7 +226,7 @@ def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[fl
     rated = sorted(
         (
             problem.turned(HEADING_STEP_DEG * step)
-            .sketch_of(solution.pattern, solution.baseline_m)
+            .surrogate_prediction(solution.pattern, solution.baseline_m)
             .shortfall,
             HEADING_STEP_DEG * step,
         )
@@ -240,15 +240,15 @@ def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[fl
     return kept[:HEADINGS_JUDGED]
 
 
-def other_heading(chosen: Choice) -> str:
+def other_heading(chosen: Alternative) -> str:
     """A word on another heading that would show more, where a correlogram can tell at once."""
     problem, solution = chosen
     pattern, baseline = solution[:2]
-    sketch = problem.sketch or problem.model
-    if sketch.name != "correlogram" or pattern.samples == 1:
+    surrogate = problem.surrogate or problem.model
+    if surrogate.name != "correlogram" or pattern.samples == 1:
         return ""
     heading, then = headings_worth_a_look(problem, solution)[0]
-    gain = then - sketch.predict(pattern, baseline).normalized
+    gain = then - surrogate.predict(pattern, baseline).normalized
     if gain < HEADING_MATTERS:
         return ""
     return (
@@ -262,10 +262,10 @@ def solve_best_heading(
     *,
     footprint_m: tuple[float, float] = (math.inf, math.inf),
     over_area: bool = False,
-) -> Choice:
+) -> Alternative:
     """The best of the problems at the best heading.
 
-    What is best at the first of `FIRST_HEADINGS_DEG` that has a solution, the sketch rates at all
+    What is best at the first of `FIRST_HEADINGS_DEG` that has a solution, the surrogate rates at all
     headings; the model then solves that kind of grid at those it rates highest, and the objective
     decides.
     """
@@ -280,8 +280,8 @@ def solve_best_heading(
 
 
 def _first_heading(
-    problems: Sequence[Problem], best: Callable[[Sequence[Problem]], Choice]
-) -> Choice:
+    problems: Sequence[Problem], best: Callable[[Sequence[Problem]], Alternative]
+) -> Alternative:
     """The best of the problems at the first heading at which any has a solution."""
     failed: list[InfeasibleError] = []
     for heading in FIRST_HEADINGS_DEG:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from aosplan.models.model import Prediction, VisibilityModel
 
-    Trying = Callable[["Problem", Sites, float], None]
+    OnTrial = Callable[["Problem", Sites, float], None]
 
 OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast")
 """What a plan may minimise, or, the last two, maximise."""
@@ -120,10 +120,10 @@ class GridKind(NamedTuple):
 class Problem(NamedTuple):
     """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
 
-    `sketch` is a quick stand-in for a model whose visibility need not rise with the baseline.  Where
+    `surrogate` is a quick approximation of a model whose visibility need not rise with the baseline.  Where
     nobody asks for the fewest samples at the answer's baseline, they need not be counted, nor a
     remedy be sought where nobody reads it.
-    `trying` is told of the problem, a pattern and a baseline [m] before a search looks at them.
+    `on_trial` is told of the problem, a pattern and a baseline [m] before a search looks at them.
     """
 
     model: VisibilityModel
@@ -132,10 +132,10 @@ class Problem(NamedTuple):
     bounds: Bounds = Bounds()
     objective: str = "samples"
     timing: Timing = Timing()
-    sketch: VisibilityModel | None = None
+    surrogate: VisibilityModel | None = None
     count_required: bool = True
     seek_remedy: bool = True
-    trying: Trying | None = None
+    on_trial: OnTrial | None = None
 
     @property
     def name(self) -> str:
@@ -149,19 +149,19 @@ class Problem(NamedTuple):
 
         if getattr(self.model, "heading_deg", heading_deg) == heading_deg:
             return self
-        model, sketch = copy(self.model), copy(self.sketch)
-        for each in filter(None, (model, sketch)):
+        model, surrogate = copy(self.model), copy(self.surrogate)
+        for each in filter(None, (model, surrogate)):
             each.heading_deg = heading_deg  # type: ignore[attr-defined]  # the model has one
         # The wind stays where it is, while the axes of the path turn.
         turn = math.radians(heading_deg - getattr(self.model, "heading_deg", 0.0))
         x, y = self.timing.wind
         wind = (x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn))
         timing = self.timing._replace(wind=wind) if any(self.timing.wind) else self.timing
-        return self._replace(model=model, sketch=sketch, timing=timing)
+        return self._replace(model=model, surrogate=surrogate, timing=timing)
 
-    def sketch_of(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """What the sketch, or the model where there is none, says of a pattern at a baseline."""
-        return (self.sketch or self.model).predict(pattern, baseline_m)
+    def surrogate_prediction(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """What the surrogate, or the model where there is none, says of a pattern at a baseline."""
+        return (self.surrogate or self.model).predict(pattern, baseline_m)
 
     def meets(self, pattern: Sites, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
         """Whether a pattern at a baseline reaches the target."""

@@ -7,17 +7,17 @@ one below, the smallest baseline is sought by halving.
 
 **What is guaranteed.**  Of all patterns of a kind up to the most samples (`SEARCHED_SAMPLES` unless
 given), none has a lower cost at a step of the scan than the answer: no fewer samples, no longer
-flight, no less extent (of fullest patterns; then come the fewest samples within 1 % of it), no more
-visibility or contrast by more than half the slack (of fullest patterns; then come the fewest
+flight, no less extent (of densest patterns; then come the fewest samples within 1 % of it), no more
+visibility or contrast by more than half the slack (of densest patterns; then come the fewest
 samples within the slack).  Fullest are the patterns of the most samples in one rectangle; of lines,
 lanes and spirals every one up to `THINNED_FROM` samples, and then the largest of each family, whose
 counts are those of one rectangle of the trimmed grid.  Candidates are taken in the order of their cost, each with the best that it could be, so the first
 one that holds is the best.
 
-**A sketch** of the model (`Problem.sketch`), quick and a little off, spares the model most of them:
+**A surrogate** of the model (`Problem.surrogate`), quick and a little off, spares the model most of them:
 one is passed over where even a shortfall and a density lower by a margin would not do.  The
-margins are `CAUTION` times the largest error of the sketch that the search has seen, and no less
-than `LEAST_MARGINS`; whenever they have grown, the search begins anew with them.  Without a sketch
+margins are `CAUTION` times the largest error of the surrogate that the search has seen, and no less
+than `LEAST_MARGINS`; whenever they have grown, the search begins anew with them.  Without a surrogate
 the model judges everything, and the guarantee has no condition.  Every number of the answer is
 the model's.
 """
@@ -58,16 +58,16 @@ REFINEMENTS = 8
 
 LEAST_MARGINS = 0.03, 0.005, 0.003
 """Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
-sketch may be off."""
+surrogate may be off."""
 
 PROBES, PROBE_STEPS = (4, 9, 16), 5
-"""Samples of the patterns at which a sketch is measured at first, and steps of the scan between.
+"""Samples of the patterns at which a surrogate is measured at first, and steps of the scan between.
 
 Correlograms are off by the most where samples are few: of generated stands, by 1 to 6 % of the
 shortfall at 4 to 16 samples, and by 0 to 3 % at 49."""
 
 CAUTION = 1.5
-"""How much more than the largest error of a sketch is allowed for."""
+"""How much more than the largest error of a surrogate is allowed for."""
 
 VISIBILITY_SLACK = 0.005
 """How far below the best visibility the fewest samples may stay, where that is 0.5 or more."""
@@ -107,15 +107,15 @@ def solve_by_scan(problem: Problem) -> Solution:
     if bounds.baseline_m is not None and bounds.samples is not None:
         best: Candidate | None = Candidate(problem.grid.pattern(bounds.samples), bounds.baseline_m)
     elif problem.objective in ("visibility", "contrast"):
-        best = scan.settled(_best)
+        best = scan.until_margins_hold(_best)
     elif problem.objective == "aperture":
-        best = scan.settled(_least_aperture)
+        best = scan.until_margins_hold(_least_aperture)
     elif problem.objective == "time":
-        best = scan.settled(_least_time)
+        best = scan.until_margins_hold(_least_time)
     else:
-        best = scan.settled(_fewest)
+        best = scan.until_margins_hold(_fewest)
     if best is None:
-        highest = scan.settled(_highest)
+        highest = scan.until_margins_hold(_highest)
         reached = None if highest is None else (*highest, scan.predict(highest))
         raise out_of_scan(problem, reached, problem.bounds.max_samples or SEARCHED_SAMPLES)
     required = _fewest_at(scan, best.baseline_m) if problem.count_required else None
@@ -123,7 +123,7 @@ def solve_by_scan(problem: Problem) -> Solution:
 
 
 class Scan:
-    """What the model says of patterns at baselines, and what the sketch says that it may say."""
+    """What the model says of patterns at baselines, and what the surrogate says that it may say."""
 
     def __init__(self, problem: Problem, errors: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.problem = problem
@@ -131,11 +131,11 @@ class Scan:
         self._margins: tuple[float, ...] = LEAST_MARGINS
         self._pattern = lru_cache(maxsize=None)(problem.grid.pattern)
         self._known: dict[Candidate, Prediction] = {}
-        self._sketched: dict[Candidate, Prediction] = {}
+        self._by_surrogate: dict[Candidate, Prediction] = {}
 
-    def settled(self, look: Callable[[Scan], Found]) -> Found:
+    def until_margins_hold(self, look: Callable[[Scan], Found]) -> Found:
         """What a search finds once the margins that it was made with prove wide enough."""
-        if self.problem.sketch is not None and not any(self.errors):
+        if self.problem.surrogate is not None and not any(self.errors):
             self._probe()
         while True:
             self._margins = self._wanted_margins()
@@ -144,30 +144,30 @@ class Scan:
                 return found
 
     def _wanted_margins(self) -> tuple[float, ...]:
-        """The margins that the largest errors of the sketch ask for."""
+        """The margins that the largest errors of the surrogate ask for."""
         return tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
 
     def _probe(self) -> None:
-        """Measure the sketch at a few patterns and baselines, far from each other."""
-        fullest = [
-            fullest
-            for fullest, _ in takewhile(
+        """Measure the surrogate at a few patterns and baselines, far from each other."""
+        densest = [
+            densest
+            for densest, _ in takewhile(
                 lambda family: family[0].samples <= PROBES[-1], self.families()
             )
         ]
         for wanted in PROBES:
-            for pattern in sorted(fullest, key=lambda each: abs(each.samples - wanted))[:1]:
+            for pattern in sorted(densest, key=lambda each: abs(each.samples - wanted))[:1]:
                 for baseline in self.baselines_m(pattern)[::-PROBE_STEPS][:3]:
                     self.predict(Candidate(pattern, baseline))
 
     def predict(self, candidate: Candidate) -> Prediction:
-        """The model's prediction; the sketch is measured by it."""
+        """The model's prediction; the surrogate is measured by it."""
         known = self._known.get(candidate)
         if known is None:
             self._tell(candidate)
             known = self.problem.model.predict(*candidate)
             self._known[candidate] = known
-            if self.problem.sketch is not None:
+            if self.problem.surrogate is not None:
                 guess = self._guess(candidate)
                 pairs = (
                     (known.shortfall, guess.shortfall),
@@ -178,9 +178,9 @@ class Scan:
                 self.errors = list(map(max, self.errors, off))
         return known
 
-    def hopeful(self, candidate: Candidate) -> Prediction:
+    def optimistic(self, candidate: Candidate) -> Prediction:
         """The best that the model might say."""
-        if self.problem.sketch is None or candidate in self._known:
+        if self.problem.surrogate is None or candidate in self._known:
             return self.predict(candidate)
         shortfall, transparency, _ = self._margins
         guess = self._guess(candidate)
@@ -200,39 +200,39 @@ class Scan:
         """The least value that counts as near the best."""
         return near_best(self.problem.objective, value)
 
-    def hopeful_value(self, candidate: Candidate) -> float:
+    def optimistic_value(self, candidate: Candidate) -> float:
         """The highest value that the model might say."""
-        if self.problem.sketch is None or candidate in self._known:
+        if self.problem.surrogate is None or candidate in self._known:
             return self.value(self.predict(candidate))
         return self.value(self._guess(candidate)) / max(1.0 - self._margins[2], 0.5)
 
     def meets(self, candidate: Candidate) -> bool:
         """Whether a candidate meets the target; the model is asked only where it may."""
         requirement = self.problem.requirement
-        return requirement.is_met(self.hopeful(candidate)) and requirement.is_met(
+        return requirement.is_met(self.optimistic(candidate)) and requirement.is_met(
             self.predict(candidate)
         )
 
     def may_meet(self, candidate: Candidate) -> bool:
         """Whether a candidate may meet the target."""
-        return self.problem.requirement.is_met(self.hopeful(candidate))
+        return self.problem.requirement.is_met(self.optimistic(candidate))
 
     def _guess(self, candidate: Candidate) -> Prediction:
-        guess = self._sketched.get(candidate)
+        guess = self._by_surrogate.get(candidate)
         if guess is None:
-            assert self.problem.sketch is not None
+            assert self.problem.surrogate is not None
             self._tell(candidate)
-            guess = self._sketched[candidate] = self.problem.sketch.predict(*candidate)
+            guess = self._by_surrogate[candidate] = self.problem.surrogate.predict(*candidate)
         return guess
 
     def _tell(self, candidate: Candidate) -> None:
-        if self.problem.trying is not None:
-            self.problem.trying(self.problem, *candidate)
+        if self.problem.on_trial is not None:
+            self.problem.on_trial(self.problem, *candidate)
 
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
     ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
-        """The patterns that may be planned, in families: the fullest one, and all of them.
+        """The patterns that may be planned, in families: the densest one, and all of them.
 
         Those of one frame, which are of one size, are a family.  Where each count has a size of its
         own, it is one by itself; or, `thinned` and above `thinned_from` samples, one with the
@@ -294,9 +294,9 @@ class Scan:
 
 def _fewest(scan: Scan) -> Candidate | None:
     """The fewest samples that meet the target, at their smallest baseline."""
-    for fullest, patterns in scan.families():
-        steps = scan.baselines_m(fullest)
-        if not steps or any(scan.may_meet(Candidate(fullest, b)) for b in steps):
+    for densest, patterns in scan.families():
+        steps = scan.baselines_m(densest)
+        if not steps or any(scan.may_meet(Candidate(densest, b)) for b in steps):
             found = next(filter(None, map(scan.smallest, patterns)), None)
             if found is not None:
                 return found
@@ -306,14 +306,14 @@ def _fewest(scan: Scan) -> Candidate | None:
 def _least_time(scan: Scan) -> Candidate | None:
     timing = scan.problem.timing
     path = lru_cache(maxsize=None)(partial(path_of, timing=timing))
-    patterns = ((fullest, pattern) for fullest, patterns in scan.families() for pattern in patterns)
+    patterns = ((densest, pattern) for densest, patterns in scan.families() for pattern in patterns)
     return _least(scan, patterns, lambda at: path(at.pattern).time_s(at.baseline_m, timing))
 
 
 def _least_aperture(scan: Scan) -> Candidate | None:
     """The fewest samples within 1 % of the least extent."""
-    fullest = ((fullest, fullest) for fullest, _ in scan.families(thinned=True))
-    least = _least(scan, fullest, lambda at: at.extent_m)
+    densest = ((densest, densest) for densest, _ in scan.families(thinned=True))
+    least = _least(scan, densest, lambda at: at.extent_m)
     if least is None:
         return None
     allowed = APERTURE_SLACK * least.extent_m
@@ -349,7 +349,7 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
     scan
         The scan.
     patterns
-        Each behind the fullest pattern of its frame, below whose smallest hopeful baseline
+        Each behind the densest pattern of its frame, below whose smallest optimistic baseline
         none of the frame is tried.
     cost
         What is minimised.
@@ -371,9 +371,9 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
         lowest = cost(Candidate(pattern, below))
         heappush(waiting, (lowest, pattern.samples, next(order), pattern, step, frame))
 
-    for fullest, pattern in patterns:
+    for densest, pattern in patterns:
         if scan.baselines_m(pattern):
-            push(pattern, 0, fullest)
+            push(pattern, 0, densest)
     final: dict[int, Candidate] = {}
     while waiting:
         _, samples, place, pattern, step, frame = heappop(waiting)
@@ -398,18 +398,18 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
 
 
 def _highest(scan: Scan) -> Candidate | None:
-    """The candidate of the highest value among the fullest patterns, to half the slack."""
+    """The candidate of the highest value among the densest patterns, to half the slack."""
     best: Candidate | None = None
     enough = -math.inf
     waiting: list[tuple[float, int, int, Candidate]] = []
-    for fullest, _ in scan.families(thinned=True):
-        for baseline in scan.baselines_m(fullest):
-            at = Candidate(fullest, baseline)
-            waiting.append((-scan.hopeful_value(at), fullest.samples, len(waiting), at))
+    for densest, _ in scan.families(thinned=True):
+        for baseline in scan.baselines_m(densest):
+            at = Candidate(densest, baseline)
+            waiting.append((-scan.optimistic_value(at), densest.samples, len(waiting), at))
     heapify(waiting)
     while waiting:
-        hopeful, _, _, at = heappop(waiting)
-        if -hopeful <= enough:
+        optimistic, _, _, at = heappop(waiting)
+        if -optimistic <= enough:
             break
         value = scan.value(scan.predict(at))
         if best is None or value > scan.value(scan.predict(best)):
@@ -423,15 +423,15 @@ def _best(scan: Scan) -> Candidate | None:
     if best is None:
         return None
     enough = scan.near(scan.value(scan.predict(best)))
-    for fullest, patterns in scan.families():
-        if fullest.samples > best.pattern.samples:
+    for densest, patterns in scan.families():
+        if densest.samples > best.pattern.samples:
             break
-        steps = scan.baselines_m(fullest)
-        if steps and all(scan.hopeful_value(Candidate(fullest, b)) < enough for b in steps):
+        steps = scan.baselines_m(densest)
+        if steps and all(scan.optimistic_value(Candidate(densest, b)) < enough for b in steps):
             continue
         for pattern in patterns:
             at = (Candidate(pattern, baseline) for baseline in scan.baselines_m(pattern))
-            near = [each for each in at if scan.hopeful_value(each) >= enough]
+            near = [each for each in at if scan.optimistic_value(each) >= enough]
             found = max(near, key=lambda each: scan.value(scan.predict(each)), default=None)
             if found is not None and scan.value(scan.predict(found)) >= enough:
                 return found
@@ -446,5 +446,5 @@ def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
 
         return fewest_at(problem, baseline_m)
     bounds = problem.bounds._replace(baseline_m=baseline_m, samples=None, max_aperture_m=None)
-    found = Scan(problem._replace(bounds=bounds), scan.errors).settled(_fewest)
+    found = Scan(problem._replace(bounds=bounds), scan.errors).until_margins_hold(_fewest)
     return None if found is None else found.pattern.samples

@@ -74,8 +74,8 @@ def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
 
     def frame_meets(index: int) -> bool:
         whole = problem.grid.frame(index).whole
-        hopeful = problem.requirement.is_met(problem.model.at_best(whole, at(whole)))
-        return hopeful and problem.meets(whole, at(whole))
+        optimistic = problem.requirement.is_met(problem.model.at_best(whole, at(whole)))
+        return optimistic and problem.meets(whole, at(whole))
 
     last = problem.grid.index_of(MOST_SITES)
     if first > last:
@@ -158,16 +158,16 @@ def _least_aperture(problem: Problem) -> Solution:
 
 def _least_aperture_or_none(problem: Problem) -> Solution | None:
     """The fewest samples within 1 % of the least extent; None where nothing meets the target."""
-    # Within a frame more samples need less baseline, so its best is its fullest pattern; and one
+    # Within a frame more samples need less baseline, so its best is its densest pattern; and one
     # look at the extent that is to be beaten tells whether a frame can.
     least = math.inf
     for frame in _candidate_frames(problem):
-        fullest = _fullest(problem, frame)
+        densest = _densest(problem, frame)
         widest = problem.widest_m(frame)
         if frame.longer_side > 0.0:
             widest = min(widest, least / frame.longer_side)
-        if problem.meets(fullest, widest):
-            baseline = problem.smallest_baseline_m(fullest)
+        if problem.meets(densest, widest):
+            baseline = problem.smallest_baseline_m(densest)
             assert baseline is not None  # it meets the target at `widest`
             least = min(least, baseline * frame.longer_side)
     if math.isinf(least):
@@ -176,7 +176,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
         widest = problem.widest_m(frame)
         if frame.longer_side > 0.0:
             widest = min(widest, APERTURE_SLACK * least / frame.longer_side)
-        if problem.meets(_fullest(problem, frame), widest):
+        if problem.meets(_densest(problem, frame), widest):
             most = min(frame.most, _most_samples(problem))
             pattern = frame.pattern(_fewest_in(problem, frame, widest, most))
             baseline = problem.smallest_baseline_m(pattern)
@@ -185,7 +185,7 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
     raise AssertionError("the least extent is a frame's own")
 
 
-def _fullest(problem: Problem, frame: AnyFrame) -> Sites:
+def _densest(problem: Problem, frame: AnyFrame) -> Sites:
     """The pattern of the most samples of a frame that may be planned."""
     return frame.pattern(min(frame.most, _most_samples(problem)))
 
@@ -203,7 +203,7 @@ def _least_time(problem: Problem) -> Solution:
             if fewest * timing.hold_s >= best[0]:
                 break
             # No leg is shorter than a baseline, and no pattern of the frame needs less than its
-            # fullest: one look there tells whether any of them can be faster.
+            # densest: one look there tells whether any of them can be faster.
             shortest = Path.shortest(fewest, timing)
             allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame))
             if allowed is None or not problem.meets(frame.pattern(most), allowed):

@@ -7,7 +7,7 @@ time, and better in one of them (objectives that are maximised: any row, and in 
 
 Models that rise with the baseline have a row for every number of samples (spirals above 64: for
 the numbers of whole rectangles); the measured one for
-the fullest pattern of each rectangle, and as many lines, lanes and spirals, by the scan of
+the densest pattern of each rectangle, and as many lines, lanes and spirals, by the scan of
 `aosplan.solver.solve_by_scan` with a step halved `REFINEMENTS` times.
 """
 
@@ -149,7 +149,7 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
 
 
 def _scanned(problem: Problem, most: int) -> Iterator[Row]:
-    """The fullest patterns, by the scan: sketched first, then judged."""
+    """The densest patterns, by the scan: rated by the surrogate first, then judged by the model."""
     from aosplan.solver.solve_by_scan import Candidate, Scan
 
     if problem.bounds.samples is None:
@@ -158,10 +158,12 @@ def _scanned(problem: Problem, most: int) -> Iterator[Row]:
     for pattern, _ in scan.families(thinned=True, thinned_from=0):
         found: Candidate | None = None
         if problem.objective not in BEST:
-            found = scan.settled(partial(Scan.smallest, pattern=pattern, halvings=REFINEMENTS))
+            found = scan.until_margins_hold(
+                partial(Scan.smallest, pattern=pattern, halvings=REFINEMENTS)
+            )
         if found is None:
             hopes = [Candidate(pattern, baseline) for baseline in scan.baselines_m(pattern)]
-            found = max(hopes, key=scan.hopeful_value, default=None)
+            found = max(hopes, key=scan.optimistic_value, default=None)
         if found is not None:
             yield Row(problem, found.pattern, found.baseline_m, scan.predict(found))
 

@@ -6,7 +6,7 @@
   `aosplan.sweeps.vectorized.flights` flies them, and `aosplan.sweeps.status` keeps what was refused and why.
 - `aosplan.sweeps.row_solver`: the rest, one draft of a plan a row, with what rows have in common kept.
 - `aosplan.sweeps.run`: block by block to a file, resumable.
-- `aosplan.sweeps.summary`, over `outline`: what came out, added up block by block.
+- `aosplan.sweeps.summary`, over `grouping`: what came out, added up block by block.
 - `aosplan.sweeps.verify`: a sample of the rows beside their simulations.
 - `aosplan.sweeps.aggregate`: both on the way, and while a sweep is interrupted.
 """

@@ -88,10 +88,10 @@ def solve_block(
             left = np.arange(part.rows)
         else:
             left = np.flatnonzero(solved.left)
-            verdicts, at = solved.verdicts, slice(None) if places is None else places
-            status[at] = verdicts.status.reshape(-1)
-            reason[at] = _moved(verdicts.reason.reshape(-1), len(texts))
-            texts += verdicts.texts
+            statuses, at = solved.statuses, slice(None) if places is None else places
+            status[at] = statuses.status.reshape(-1)
+            reason[at] = _moved(statuses.reason.reshape(-1), len(texts))
+            texts += statuses.texts
             holds = solved.holds.reshape(-1)
             whole = places is None and holds.all()
             for name in results:

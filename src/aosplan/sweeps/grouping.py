@@ -71,7 +71,7 @@ class Groups(NamedTuple):
         return np.array(found, dtype=np.intp).reshape(values.shape)
 
 
-class Outline(NamedTuple):
+class Grouping(NamedTuple):
     """What a summary tells apart: the inputs with several values, and the column that is best."""
 
     objective: str
@@ -85,8 +85,8 @@ class Outline(NamedTuple):
         return (self.objective,)
 
 
-def outline(scenarios: Crossing | Table, best: str | None = None) -> Outline:
-    """The outline of a sweep's summary.
+def grouping(scenarios: Crossing | Table, best: str | None = None) -> Grouping:
+    """The grouping of a sweep's summary.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def outline(scenarios: Crossing | Table, best: str | None = None) -> Outline:
         else:
             single = values.flat[0]
             fixed.append((name, single.item() if isinstance(single, np.generic) else single))
-    return Outline(objective, most, tuple(groups), tuple(fixed))
+    return Grouping(objective, most, tuple(groups), tuple(fixed))
 
 
 def _groups(name: str, values: NDArray[Any]) -> Groups:

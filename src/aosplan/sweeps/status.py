@@ -16,17 +16,17 @@ STATUSES = ("ok", "infeasible", "invalid")
 
 OK, INFEASIBLE, INVALID = range(3)
 
-LEFT = 3
+DEFERRED = 3
 """Not decided here: to be solved by itself."""
 
 
-class Verdicts:
+class RowStatuses:
     """Status and reason of each scenario of a block.
 
     Attributes
     ----------
     status
-        Of the block's shape: a place in `STATUSES`, or `LEFT`.
+        Of the block's shape: a place in `STATUSES`, or `DEFERRED`.
     reason
         Of the block's shape: place of the reason in `texts`, -1 for none.
     texts
@@ -38,10 +38,10 @@ class Verdicts:
         self.reason: NDArray[np.int32] = np.full(shape, -1, dtype=np.int32)
         self.texts: list[str] = []
 
-    def leave(self, where: Any) -> None:
+    def defer(self, where: Any) -> None:
         """Leave scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
         if np.any(where):
-            self.status[np.asarray(where) & (self.status == OK)] = LEFT
+            self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
 
     def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
         """Refuse scenarios that nothing has been said of.

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.sweeps.block import Block
-    from aosplan.sweeps.grouping import Groups, Outline
+    from aosplan.sweeps.grouping import Grouping, Groups
     from aosplan.sweeps.scenarios import Crossing, Table
 
 MOST_REASONS = 100
@@ -177,14 +177,14 @@ class Summary(NamedTuple):
         )
 
 
-def empty(outline: Outline, results: Sequence[str]) -> Summary:
+def empty(grouping: Grouping, results: Sequence[str]) -> Summary:
     """The summary of nothing, to which others are added."""
-    groups = tuple((Group(),) * groups.size for groups in outline.groups)
+    groups = tuple((Group(),) * groups.size for groups in grouping.groups)
     return Summary(0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, Column()), groups)
 
 
 def summarised(
-    outline: Outline,
+    grouping: Grouping,
     results: Sequence[str],
     block: Block,
     frame: pl.DataFrame,
@@ -194,7 +194,7 @@ def summarised(
 
     Parameters
     ----------
-    outline
+    grouping
         What to tell apart.
     results
         Results to summarise, columns of the frame.
@@ -211,10 +211,10 @@ def summarised(
     for name in results:
         values = frame.get_column(name).to_numpy()
         columns[name] = _column(values if everything else values[met], met, block.start)
-    values = frame.get_column(outline.objective).to_numpy()
+    values = frame.get_column(grouping.objective).to_numpy()
     rated = _rated(values if everything else values[met], met)
     grouped = tuple(
-        _grouped(groups, block, kept, met, rated, most=outline.most) for groups in outline.groups
+        _grouped(groups, block, kept, met, rated, most=grouping.most) for groups in grouping.groups
     )
     return Summary(
         block.rows,
@@ -364,7 +364,7 @@ def _reasons(frame: pl.DataFrame, start: int) -> dict[tuple[str, str], Reason]:
 
 
 def summary_document(
-    summary: Summary, outline: Outline, scenarios: Crossing | Table
+    summary: Summary, grouping: Grouping, scenarios: Crossing | Table
 ) -> dict[str, Any]:
     """A summary as plain values, rows counted from 1 and named by their inputs."""
 
@@ -398,19 +398,19 @@ def summary_document(
             for name, column in summary.columns.items()
         },
         "objective": {
-            "column": outline.objective,
-            "best": "most" if outline.most else "least",
+            "column": grouping.objective,
+            "best": "most" if grouping.most else "least",
             "median_error": MEDIAN_ERROR,
         },
         "inputs": [
-            {"name": groups.name, "groups": list(_shown(groups, parts, outline))}
-            for groups, parts in zip(outline.groups, summary.groups, strict=True)
+            {"name": groups.name, "groups": list(_shown(groups, parts, grouping))}
+            for groups, parts in zip(grouping.groups, summary.groups, strict=True)
         ],
-        "fixed": dict(outline.fixed),
+        "fixed": dict(grouping.fixed),
     }
 
 
-def _shown(groups: Groups, parts: Sequence[Group], outline: Outline) -> Iterable[dict[str, Any]]:
+def _shown(groups: Groups, parts: Sequence[Group], grouping: Grouping) -> Iterable[dict[str, Any]]:
     for label, group in zip(groups.labels(), parts, strict=True):
         if group.scenarios:
             yield label | {
@@ -418,8 +418,8 @@ def _shown(groups: Groups, parts: Sequence[Group], outline: Outline) -> Iterable
                 "rows": group.rows,
                 "met": group.met,
                 "met_share": group.met / group.rows if group.rows else None,
-                "best": _own(outline.objective, group.best),
-                "approximate_median": _median(group.bins, whole=outline.objective in WHOLE),
+                "best": _own(grouping.objective, group.best),
+                "approximate_median": _median(group.bins, whole=grouping.objective in WHOLE),
             }
 
 
@@ -457,12 +457,12 @@ class Gathered(NamedTuple):
 class Gather(NamedTuple):
     """What is to be gathered: a summary, and a sample of rows to simulate, if any."""
 
-    outline: Outline
+    grouping: Grouping
     drawing: Drawing | None = None
 
     def nothing(self, results: Sequence[str]) -> Gathered:
         """What is gathered from no part."""
-        return Gathered(empty(self.outline, results), Draw())
+        return Gathered(empty(self.grouping, results), Draw())
 
     def of(
         self,
@@ -473,7 +473,7 @@ class Gather(NamedTuple):
     ) -> Gathered:
         """What is gathered from one part: a block, a row for each of its scenarios, those kept."""
         return Gathered(
-            summarised(self.outline, results, block, frame, kept),
+            summarised(self.grouping, results, block, frame, kept),
             Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
         )
 
@@ -481,6 +481,6 @@ class Gather(NamedTuple):
         """What is gathered from the parts of both."""
         rows = 0 if self.drawing is None else self.drawing.rows
         return Gathered(
-            first.summary.joined(second.summary, most=self.outline.most),
+            first.summary.joined(second.summary, most=self.grouping.most),
             first.draw.joined(second.draw, rows=rows),
         )

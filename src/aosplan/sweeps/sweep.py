@@ -69,7 +69,7 @@ class Sweep(NamedTuple):
     def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
         """What is kept of one block, and what is gathered from it."""
         block = self.scenarios.block(index)
-        needed = () if self.gather is None else self.gather.outline.needed
+        needed = () if self.gather is None else self.gather.grouping.needed
         results = tuple(dict.fromkeys((*self.results, *needed)))
         frame = solve_block(block, self.scenarios.names, results, self.folder)
         if self.gather is None:

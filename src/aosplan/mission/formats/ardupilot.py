@@ -27,12 +27,12 @@ FORMAT = Format(
 
 def render(mission: Mission) -> bytes:
     """Row 0 is home, without which ArduPilot would take the take-off for it."""
-    if mission.conduct.autopilot not in (None, "ardupilot"):
+    if mission.settings.autopilot not in (None, "ardupilot"):
         raise RequestError(
-            f"{FORMAT.title} is not for --autopilot {mission.conduct.autopilot}",
+            f"{FORMAT.title} is not for --autopilot {mission.settings.autopilot}",
             "PX4 would fly its home row as a waypoint: write a .plan",
         )
-    ground = mission.conduct.takeoff_ground_m or 0.0
+    ground = mission.settings.takeoff_ground_m or 0.0
     home = Command(WAYPOINT, ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *mission.home(), ground))
     lines = [
         f"{number}\t{int(number == 0)}\t{frame}\t{command}\t"

@@ -33,7 +33,7 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
         "longitude": ("%.10f", ways.longitude),
         "ground_m": ("%.4f", ways.ground_m),
     }
-    if ways.ground_m is not None and mission.conduct.takeoff_ground_m is not None:
+    if ways.ground_m is not None and mission.settings.takeoff_ground_m is not None:
         known["above_takeoff_m"] = ("%.4f", mission.above_takeoff_m())
     if ways.photo is not None:
         known["photo"] = ("%s", ["true" if photo else "false" for photo in ways.photo])

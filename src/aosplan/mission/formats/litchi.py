@@ -51,15 +51,15 @@ HEADER = ",".join(
 
 def render(mission: Mission) -> bytes:
     """Numbers are plain decimals, as some readers skip rows with others without a word."""
-    ways, conduct = mission.waypoints, mission.conduct
+    ways, settings = mission.waypoints, mission.settings
     assert ways.latitude is not None  # the format needs a place
     assert ways.longitude is not None
-    pitch = f"{conduct.gimbal_pitch_deg:g}"
+    pitch = f"{settings.gimbal_pitch_deg:g}"
     actions, intervals = _camera(mission, pitch)
-    above_ground = int(conduct.altitude_frame == "terrain")
+    above_ground = int(settings.altitude_frame == "terrain")
     return f"{HEADER}\n".encode() + rows(
-        f"%.10f,%.10f,%.3f,{conduct.yaw_deg % 360.0:.2f},0,0,2,{pitch},%s,"
-        f"{above_ground},{conduct.speed_mps:.2f},0,0,0,0,-1,%s\n",
+        f"%.10f,%.10f,%.3f,{settings.yaw_deg % 360.0:.2f},0,0,2,{pitch},%s,"
+        f"{above_ground},{settings.speed_mps:.2f},0,0,0,0,-1,%s\n",
         ways.latitude,
         ways.longitude,
         mission.flown_m(),
@@ -70,12 +70,12 @@ def render(mission: Mission) -> bytes:
 
 def _camera(mission: Mission, pitch: str) -> tuple[list[str], list[str]]:
     """Actions at each waypoint, and metres between photos on the way to the next."""
-    conduct, photo = mission.conduct, mission.waypoints.photo
+    settings, photo = mission.settings, mission.waypoints.photo
     count = len(mission.waypoints)
     aim, shoot = f"{_TILT},{pitch}", f"{_PHOTO},0"
-    stay = [f"{_STAY},{round(1000.0 * conduct.hold_s)}"] if conduct.hold_s else []
+    stay = [f"{_STAY},{round(1000.0 * settings.hold_s)}"] if settings.hold_s else []
     intervals = ["-1"] * count
-    if conduct.trigger == "stop":
+    if settings.trigger == "stop":
         site = _fifteen(aim, *stay, shoot)
         actions = [
             site if photo is None or photo[index] else _fifteen(aim) for index in range(count)
@@ -83,7 +83,7 @@ def _camera(mission: Mission, pitch: str) -> tuple[list[str], list[str]]:
         return actions, intervals
     actions = [_fifteen(aim), *[_fifteen()] * (count - 1)]
     for first, last in photo_lines(mission):
-        intervals[first:last] = [f"{conduct.spacing_m:.3f}"] * (last - first)
+        intervals[first:last] = [f"{settings.spacing_m:.3f}"] * (last - first)
         actions[last] = _fifteen(*([] if last else [aim]), shoot)
     return actions, intervals
 

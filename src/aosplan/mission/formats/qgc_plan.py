@@ -35,8 +35,8 @@ _ITEMS = "<items>"
 
 def render(mission: Mission) -> bytes:
     """One item a line; what has no value is null, as JSON knows no NaN."""
-    conduct = mission.conduct
-    autopilot = conduct.autopilot or "px4"
+    settings = mission.settings
+    autopilot = settings.autopilot or "px4"
     plan = {
         "fileType": "Plan",
         "version": 1,
@@ -48,12 +48,12 @@ def render(mission: Mission) -> bytes:
             "version": 2,
             "firmwareType": FIRMWARE[autopilot],
             "vehicleType": 2,
-            "cruiseSpeed": conduct.speed_mps,
-            "hoverSpeed": conduct.speed_mps,
-            "globalPlanAltitudeMode": 4 if conduct.altitude_frame == "terrain" else 1,
+            "cruiseSpeed": settings.speed_mps,
+            "hoverSpeed": settings.speed_mps,
+            "globalPlanAltitudeMode": 4 if settings.altitude_frame == "terrain" else 1,
             "plannedHomePosition": [
                 *(round(degrees, 10) for degrees in mission.home()),
-                conduct.takeoff_ground_m or 0.0,
+                settings.takeoff_ground_m or 0.0,
             ],
             "items": _ITEMS,
         },
@@ -68,7 +68,7 @@ def render(mission: Mission) -> bytes:
 
 
 def _above(mission: Mission) -> str:
-    return "ground" if mission.conduct.altitude_frame == "terrain" else "take-off"
+    return "ground" if mission.settings.altitude_frame == "terrain" else "take-off"
 
 
 def _item(number: int, command: Command) -> dict[str, Any]:

@@ -80,17 +80,17 @@ def render(mission: Mission) -> bytes:
 
 def documents(mission: Mission) -> dict[str, Iterator[str]]:
     """The two documents by name, in pieces: what Pilot 2 shows, and what the drone flies."""
-    if mission.conduct.altitude_frame != "takeoff":
+    if mission.settings.altitude_frame != "takeoff":
         raise RequestError(
             f"{FORMAT.title} holds no height above the ground over trees",
             "plan heights above the take-off",
         )
-    conduct = mission.conduct
-    speed = f"{conduct.speed_mps:.2f}"
+    settings = mission.settings
+    speed = f"{settings.speed_mps:.2f}"
     config = _config(mission)
     name, *_ = machine(mission)
     turn = "toPointAndStopWithDiscontinuityCurvature"
-    heading = _heading(conduct.yaw_deg)
+    heading = _heading(settings.yaw_deg)
     template = f"""
 {_wrap("author", "aosplan")}
 {config}
@@ -121,7 +121,7 @@ def documents(mission: Mission) -> dict[str, Iterator[str]]:
 <wpml:waylineId>0</wpml:waylineId>
 <wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
 """
-    pitch = f"<wpml:gimbalPitchAngle>{conduct.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
+    pitch = f"<wpml:gimbalPitchAngle>{settings.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
     shown = (
         "<wpml:ellipsoidHeight>%s</wpml:ellipsoidHeight><wpml:height>%s</wpml:height>\n"
         "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
@@ -154,13 +154,13 @@ def _wrap(name: str, *inner: object) -> str:
 
 def _config(mission: Mission) -> str:
     """Where the drone goes before and after, and what it is."""
-    conduct = mission.conduct
+    settings = mission.settings
     _, drone, payload = machine(mission)
     height = f"{mission.climb_m():.2f}"
     reference = ""
-    if conduct.takeoff_latitude is not None:
+    if settings.takeoff_latitude is not None:
         latitude, longitude = mission.home()
-        place = f"{latitude:.10f},{longitude:.10f},{conduct.takeoff_ground_m or 0.0:.2f}"
+        place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ground_m or 0.0:.2f}"
         reference = _wrap("takeOffRefPoint", place) + "\n"
     return f"""<wpml:missionConfig>
 <wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>
@@ -168,7 +168,7 @@ def _config(mission: Mission) -> str:
 <wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>
 <wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>
 <wpml:takeOffSecurityHeight>{height}</wpml:takeOffSecurityHeight>
-{reference}<wpml:globalTransitionalSpeed>{conduct.speed_mps:.2f}</wpml:globalTransitionalSpeed>
+{reference}<wpml:globalTransitionalSpeed>{settings.speed_mps:.2f}</wpml:globalTransitionalSpeed>
 <wpml:globalRTHHeight>{height}</wpml:globalRTHHeight>
 <wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
 {_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
@@ -182,17 +182,17 @@ def machine(mission: Mission) -> tuple[str, Drone, int]:
 
     A drone or payload that is not named is the one that the planned camera belongs to.
     """
-    conduct = mission.conduct
+    settings = mission.settings
     maker, _, rest = _camera_name(mission).partition("-")
     built_in = f"{maker}-{rest.partition('-')[0]}"
-    name = conduct.drone or (built_in if built_in in DRONES else None)
+    name = settings.drone or (built_in if built_in in DRONES else None)
     if name is None:
         raise RequestError(
             f"{FORMAT.title} needs to know the drone", f"give --drone {', '.join(DRONES)}"
         )
     drone = _known(name, DRONES, "drone")
     carried = built_in if built_in in PAYLOADS and built_in not in DRONES else None
-    payload = conduct.payload or drone.payload or carried
+    payload = settings.payload or drone.payload or carried
     if payload is None:
         raise RequestError(
             f"{FORMAT.title} needs to know what the drone {name} carries",
@@ -267,12 +267,12 @@ class Group(NamedTuple):
 
 def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
     """Action groups by waypoint, and the waypoints that are flown through without a stop."""
-    conduct, photo = mission.conduct, mission.waypoints.photo
-    aim = _gimbal(conduct.gimbal_pitch_deg)
+    settings, photo = mission.settings, mission.waypoints.photo
+    aim = _gimbal(settings.gimbal_pitch_deg)
     wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
     passed: set[int] = set()
-    if conduct.trigger == "stop":
-        hold = f"{conduct.hold_s:.3f}"
+    if settings.trigger == "stop":
+        hold = f"{settings.hold_s:.3f}"
         hover = (_action("hover", _wrap("hoverTime", hold)),) if float(hold) else ()
         site = (*hover, _SHOOT)
         sites = [i for i in range(len(mission.waypoints)) if photo is None or photo[i]]
@@ -282,7 +282,7 @@ def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
         wanted += [(index, index, None, site) for index in sites]
     else:
         for first, last in photo_lines(mission):
-            wanted.append((first, last, conduct.spacing_m if last > first else None, (_SHOOT,)))
+            wanted.append((first, last, settings.spacing_m if last > first else None, (_SHOOT,)))
             run_in = int(first > 0 and photo is not None and not photo[first - 1])
             if last > first:
                 passed |= set(range(first + 1 - run_in, last + runs_out(mission, last)))

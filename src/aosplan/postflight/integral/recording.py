@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
     from aosplan.postflight.integral.integral import Integral
-    from aosplan.postflight.integral.view_subset import Choice
+    from aosplan.postflight.integral.view_subset import ViewSubset
 
 EXTENTS = ("centre", "all")
 """Extents by name: what the view in the middle shows of the plane, or what any view shows."""
@@ -116,13 +116,13 @@ class Recording:
             extent = [*corners.min(axis=0), *corners.max(axis=0)]
         return Raster.over(extent, gsd_m)
 
-    def choose(self, choice: Choice) -> NDArray[np.intp]:
+    def choose(self, choice: ViewSubset) -> NDArray[np.intp]:
         """Indices of the views of a choice."""
         return chosen(choice, [view.name for view in self.views], self.positions_m)
 
     def integrate(
         self,
-        choice: Choice,
+        choice: ViewSubset,
         raster: Raster,
         *,
         progress: Callable[[int], None] | None = None,

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PARTS = ("views", "aperture", "pitch")
 
 
-class Choice(NamedTuple):
+class ViewSubset(NamedTuple):
     """Which views of a recording to integrate.
 
     Parameters
@@ -42,7 +42,7 @@ class Choice(NamedTuple):
     views: str | None = None
 
 
-def read_choice(text: str, name: str) -> Choice:
+def read_view_subset(text: str, name: str) -> ViewSubset:
     """A choice from text such as ``pitch=2.8 aperture=14``, or ``all``.
 
     Raises
@@ -52,7 +52,7 @@ def read_choice(text: str, name: str) -> Choice:
     """
     parts = text.split()
     if parts == ["all"]:
-        return Choice()
+        return ViewSubset()
     given: dict[str, str] = {}
     for part in parts:
         key, equals, value = part.partition("=")
@@ -65,13 +65,15 @@ def read_choice(text: str, name: str) -> Choice:
         given[key] = value
     if not given:
         raise RequestError(f"{name} {shown(text)} names no views", "all, or pitch=M")
-    return choice_of(given.get("pitch"), given.get("aperture"), given.get("views"), name)
+    return view_subset_of(given.get("pitch"), given.get("aperture"), given.get("views"), name)
 
 
-def choice_of(pitch: str | None, aperture: str | None, views: str | None, name: str = "") -> Choice:
+def view_subset_of(
+    pitch: str | None, aperture: str | None, views: str | None, name: str = ""
+) -> ViewSubset:
     """A choice from the text of its parts."""
     place = f"{name} " if name else "--"
-    return Choice(
+    return ViewSubset(
         None if pitch is None else positive(pitch, f"{place}pitch", "m"),
         None if aperture is None else at_least_zero(aperture, f"{place}aperture", "m"),
         views,
@@ -79,7 +81,7 @@ def choice_of(pitch: str | None, aperture: str | None, views: str | None, name: 
 
 
 def chosen(
-    choice: Choice, names: Sequence[str], positions_m: NDArray[np.float64]
+    choice: ViewSubset, names: Sequence[str], positions_m: NDArray[np.float64]
 ) -> NDArray[np.intp]:
     """Indices of the chosen views, ascending.
 

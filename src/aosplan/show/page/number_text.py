@@ -58,7 +58,7 @@ KINDS: dict[str, Callable[[Any], str]] = {
 """How a number of each kind is written."""
 
 
-class Figures:
+class NumberFormatter:
     """Numbers of a document by their place: ``number("visibility.expected", "%")``."""
 
     def __init__(self, document: dict[str, Any]) -> None:

@@ -71,9 +71,9 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     from aosplan.show.page.charts import charts_of
     from aosplan.show.page.height_profile import profile_of
     from aosplan.show.page.map_data import columns_of, scenery_of
-    from aosplan.show.page.number_text import Figures, long, short, spacing
+    from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
     from aosplan.show.page.simulated_photos import views_of
-    from aosplan.show.page.static_map import MOST_SITES, still_of
+    from aosplan.show.page.static_map import MOST_SITES, static_map_of
 
     document = plan.document()
     rows = len(document.pop("waypoints"))
@@ -96,14 +96,14 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     environment.filters |= {"short": short, "long": long, "spacing": spacing}
     text = environment.get_template("page.html").render(
         plan=document,
-        number=Figures(document),
+        number=NumberFormatter(document),
         rows=rows,
         policy=policy,
         style=style,
         script=script,
         columns=columns_of(plan.waypoints),
         scenery=scenery_of(plan, grid),
-        still=still_of(plan, grid),
+        still=static_map_of(plan, grid),
         most_sites=MOST_SITES,
         charts=charts_of(plan),
         profile=profile_of(plan),

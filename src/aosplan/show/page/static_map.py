@@ -24,7 +24,7 @@ WIDTH = 640.0
 MARGIN = 16.0
 
 
-class Still(NamedTuple):
+class StaticMap(NamedTuple):
     """A map ready to be drawn, north up and to scale, and the rows of its table.
 
     Attributes
@@ -64,7 +64,7 @@ class Still(NamedTuple):
     rows: list[list[str]]
 
 
-def still_of(plan: Plan, grid: Grid) -> Still | None:
+def static_map_of(plan: Plan, grid: Grid) -> StaticMap | None:
     """What a page shows of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
     ways = plan.waypoints
     if len(ways) > MOST_SITES:
@@ -92,7 +92,7 @@ def still_of(plan: Plan, grid: Grid) -> Still | None:
     }
     length_m = nice_length_m(max(wide, tall))
     columns = ways.columns()
-    return Still(
+    return StaticMap(
         summary=grid.description(),
         height=round(height, 1),
         shapes=[(name, _outline(parts, place)) for name, parts in shapes.items() if parts],

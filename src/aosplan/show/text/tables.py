@@ -233,7 +233,7 @@ def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         longest = max(flight.time_s for flight in route.flights)
         yield "", f"{each} {_minutes(longest)} with take-off and return"
     if route.datum is not None:
-        low = plan.altitude_m + request.focal_height - route.hump_m
+        low = plan.altitude_m + request.focal_height - route.closer_by_m
         ground = plan.waypoints.ground_m
         assert ground is not None  # the terrain gave it
         yield (

@@ -124,7 +124,7 @@ def readable(text: str, stream: TextIO | None = None) -> str:
     return text if speaks_unicode(stream) else text.encode("ascii", HANDLER).decode("ascii")
 
 
-def say(word: str, text: str) -> None:
+def print_notice(word: str, text: str) -> None:
     """One line on stderr: ``error:``, ``warning:``, ``hint:`` or ``note:``, and what it is."""
     begin = f"\x1b[{STYLES[word]}m{word}:\x1b[0m" if is_coloured(sys.stderr) else f"{word}:"
     print(begin, readable(text, sys.stderr), file=sys.stderr)

@@ -22,7 +22,7 @@ from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.status import Verdicts
+    from aosplan.sweeps.status import RowStatuses
     from aosplan.sweeps.vectorized.inputs import Target
 
     Counts = NDArray[np.int64]
@@ -70,29 +70,29 @@ class Answer(NamedTuple):
     required: Any
 
 
-def answer(asked: Asked, verdicts: Verdicts, *, count_required: bool) -> Answer:
+def answer(asked: Asked, statuses: RowStatuses, *, count_required: bool) -> Answer:
     """The answers to what is asked; what cannot be met is refused as the solver does.
 
     The samples that are `required` at each baseline take the longest to count.
     """
     target = asked.target
     if not asked.fixed:
-        _refuse_hopeless(asked, verdicts)
+        _refuse_hopeless(asked, statuses)
     counted = np.clip(target.fewest, 1, MOST_SITES)
     if asked.baseline_m is None and not _narrowed(asked, counted):
-        return _free(asked, counted, verdicts)
-    return _bound(asked, verdicts, count_required=count_required)
+        return _free(asked, counted, statuses)
+    return _bound(asked, statuses, count_required=count_required)
 
 
 def _asked_for(symbol: str, value: float) -> str:
     return f"{symbol} = {value:.10g}"
 
 
-def _refuse_hopeless(asked: Asked, verdicts: Verdicts) -> None:
+def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
     """Refuse targets that no number of samples reaches, or more than one plan may have."""
     symbol, value, _, fewest = asked.target
     t, p = asked.transparency, asked.density
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         asked.sound & (fewest == 0),
         lambda value, low, high: (
@@ -105,8 +105,8 @@ def _refuse_hopeless(asked: Asked, verdicts: Verdicts) -> None:
     )
     many = asked.sound & (fewest > MOST_SITES)
     if asked.max_samples is None:
-        verdicts.leave(asked.sound & (fewest >= MOST_COUNTED))
-        verdicts.refuse(
+        statuses.defer(asked.sound & (fewest >= MOST_COUNTED))
+        statuses.refuse(
             INVALID,
             many,
             lambda value, samples: (
@@ -117,7 +117,7 @@ def _refuse_hopeless(asked: Asked, verdicts: Verdicts) -> None:
             fewest,
         )
     else:
-        verdicts.leave(many)
+        statuses.defer(many)
 
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts]:
@@ -150,19 +150,19 @@ def _narrowed(asked: Asked, counted: Any) -> bool:
     return bool(np.any(longer * asked.unit_m > asked.max_aperture_m))
 
 
-def _free(asked: Asked, counted: Any, verdicts: Verdicts) -> Answer:
+def _free(asked: Asked, counted: Any, statuses: RowStatuses) -> Answer:
     """Neighbours share no occluder: as many samples as the target takes, each for itself."""
     symbol, value, _, fewest = asked.target
     wanted = counted if asked.samples is None else asked.samples
     samples, _ = _by_kind(_lines, asked.grid, wanted)
-    verdicts.leave(asked.sound & (samples > MOST_SITES))
+    statuses.defer(asked.sound & (samples > MOST_SITES))
     shortfall = 1.0 / samples
     if asked.samples is not None:
-        _refuse_missed(asked, asked.sound & (samples < fewest), shortfall, asked.unit_m, verdicts)
+        _refuse_missed(asked, asked.sound & (samples < fewest), shortfall, asked.unit_m, statuses)
     elif asked.max_samples is not None:
         most = asked.max_samples
         best, _ = _by_kind(_largest, asked.grid, most)
-        verdicts.refuse(
+        statuses.refuse(
             INFEASIBLE,
             asked.sound & (samples > most),
             lambda value, samples, most, reached, best, baseline: (
@@ -188,10 +188,10 @@ def _largest(grid: str, most: Any) -> tuple[Any, Any]:
 
 
 def _refuse_missed(
-    asked: Asked, missed: Any, shortfall: Any, widest_m: Any, verdicts: Verdicts
+    asked: Asked, missed: Any, shortfall: Any, widest_m: Any, statuses: RowStatuses
 ) -> None:
     symbol, value, _, _ = asked.target
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         missed,
         lambda value, samples, reached, widest: (
@@ -242,7 +242,7 @@ class _Found(NamedTuple):
     best_shortfall: Any = np.nan
 
 
-def _bound(asked: Asked, verdicts: Verdicts, *, count_required: bool) -> Answer:
+def _bound(asked: Asked, statuses: RowStatuses, *, count_required: bool) -> Answer:
     """Answers where neighbours may share occluders, all scenarios of a kind of grid at once."""
     target = asked.target
     parts = (
@@ -280,7 +280,7 @@ def _bound(asked: Asked, verdicts: Verdicts, *, count_required: bool) -> Answer:
             required[rows] = _required(kind, part, found)
     answered = Answer(*(part.reshape(shape) for part in (samples, baseline, shortfall, required)))
     reached = best.reshape(shape), best_baseline.reshape(shape), best_shortfall.reshape(shape)
-    _judge(asked, answered, reached, verdicts)
+    _judge(asked, answered, reached, statuses)
     none = answered.required == lattices.NONE
     return answered._replace(
         samples=np.maximum(answered.samples, 1),
@@ -330,7 +330,7 @@ def _widest_m(part: _Rows, longer: Counts, rows: Any = slice(None)) -> Floats:
 
 
 def _fewest_within(kind: str, part: _Rows) -> _Found:
-    """The fewest samples within an aperture: the first frame whose fullest pattern does."""
+    """The fewest samples within an aperture: the first frame whose densest pattern does."""
     count = len(part.most)
     limit = (
         np.maximum(SEARCHED_SAMPLES, 4 * part.fewest)
@@ -394,25 +394,25 @@ def _best_within(kind: str, part: _Rows, lost: NDArray[np.intp]) -> tuple[Counts
     return samples, baseline, shortfall
 
 
-def _judge(asked: Asked, found: Answer, best: tuple[Any, Any, Any], verdicts: Verdicts) -> None:
+def _judge(asked: Asked, found: Answer, best: tuple[Any, Any, Any], statuses: RowStatuses) -> None:
     """Refuse what the bounds exclude, and leave what is not known here."""
     if asked.samples is None and asked.baseline_m is None:
-        _judge_aperture(asked, found, best, verdicts)
+        _judge_aperture(asked, found, best, statuses)
     elif asked.samples is None:
-        _judge_baseline(asked, found, verdicts)
+        _judge_baseline(asked, found, statuses)
     elif asked.baseline_m is None:
         missed = (found.samples > 0) & ~(found.shortfall <= asked.target.most)
-        _refuse_missed(asked, missed, found.shortfall, found.baseline_m, verdicts)
+        _refuse_missed(asked, missed, found.shortfall, found.baseline_m, statuses)
     lost = (found.samples < 1) | (found.required == lattices.UNKNOWN) | np.isnan(found.shortfall)
-    verdicts.leave(asked.sound & lost)
+    statuses.defer(asked.sound & lost)
 
 
-def _judge_baseline(asked: Asked, found: Answer, verdicts: Verdicts) -> None:
+def _judge_baseline(asked: Asked, found: Answer, statuses: RowStatuses) -> None:
     symbol, value, _, _ = asked.target
     allowed = "one plan may have" if asked.max_samples is None else "allowed"
     most = MOST_SITES if asked.max_samples is None else asked.max_samples
     none = found.samples == lattices.NONE
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         none | (found.samples > most),
         lambda value, baseline, samples: (
@@ -427,7 +427,7 @@ def _judge_baseline(asked: Asked, found: Answer, verdicts: Verdicts) -> None:
         return
     _, longer = _by_kind(_lines, asked.grid, np.maximum(found.samples, 1))
     extent = longer * asked.baseline_m
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         (found.samples > 0) & (extent > asked.max_aperture_m * (1.0 + TOLERANCE)),
         lambda value, baseline, samples, extent, most: (
@@ -443,7 +443,7 @@ def _judge_baseline(asked: Asked, found: Answer, verdicts: Verdicts) -> None:
 
 
 def _judge_aperture(
-    asked: Asked, found: Answer, best: tuple[Any, Any, Any], verdicts: Verdicts
+    asked: Asked, found: Answer, best: tuple[Any, Any, Any], statuses: RowStatuses
 ) -> None:
     symbol, value, _, fewest = asked.target
     samples, baseline, shortfall = best
@@ -451,7 +451,7 @@ def _judge_aperture(
     refused = found.samples == lattices.NONE
     if asked.max_samples is not None:
         needed, _ = _by_kind(_lines, asked.grid, np.clip(fewest, 1, MOST_SITES))
-        verdicts.refuse(
+        statuses.refuse(
             INFEASIBLE,
             refused & (asked.max_samples < needed),
             lambda value, needed, most, *told: (
@@ -466,7 +466,7 @@ def _judge_aperture(
     if asked.max_samples is not None:
         bounds.append(("--max-samples", "", asked.max_samples))
     within = " and ".join(f"{name} {{:{form}}}" for name, form, _ in bounds)
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         refused,
         lambda value, reached, samples, baseline, *limits: (

@@ -15,7 +15,7 @@ import numpy as np
 
 from aosplan.grid.patterns import MOST_SITES
 from aosplan.sweeps.row_solver import NOT_OF_CLEAR_VIEWS, RESULTS
-from aosplan.sweeps.status import INFEASIBLE, INVALID, LEFT, OK, Verdicts
+from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
 from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
@@ -47,17 +47,17 @@ class Solved(NamedTuple):
     """
 
     columns: dict[str, NDArray[Any]]
-    verdicts: Verdicts
+    statuses: RowStatuses
 
     @property
     def holds(self) -> NDArray[np.bool_]:
         """Where the results are a plan's."""
-        return np.asarray(self.verdicts.status == OK)
+        return np.asarray(self.statuses.status == OK)
 
     @property
     def left(self) -> NDArray[np.bool_]:
         """Where a scenario is to be solved by itself."""
-        return np.asarray(self.verdicts.status == LEFT)
+        return np.asarray(self.statuses.status == DEFERRED)
 
 
 class _Rule(NamedTuple):
@@ -84,25 +84,25 @@ def solve_columns(
     mask = understood(block)
     if mask is None:
         return None
-    given, verdicts = block.columns, Verdicts(block.shape)
+    given, statuses = block.columns, RowStatuses(block.shape)
     with np.errstate(all="ignore"):
         camera, scene = camera_columns(given, folder), scene_columns(given, folder)
-        verdicts.leave(~(mask & camera.known & scene.known))
+        statuses.defer(~(mask & camera.known & scene.known))
         altitude = altitude_columns(given, camera)
         focal = camera.focal_length_px
         if "samples" in given and "max_samples" in given:
-            verdicts.refuse(
+            statuses.refuse(
                 INVALID,
                 given["samples"] > given["max_samples"],
                 "--samples {} is more than --max-samples {}".format,
                 given["samples"],
                 given["max_samples"],
             )
-        _refuse_altitudes(given, scene, altitude, verdicts)
+        _refuse_altitudes(given, scene, altitude, statuses)
         rule = _rule(given, scene, altitude, focal)
-        _refuse_scenes(given, scene, rule, verdicts)
+        _refuse_scenes(given, scene, rule, statuses)
         sound = ~scene.clear & np.isfinite(rule.unit_m) & (rule.unit_m > 0.0)
-        verdicts.leave(~sound & ~scene.clear)
+        statuses.defer(~sound & ~scene.clear)
         sound = np.True_ if sound.all() else sound
         grid = given.get("grid", np.array("trimmed", dtype=object))
         grid = np.where(np.isin(grid.astype(str), GRIDS), grid, "trimmed").astype(object)
@@ -120,13 +120,13 @@ def solve_columns(
                 given.get("max_aperture"),
                 given.get("max_samples"),
             ),
-            verdicts,
+            statuses,
             count_required="samples_required" in results,
         )
-        found = found._replace(samples=_of_plans(found.samples, verdicts))
+        found = found._replace(samples=_of_plans(found.samples, statuses))
         cleared = bool(np.any(scene.clear))
         if cleared:
-            verdicts.leave(scene.clear & (given.get("samples", 1) > MOST_SITES))
+            statuses.defer(scene.clear & (given.get("samples", 1) > MOST_SITES))
             found = _with_clear_views(given, scene.clear, found)
         layout = layouts(np.minimum(found.samples, MOST_SITES), grid)
         columns = _results(layout, found, rule, scene, camera, altitude)
@@ -136,18 +136,18 @@ def solve_columns(
         if cleared:
             for name in NOT_OF_CLEAR_VIEWS:
                 columns[name] = np.where(scene.clear, np.nan, columns[name])
-    return Solved(columns, verdicts)
+    return Solved(columns, statuses)
 
 
 def _refuse_altitudes(
-    given: Columns, scene: SceneColumns, altitude: Any, verdicts: Verdicts
+    given: Columns, scene: SceneColumns, altitude: Any, statuses: RowStatuses
 ) -> None:
     """Refuse altitudes within the canopy, or nearer to it than the clearance."""
     clearance = given.get("clearance", np.float64(2.0))
     top = scene.canopy_top_m - given.get("focal_height", np.float64(0.0))
     dense = ~scene.empty
     origin = "" if "altitude" in given else ", solved from the resolution,"
-    verdicts.refuse(
+    statuses.refuse(
         INVALID,
         dense & ~(altitude > top),
         lambda altitude, top: (
@@ -157,7 +157,7 @@ def _refuse_altitudes(
         altitude,
         top,
     )
-    verdicts.refuse(
+    statuses.refuse(
         INVALID,
         dense & ~(altitude >= top + clearance),
         lambda altitude, top, clearance: (
@@ -180,9 +180,9 @@ def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Ru
     return _Rule(height, np.where(focal * size / (altitude - height) > 1.0, by_size, by_pixel))
 
 
-def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, verdicts: Verdicts) -> None:
+def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: RowStatuses) -> None:
     """Refuse scenes that let no ray through, and such as stand on the focal plane."""
-    verdicts.refuse(
+    statuses.refuse(
         INVALID,
         ~scene.clear & ((scene.transparency == 0.0) | (scene.density >= 1.0)),
         lambda name: (
@@ -191,7 +191,7 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, verdicts: V
         ),
         scene.name,
     )
-    verdicts.refuse(
+    statuses.refuse(
         INFEASIBLE,
         ~scene.clear & (rule.height_m <= 0.0),
         "coverage {:g} asks for every occluder, and some stand on the focal plane".format,
@@ -199,11 +199,11 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, verdicts: V
     )
 
 
-def _of_plans(samples: Any, verdicts: Verdicts) -> Any:
+def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
     """Numbers of samples, but 1 where all scenarios that have one were refused: it may be large."""
-    if not verdicts.texts:
+    if not statuses.texts:
         return samples
-    sound = verdicts.status == OK
+    sound = statuses.status == OK
     shape = (1,) * (sound.ndim - np.ndim(samples)) + np.shape(samples)
     shared = tuple(axis for axis, size in enumerate(shape) if size == 1)
     return np.where(sound.any(axis=shared, keepdims=True), samples, 1)
