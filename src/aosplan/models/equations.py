@@ -64,9 +64,6 @@ __all__ = [
 ]
 
 
-# --- Eq. 1: integrated density -----------------------------------------------------------
-
-
 # --- Eq. 2 to 4: visibility ---------------------------------------------------------------
 
 
@@ -104,7 +101,9 @@ def visibility(
     >>> round(visibility(0.567, 7, 7, 1.0), 4)
     0.6735
     """
-    return _with_density(_visibility, density, rows, columns, dhat, transparency)
+    return _of_grid(
+        lambda _, p, t, _k, rest: t * (1.0 + p * rest), density, transparency, rows, columns, dhat
+    )
 
 
 def mean_squared_error(
@@ -119,7 +118,12 @@ def mean_squared_error(
 
     Parameters as in `visibility`.  Source: Kurmi, Schedl and Bimber (2019), appendix.
     """
-    return _with_density(_mean_squared_error, density, rows, columns, dhat, transparency)
+
+    def equation(xp: Any, p: Any, _t: Any, k: Any, rest: Any) -> Any:
+        # p + T K = K + p (1 - K), which spares the rounding of T.
+        return p * xp.minimum(k + p * rest, 1.0)
+
+    return _of_grid(equation, density, transparency, rows, columns, dhat)
 
 
 def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
@@ -133,9 +137,7 @@ def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
     >>> normalized_visibility(5, 10, 1.0)
     0.98
     """
-    if rows is columns:
-        return elementwise(_square_normalized, rows, dhat)
-    return elementwise(_normalized, rows, columns, dhat)
+    return elementwise(lambda xp, *grid: _shortfall(xp, *grid)[1:], dhat, *_sides(rows, columns))
 
 
 def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
@@ -144,9 +146,7 @@ def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
     K = κ(rows, d̂) κ(columns, d̂): the variance of the average over that of one sample.
     Parameters as in `visibility`.
     """
-    if rows is columns:
-        return elementwise(_square_shortfall, rows, dhat)
-    return elementwise(_shortfall, rows, columns, dhat)
+    return elementwise(lambda xp, *grid: _shortfall(xp, *grid)[::2], dhat, *_sides(rows, columns))
 
 
 def line_shortfall(samples: Floats, dhat: Floats) -> Any:
@@ -155,7 +155,12 @@ def line_shortfall(samples: Floats, dhat: Floats) -> Any:
     Grids whose axes have pitches of their own multiply two of these.  Source: Kurmi, Schedl
     and Bimber (2019), appendix (1-D case), summed.
     """
-    return elementwise(_line_shortfall, samples, dhat)
+
+    def kernel(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
+        summed, _, valid = _line(xp, n, d)
+        return summed / n, valid
+
+    return elementwise(kernel, samples, dhat)
 
 
 def visibility_limits(density: Floats) -> tuple[Any, Any]:
@@ -165,51 +170,34 @@ def visibility_limits(density: Floats) -> tuple[Any, Any]:
     return minimum, maximum
 
 
-def _with_density(
-    kernel: Callable[..., tuple[Any, Any]],
+def _of_grid(
+    equation: Callable[..., Any],
     density: Any,
+    transparency: Any,
     rows: Any,
     columns: Any,
     dhat: Any,
-    transparency: Any,
 ) -> Any:
-    given_t = () if transparency is None else (transparency,)
-    if rows is columns:  # one κ serves both axes
+    """An equation in p, T, K and 1 - K of a grid, elementwise; ``nan`` outside the domain."""
 
-        def square(xp: Any, p: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
-            return kernel(xp, p, *_square_of(xp, n, d), *t)
+    def kernel(xp: Any, p: Any, t: Any, *grid: Any) -> tuple[Any, Any]:
+        k, rest, valid = _shortfall(xp, *grid)
+        return equation(xp, p, t, k, rest), valid & (p >= 0.0) & (p <= 1.0) & (t >= 0.0) & (
+            t <= 1.0
+        )
 
-        return elementwise(square, density, rows, dhat, *given_t)
-
-    def grid(xp: Any, p: Any, m: Any, n: Any, d: Any, *t: Any) -> tuple[Any, Any]:
-        return kernel(xp, p, *_product_of(xp, m, n, d), *t)
-
-    return elementwise(grid, density, rows, columns, dhat, *given_t)
-
-
-def _visibility(_xp: Any, p: Any, _k: Any, rest: Any, valid: Any, t: Any = None) -> tuple[Any, Any]:
-    t, valid = _transparency_of(p, t, valid)
-    return t * (1.0 + p * rest), valid
+    if transparency is None:
+        transparency = elementwise(lambda _, p: (1.0 - p, True), density)
+    return elementwise(kernel, density, transparency, dhat, *_sides(rows, columns))
 
 
-def _mean_squared_error(
-    xp: Any, p: Any, k: Any, rest: Any, valid: Any, t: Any = None
-) -> tuple[Any, Any]:
-    given_t, valid = _transparency_of(p, t, valid)
-    # p + T K = K + p (1 - K), which spares the rounding of T where p is all there is.
-    share = p + given_t * k if t is not None else k + p * rest
-    return p * xp.minimum(share, 1.0), valid
+def _sides(rows: Any, columns: Any) -> tuple[Any, ...]:
+    """Rows and columns, or only the rows of a square, so that one κ serves both axes."""
+    return (rows,) if rows is columns else (rows, columns)
 
 
-def _transparency_of(p: Any, t: Any, valid: Any) -> tuple[Any, Any]:
-    valid = valid & (p >= 0.0) & (p <= 1.0)
-    if t is None:
-        return 1.0 - p, valid
-    return t, valid & (t >= 0.0) & (t <= 1.0)
-
-
-def _axis(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
-    """n κ(n, d̂) of one axis, 1 - κ, and whether the arguments are in the domain.
+def _line(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
+    """n κ(n, d̂) of a line, 1 - κ, and whether the arguments are in the domain.
 
     With m neighbours in reach and e = 1 - m d̂, what is left of the last one's overlap, the
     appendix' sum A = Σ (n-i) (1 - i d̂) gives n κ = (n + 2A)/n in the arrangement below, which
@@ -228,43 +216,16 @@ def _axis(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
     return summed, xp.where(overlapping, linear, 1.0 - summed / n), valid
 
 
-def _square_of(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
-    """K, 1 - K and validity of n x n samples.  One division by N rounds less than two by n."""
-    summed, rest, valid = _axis(xp, n, d)
-    return summed * summed / (n * n), rest * (1.0 + summed / n), valid
-
-
-def _product_of(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any, Any]:
-    """K, 1 - K and validity of rows x columns samples."""
-    sum_y, rest_y, valid_y = _axis(xp, rows, d)
-    sum_x, rest_x, valid_x = _axis(xp, columns, d)
-    k = sum_y * sum_x / (rows * columns)
-    return k, rest_x + sum_x / columns * rest_y, valid_y & valid_x
-
-
-def _normalized(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
-    _, rest, valid = _product_of(xp, rows, columns, d)
-    return rest, valid
-
-
-def _shortfall(xp: Any, rows: Any, columns: Any, d: Any) -> tuple[Any, Any]:
-    k, _, valid = _product_of(xp, rows, columns, d)
-    return k, valid
-
-
-def _square_normalized(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    _, rest, valid = _square_of(xp, n, d)
-    return rest, valid
-
-
-def _square_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    k, _, valid = _square_of(xp, n, d)
-    return k, valid
-
-
-def _line_shortfall(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
-    summed, _, valid = _axis(xp, n, d)
-    return summed / n, valid
+def _shortfall(xp: Any, d: Any, rows: Any, columns: Any = None) -> tuple[Any, Any, Any]:
+    """K = κ(rows) κ(columns), 1 - K, and whether the arguments are in the domain."""
+    sum_y, rest_y, valid = _line(xp, rows, d)
+    if columns is None:
+        sum_x, rest_x, columns = sum_y, rest_y, rows
+    else:
+        sum_x, rest_x, valid_x = _line(xp, columns, d)
+        valid = valid & valid_x
+    # One division by N rounds less than one by each number.
+    return sum_y * sum_x / (rows * columns), rest_x + sum_x / columns * rest_y, valid
 
 
 def dhat_for_shortfall(
