@@ -32,6 +32,7 @@ def vhat(text):
 class Scanned:
     """A model that rises with the baseline but does not say so: searched as if it might fall."""
 
+    heading_deg = None
     rises_with_baseline = False
     rule_baseline_m = None
     widest_aperture_m = 60.0

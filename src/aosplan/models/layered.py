@@ -83,6 +83,7 @@ class LayeredModel:
     """
 
     name = "layered"
+    heading_deg = None
     rule_baseline_m = None
     widest_aperture_m = math.inf
 
@@ -112,6 +113,10 @@ class LayeredModel:
             self._log_q = np.log1p(-density)
             self._log_transparency = float(self._log_q.sum())
             self._reach_m = size * altitude_m / height
+
+    def at_heading(self, heading_deg: float) -> LayeredModel:  # noqa: ARG002 (the interface has it)
+        """The model itself: slices are the same from every direction."""
+        return self
 
     @property
     def density(self) -> float:

@@ -25,6 +25,7 @@ standard errors (`MeasuredModel.flown`).  The draws are the same for every plan,
 from __future__ import annotations
 
 import math
+from copy import copy
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -131,6 +132,12 @@ class MeasuredModel:
     def nadir(self) -> Prediction:
         """What a single view from the middle shows."""
         return self.predict_positions([(0.0, 0.0)])
+
+    def at_heading(self, heading_deg: float) -> MeasuredModel:
+        """The same model for patterns at another heading; both share what they have computed."""
+        turned = copy(self)
+        turned.heading_deg = heading_deg
+        return turned
 
     @property
     def density(self) -> float:

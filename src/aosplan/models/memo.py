@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import Sites
     from aosplan.models.model import Prediction
 
-    Known = dict[tuple[Sites, float, float, float], Prediction]
+    Known = dict[tuple[Sites, float, float | None, float], Prediction]
 
 MOST_KEPT = 4096
 """Predictions that one model keeps."""
@@ -21,6 +21,11 @@ class Remembering(Protocol):
     """A model that keeps its predictions; copies of it, at other headings, share them."""
 
     hold_error_m: float
+
+    @property
+    def heading_deg(self) -> float | None:
+        """As of `aosplan.models.model.VisibilityModel`."""
+
     _predictions: Known
 
 
@@ -34,8 +39,7 @@ def remembered(
 
     @wraps(predict)
     def recalled(self: Model, pattern: Sites, baseline_m: float) -> Prediction:
-        heading_deg = getattr(self, "heading_deg", 0.0)  # a model without one sees all alike
-        key = pattern, baseline_m, heading_deg, self.hold_error_m
+        key = pattern, baseline_m, self.heading_deg, self.hold_error_m
         known = self._predictions
         if key not in known:
             if len(known) >= MOST_KEPT:

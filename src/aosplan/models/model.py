@@ -119,14 +119,21 @@ class VisibilityModel(Protocol):
     def rule_baseline_m(self) -> float | None:
         """Baseline that the model's own rule prefers, or None where wider is never in vain."""
 
+    @property
+    def heading_deg(self) -> float | None:
+        """Heading of the patterns, clockwise from the scene's north; None if it has no directions."""
+
+    def at_heading(self, heading_deg: float) -> VisibilityModel:
+        """The same model for patterns at another heading; itself if the scene has no directions."""
+
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
         """Density and shortfall of samples at known positions, shape (N, 2), from the middle.
 
-        A model with a `heading_deg` takes them east and north, any other along the heading and to
-        its right.
+        A model with a `heading_deg` takes them east and north.  A model without one takes them
+        along the heading and to its right.
         """
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:

@@ -41,6 +41,15 @@ class UniformModel(NamedTuple):
         return "uniform"
 
     @property
+    def heading_deg(self) -> None:
+        """None: the volume is the same from every direction."""
+        return None
+
+    def at_heading(self, heading_deg: float) -> UniformModel:  # noqa: ARG002 (the interface has it)
+        """The model itself."""
+        return self
+
+    @property
     def independent_baseline_m(self) -> float:
         """Baseline from which K = 1/N; under noise, but for less than rounding."""
         if self.hold_error_m == 0.0:

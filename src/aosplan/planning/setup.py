@@ -293,7 +293,8 @@ def draft_of(
     else:
         coverage = posed[1]
         problem, solution = task.choice(posed[0]._replace(on_trial=on_trial))
-        grid, heading = problem.grid, getattr(problem.model, "heading_deg", request.heading_deg)
+        grid, solved = problem.grid, problem.model.heading_deg
+        heading = request.heading_deg if solved is None else solved
     if heading != request.heading:
         task = task._replace(request=replace(request, heading=heading))
     return Draft(request, area, found, task, problem, coverage, solution, grid, heading)

@@ -175,7 +175,7 @@ def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.flo
     A measured stand lies east and north; of uniform and layered ones it is only known that their
     axes are those of the plan.
     """
-    if plan.problem is not None and hasattr(plan.problem.model, "heading_deg"):
+    if plan.problem is not None and plan.problem.model.heading_deg is not None:
         return np.column_stack([east_m, north_m])
     return turned(east_m, north_m, plan.heading_deg)
 

@@ -271,9 +271,9 @@ def solve_best_heading(
     """
     best = partial(solve_best, footprint_m=footprint_m, over_area=over_area)
     first = _first_heading(problems, best)
-    if not hasattr(first.problem.model, "heading_deg") or first.solution.pattern.samples == 1:
+    here = first.problem.model.heading_deg
+    if here is None or first.solution.pattern.samples == 1:
         return first
-    here: float = first.problem.model.heading_deg
     others = [heading for heading, _ in headings_worth_a_look(first.problem, first.solution)]
     turned = [first.problem.turned(heading) for heading in dict.fromkeys([here, *others])]
     return best(turned)
@@ -289,6 +289,6 @@ def _first_heading(
             return best([each.turned(heading) for each in problems])
         except InfeasibleError as error:
             failed.append(error)
-            if not hasattr(problems[0].model, "heading_deg"):
+            if problems[0].model.heading_deg is None:
                 break
     raise failed[0]

@@ -140,20 +140,18 @@ class Problem(NamedTuple):
     @property
     def name(self) -> str:
         """How messages tell it from others: its kind of grid, and its heading where it has one."""
-        heading = getattr(self.model, "heading_deg", 0.0)
+        heading = self.model.heading_deg
         return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
 
     def turned(self, heading_deg: float) -> Problem:
-        """The same problem at another heading, where the model has one."""
-        from copy import copy
-
-        if getattr(self.model, "heading_deg", heading_deg) == heading_deg:
+        """The same problem at another heading; itself if the model has none."""
+        before = self.model.heading_deg
+        if before is None or before == heading_deg:
             return self
-        model, surrogate = copy(self.model), copy(self.surrogate)
-        for each in filter(None, (model, surrogate)):
-            each.heading_deg = heading_deg  # type: ignore[attr-defined]  # the model has one
+        model = self.model.at_heading(heading_deg)
+        surrogate = None if self.surrogate is None else self.surrogate.at_heading(heading_deg)
         # The wind stays where it is, while the axes of the path turn.
-        turn = math.radians(heading_deg - getattr(self.model, "heading_deg", 0.0))
+        turn = math.radians(heading_deg - before)
         x, y = self.timing.wind
         wind = (x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn))
         timing = self.timing._replace(wind=wind) if any(self.timing.wind) else self.timing
