@@ -1,33 +1,38 @@
-"""Search where V̂ need not rise with the baseline, or where visibility itself is the objective.
+"""The search for models whose V̂ need not rise with the baseline, and for the best visibility.
 
-Patterns are looked at on one **scan** of baselines, the same for all, so that patterns share their
-views: each `SCAN_RATIO` times the one below, from `SCAN_STEPS` steps below the widest that a
-pattern may have, and that widest itself.  Between the first step that meets the target and the
-one below, the smallest baseline is sought by halving.
+All patterns are evaluated at the baselines of one **scan**, so that they share their views.  Each
+baseline is `SCAN_RATIO` times the one below, from `SCAN_STEPS` steps below the widest baseline that
+a pattern may have up to the widest itself.  Between the first baseline of the scan that meets the
+target and the one below it, the smallest baseline that meets the target is found by bisection.
 
-**What is guaranteed.**  Of all patterns of a kind up to the most samples (`SEARCHED_SAMPLES` unless
-given), none has a lower cost at a step of the scan than the answer: no fewer samples, no longer
-flight, no less extent (of densest patterns; then come the fewest samples within 1 % of it), no more
-visibility or contrast by more than half the slack (of densest patterns; then come the fewest
-samples within the slack).  Fullest are the patterns of the most samples in one rectangle; of lines,
-lanes and spirals every one up to `THINNED_FROM` samples, and then the largest of each family, whose
-counts are those of one rectangle of the trimmed grid.  Candidates are taken in the order of their cost, each with the best that it could be, so the first
-one that holds is the best.
+**What is guaranteed.**  Of all patterns of a kind with up to `SEARCHED_SAMPLES` samples (or
+`--max-samples`), none has a lower cost at a baseline of the scan than the answer has:
 
-**A surrogate** of the model (`Problem.surrogate`), quick and a little off, spares the model most of them:
-one is passed over where even a shortfall and a density lower by a margin would not do.  The
-margins are `CAUTION` times the largest error of the surrogate that the search has seen, and no less
-than `LEAST_MARGINS`; whenever they have grown, the search begins anew with them.  Without a surrogate
-the model judges everything, and the guarantee has no condition.  Every number of the answer is
-the model's.
+- not fewer samples, and not a shorter flight;
+- not a smaller extent, of the densest patterns (the answer is then the fewest samples within 1 %
+  of the least extent);
+- no visibility or contrast that is higher by more than half the slack, of the densest patterns
+  (the answer is then the fewest samples within the slack).
+
+The densest patterns are those with the most samples in one rectangle.  Of lines, lanes and spirals
+they are all patterns with up to `THINNED_FROM` samples, and then the largest of each family; a
+family has the sample counts of one rectangle of the trimmed grid.  Candidates are evaluated in the
+order of the lowest cost that they could have, so the first candidate that holds is the best.
+
+**A surrogate** of the model (`Problem.surrogate`), which is quick but not exact, saves most
+evaluations of the model.  A candidate is skipped if it would not meet the target even with a
+shortfall and a density that are lower by a margin.  The margins are `CAUTION` times the largest
+error of the surrogate that the search has seen, and at least `LEAST_MARGINS`.  Whenever they have
+grown, the search begins again with the new margins.  Without a surrogate the model evaluates all
+candidates, and the guarantee has no condition.  Every number of the answer comes from the model.
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from heapq import heapify, heappop, heappush
-from itertools import count, takewhile
+from itertools import count, islice, takewhile
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.flight.kinematics import path_of
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
     from aosplan.solver.solution import Solution
 
     Cost = Callable[["Candidate"], float]
+    Bounds = Iterator[tuple[float, "Candidate | None"]]
 
 Found = TypeVar("Found")
 
@@ -342,58 +348,61 @@ def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate
 
 
 def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> Candidate | None:
-    """The candidate of least cost that meets the target; cost rises with the baseline.
+    """The candidate of least cost that meets the target, found best first.
+
+    Each pattern has a series of lower bounds on its cost, one for each baseline at which it may
+    meet the target; the pattern with the least bound is advanced by one baseline.  A candidate
+    whose cost is no more than every remaining bound is the best.
 
     Parameters
     ----------
     scan
         The scan.
     patterns
-        Each behind the densest pattern of its frame, below whose smallest optimistic baseline
-        none of the frame is tried.
+        Each pattern behind the densest pattern of its frame.  No pattern of a frame is tried at a
+        baseline below the smallest at which the densest one may meet the target.
     cost
-        What is minimised.
+        What is minimised; it rises with the baseline.
     """
-    order = count()
-    starts: dict[Sites, float] = {}
-    waiting: list[tuple[float, int, int, Sites, int, Sites | None]] = []
+    fixed_m = scan.problem.bounds.baseline_m
 
-    def hopeful_from(pattern: Sites, step: int) -> int | None:
-        steps = enumerate(scan.baselines_m(pattern)[step:], step)
-        return next((i for i, b in steps if scan.may_meet(Candidate(pattern, b))), None)
+    @cache
+    def start_m(densest: Sites) -> float:
+        """Smallest baseline at which the densest pattern of a frame may meet the target."""
+        steps = scan.baselines_m(densest)
+        hopeless = math.inf if steps else 0.0
+        return next((b for b in steps if scan.may_meet(Candidate(densest, b))), hopeless)
 
-    def push(pattern: Sites, step: int | None, frame: Sites | None = None) -> None:
-        if step is None:
-            return
-        below = scan.baselines_m(pattern)[step - 1] if step else 0.0
-        if scan.problem.bounds.baseline_m is not None:
-            below = scan.problem.bounds.baseline_m
-        lowest = cost(Candidate(pattern, below))
-        heappush(waiting, (lowest, pattern.samples, next(order), pattern, step, frame))
+    def bounds(densest: Sites, pattern: Sites) -> Iterator[tuple[float, Candidate | None]]:
+        """Yield ever higher lower bounds on the cost of a pattern, and at last its candidate."""
+        below_m = 0.0 if fixed_m is None else fixed_m
+        steps = scan.baselines_m(pattern)
+        if steps:
+            yield cost(Candidate(pattern, below_m)), None
+        for baseline_m in steps:
+            at = Candidate(pattern, baseline_m)
+            if baseline_m >= start_m(densest) and scan.may_meet(at):
+                yield cost(Candidate(pattern, below_m)), None
+                if scan.meets(at):
+                    found = scan.refined(pattern, below_m, baseline_m)
+                    yield cost(found), found
+                    return
+            below_m = baseline_m if fixed_m is None else fixed_m
+
+    order = count()  # breaks ties
+    waiting: list[tuple[float, int, int, Candidate | None, Bounds]] = []
+
+    def wait(samples: int, following: Bounds) -> None:
+        for bound, found in islice(following, 1):
+            heappush(waiting, (bound, samples, next(order), found, following))
 
     for densest, pattern in patterns:
-        if scan.baselines_m(pattern):
-            push(pattern, 0, densest)
-    final: dict[int, Candidate] = {}
+        wait(pattern.samples, bounds(densest, pattern))
     while waiting:
-        _, samples, place, pattern, step, frame = heappop(waiting)
-        if place in final:
-            return final[place]
-        steps = scan.baselines_m(pattern)
-        if frame is not None:
-            if frame not in starts:
-                lowest = scan.baselines_m(frame)
-                first = hopeful_from(frame, 0) if lowest else None
-                starts[frame] = lowest[first] if first is not None else math.inf if lowest else 0.0
-            below = sum(baseline < starts[frame] for baseline in steps)
-            push(pattern, hopeful_from(pattern, below))
-        elif scan.meets(Candidate(pattern, steps[step])):
-            found = scan.refined(pattern, steps[step - 1] if step else 0.0, steps[step])
-            place = next(order)
-            final[place] = found
-            heappush(waiting, (cost(found), samples, place, pattern, step, None))
-        else:
-            push(pattern, hopeful_from(pattern, step + 1))
+        _, samples, _, found, following = heappop(waiting)
+        if found is not None:
+            return found
+        wait(samples, following)
     return None
 
 
