@@ -212,7 +212,7 @@ EFFECTS = {
         lambda r, d: r["sensitivity"] is not None and len(r["sensitivity"]) == 6,
     ),
     "drone": (
-        ["--drone", "ardupilot-copter"],
+        ["--drone", "ardupilot-copter", "--camera", "dji-m3t-thermal"],
         lambda r, d: r["flight"].get("drone") == "ardupilot-copter" and r["request"]["speed"] == 10,
     ),
     "climb": (

@@ -6,6 +6,7 @@ import pytest
 
 from aosplan.camera.presets import CAMERAS
 from aosplan.cli.app import run
+from aosplan.errors import RequestError
 from aosplan.flight.drones import DRONES
 from aosplan.mission import dji_models as dji
 from aosplan.planning.planner import plan
@@ -30,8 +31,10 @@ def test_every_drone_is_whole_and_says_where_its_numbers_are_from(name):
 @pytest.mark.parametrize("name", DRONES)
 def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
     drone = DRONES[name]
-    request = PlanRequest(altitude=40, drone=name)
-    assert request.camera == (drone.camera or "dji-m3t-thermal")
+    request = PlanRequest(
+        altitude=40, drone=name, camera=None if drone.camera else "flir-vue-pro-640-9mm"
+    )
+    assert request.camera == (drone.camera or "flir-vue-pro-640-9mm")
     assert (request.speed, request.acceleration) == (drone.speed_mps, drone.acceleration_mps2)
     assert (request.climb, request.airspeed) == (drone.climb_mps, drone.airspeed_mps)
     own = PlanRequest(
@@ -42,6 +45,13 @@ def test_a_drone_brings_its_camera_and_speeds_and_flags_win(name):
     assert lens.camera is None
     settings = plan(request).settings
     assert (settings.drone, settings.most_waypoints) == (name, drone.most_waypoints)
+
+
+@pytest.mark.parametrize("name", [name for name in DRONES if DRONES[name].camera is None])
+def test_a_drone_without_a_known_camera_asks_for_one(name):
+    with pytest.raises(RequestError, match=f"no camera is known for the drone {name}") as caught:
+        PlanRequest(altitude=40, drone=name)
+    assert "--camera NAME|FILE" in caught.value.hint
 
 
 def test_every_drone_that_flies_dji_files_is_listed():

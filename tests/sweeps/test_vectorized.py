@@ -40,7 +40,7 @@ AXES = {
     "hold": st.just(0.0) | st.floats(0.1, 3.0),
     "optimize": st.sampled_from(["samples", "time"]),
     "heading": st.sampled_from([0.0, 33.0, "auto"]),
-    "drone": st.sampled_from(["dji-m3t", "dji-m300-h20t", "none"]),
+    "drone": st.sampled_from(["dji-m3t", "dji-m4td", "ardupilot-copter", "none"]),
     "trigger": st.sampled_from(["stop", "distance"]),
 }
 TARGETS = (

@@ -254,6 +254,12 @@ class PlanRequest:
                     f"{' and '.join(unpaired)} without --focal-length or --fov",
                     "give --focal-length MM or --fov DEG as well, or a --camera",
                 )
+            if self.camera is None and self.drone is not None:
+                raise RequestError(
+                    f"no camera is known for the drone {self.drone}",
+                    "give its --camera NAME|FILE (aosplan cameras lists presets), or --fov DEG or "
+                    "--focal-length MM with the size of the image",
+                )
             if self.camera is None:
                 object.__setattr__(self, "camera", "dji-m3t-thermal")
             return

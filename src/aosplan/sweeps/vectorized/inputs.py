@@ -183,19 +183,20 @@ def camera_columns(given: Columns, folder: str) -> CameraColumns:
     elif "drone" in given:
         found = by_value(lambda name: _camera(_carried(name), folder), np.float64, given["drone"])
     else:
-        found = np.array(_camera(None, folder))
+        found = np.array(_camera("dji-m3t-thermal", folder))
     focal_px, focal, width, height, known = (found[..., place] for place in range(5))
     return CameraColumns(focal_px, focal, width, height, known > 0.0)
 
 
-def _carried(drone: str) -> str | None:
-    return DRONES[drone].camera if drone in DRONES else None
+def _carried(drone: str) -> str:
+    """The camera of a drone; empty if none is known, as a row without a camera is refused."""
+    return (DRONES[drone].camera if drone in DRONES else None) or ""
 
 
-def _camera(name: str | None, folder: str) -> tuple[float, ...]:
+def _camera(name: str, folder: str) -> tuple[float, ...]:
     """Numbers of a camera, and whether there is one of that name."""
     try:
-        camera = find_camera(located(name or "dji-m3t-thermal", folder))
+        camera = find_camera(located(name, folder))
     except RequestError:
         return (math.nan,) * 4 + (0.0,)
     return (
