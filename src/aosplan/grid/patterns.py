@@ -237,10 +237,12 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 def check_size(samples: int, wanted: str = "the grid has") -> None:
     """Refuse a plan whose waypoints would not fit in memory."""
     if samples > MOST_SITES:
-        raise RequestError(
-            f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have",
-            "ask for less, or for fewer samples",
-        )
+        raise RequestError(too_many_sites(wanted, samples), "ask for less, or for fewer samples")
+
+
+def too_many_sites(wanted: str, samples: int) -> str:
+    """What is said of more sites than one plan may have."""
+    return f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have"
 
 
 @lru_cache(maxsize=512)

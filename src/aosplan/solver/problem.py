@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.flight.kinematics import Timing
 from aosplan.grid.patterns import AnyFrame, Sites, frame_at, index_for, pattern_for
 from aosplan.numerics import smallest_root
+from aosplan.solver.refusals import target_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -43,9 +44,14 @@ class Requirement(NamedTuple):
         """How messages call the quantity."""
         return "V̂" if self.quantity == "normalized" else "V"
 
+    @property
+    def asked(self) -> tuple[str, float]:
+        """Symbol and target, as `aosplan.solver.refusals` takes them."""
+        return self.symbol, float(self.target)
+
     def __str__(self) -> str:
         """The target as messages show it."""
-        return f"{self.symbol} = {float(self.target):.10g}"
+        return target_text(*self.asked)
 
     def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
         """Whether a prediction reaches the target, to a relative tolerance of the shortfall."""

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
-from aosplan.grid.patterns import Sites
 from aosplan.messages import Limit
+from aosplan.solver.refusals import reached_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -146,7 +146,7 @@ def out_of_scan(
 def value_text(problem: Problem, prediction: Prediction) -> str:
     """What a prediction reaches of the wanted quantity."""
     requirement = problem.requirement
-    return f"{requirement.symbol} = {requirement.value_of(prediction):.4g}"
+    return reached_text(requirement.symbol, requirement.value_of(prediction))
 
 
 def rounded_up(value: float) -> str:

@@ -16,8 +16,9 @@ from aosplan.errors import InfeasibleError
 from aosplan.flight.kinematics import Path, Timing, path_of
 from aosplan.grid.patterns import MOST_SITES, AnyFrame, Sites, check_size
 from aosplan.numerics import smallest, smallest_whole
+from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE, Bounds, Problem
-from aosplan.solver.solution import Solution, rounded_up, solution_of, value_text
+from aosplan.solver.solution import Solution, rounded_up, solution_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,13 +96,13 @@ def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
 
 
 def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
-    bounds = problem.bounds
+    bounds, asked = problem.bounds, problem.requirement.asked
     samples = fewest_at(problem, baseline_m)
     if samples is None or samples > (bounds.max_samples or MOST_SITES):
-        needed = f"more than {MOST_SITES}" if samples is None else samples
         raise InfeasibleError(
-            f"{problem.requirement} at --baseline {baseline_m:g} needs {needed} samples, more than "
-            f"{'one plan may have' if bounds.max_samples is None else 'allowed'}",
+            refusals.beyond_baseline(
+                *asked, baseline_m, samples, bounded=bounds.max_samples is not None
+            ),
             f"neighbours share no occluder from --baseline "
             f"{rounded_up(problem.model.independent_baseline_m)} on, where "
             f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
@@ -111,8 +112,7 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
     most = bounds.max_aperture_m
     if most is not None and extent > most * (1.0 + TOLERANCE):
         raise InfeasibleError(
-            f"{problem.requirement} at --baseline {baseline_m:g} needs {samples} samples over "
-            f"{extent:.4g} m, more than --max-aperture {most:g}",
+            refusals.beyond_aperture(*asked, baseline_m, samples, extent, most),
             "leave the baseline free, or allow a larger aperture",
         )
     return _solution(problem, pattern, baseline_m)
@@ -121,11 +121,12 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
 def _for_samples(problem: Problem, samples: int) -> Solution:
     pattern = problem.grid.pattern(samples)
     widest = problem.widest_m(pattern)
-    prediction = problem.model.predict(pattern, widest)
-    if not problem.requirement.is_met(prediction):
+    prediction, requirement = problem.model.predict(pattern, widest), problem.requirement
+    if not requirement.is_met(prediction):
         raise InfeasibleError(
-            f"{problem.requirement} is out of reach with --samples {samples}: at most "
-            f"{value_text(problem, prediction)}, {widest:.4g} m apart",
+            refusals.beyond_samples(
+                *requirement.asked, samples, requirement.value_of(prediction), widest
+            ),
             f"it takes at least {_fewest_independent(problem)} samples; with --baseline given as "
             "well, the plan is evaluated as it is",
         )
@@ -263,8 +264,7 @@ def _fewest_independent(problem: Problem) -> int:
         low, high = problem.model.transparency, problem.model.density
         high = low * (1.0 + high)
         raise InfeasibleError(
-            f"{problem.requirement} is out of reach for this scene: one sample has {low:.4g}, "
-            f"infinitely many have {high:.4g}",
+            refusals.beyond_scene(*problem.requirement.asked, low, high),
             f"ask for a --visibility below {high:.4g}, or for a --vhat",
         )
     return fewest
@@ -306,24 +306,24 @@ def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
 
 def _out_of_reach(problem: Problem) -> InfeasibleError:
     """The error of a target that the bounds exclude: what they allow, and what would do."""
-    bounds, requirement = problem.bounds, problem.requirement
-    within = []
-    if bounds.max_aperture_m is not None:
-        within.append(f"--max-aperture {bounds.max_aperture_m:g}")
-    if bounds.max_samples is not None:
-        within.append(f"--max-samples {bounds.max_samples}")
+    bounds, asked = problem.bounds, problem.requirement.asked
     fewest = problem.grid.pattern(_fewest_independent(problem)).samples
     if bounds.max_samples is not None and bounds.max_samples < fewest:
         return InfeasibleError(
-            f"{requirement} needs at least {fewest} samples, more than --max-samples "
-            f"{bounds.max_samples}: at most {_best_within(problem._replace(objective='aperture'))}",
+            refusals.beyond_max_samples(
+                *asked,
+                fewest,
+                bounds.max_samples,
+                _best_within(problem._replace(objective="aperture")),
+            ),
             f"allow {fewest} samples, or ask for less"
             if bounds.max_aperture_m is None
             else f"raise --max-samples to {fewest} or more, and --max-aperture, or ask for less",
         )
     return InfeasibleError(
-        f"{requirement} is out of reach within {' and '.join(within) or 'any baseline'}: "
-        f"at most {_best_within(problem)}",
+        refusals.beyond_bounds(
+            *asked, bounds.max_aperture_m, bounds.max_samples, _best_within(problem)
+        ),
         _remedy(problem) if problem.seek_remedy else "",
     )
 
@@ -342,9 +342,9 @@ def _best_within(problem: Problem) -> str:
     if best is None:
         return "nothing, for no grid of this kind has so few samples"
     prediction, pattern, baseline = best
-    return (
-        f"{value_text(problem, prediction)} with {pattern.samples} samples {baseline:.4g} m apart"
-    )
+    requirement = problem.requirement
+    reached = requirement.value_of(prediction)
+    return refusals.best_text(requirement.symbol, reached, pattern.samples, baseline)
 
 
 def _remedy(problem: Problem) -> str:

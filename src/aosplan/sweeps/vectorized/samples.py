@@ -8,11 +8,13 @@ solver's steps together (`_bound`).
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.grid.patterns import MOST_SITES
+from aosplan.grid.patterns import MOST_SITES, too_many_sites
+from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE
 from aosplan.solver.solve_monotone import SEARCHED_FRAMES, SEARCHED_SAMPLES
 from aosplan.sweeps.status import INFEASIBLE, INVALID
@@ -84,10 +86,6 @@ def answer(asked: Asked, statuses: RowStatuses, *, count_required: bool) -> Answ
     return _bound(asked, statuses, count_required=count_required)
 
 
-def _asked_for(symbol: str, value: float) -> str:
-    return f"{symbol} = {value:.10g}"
-
-
 def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
     """Refuse targets that no number of samples reaches, or more than one plan may have."""
     symbol, value, _, fewest = asked.target
@@ -95,10 +93,7 @@ def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
     statuses.refuse(
         INFEASIBLE,
         asked.sound & (fewest == 0),
-        lambda value, low, high: (
-            f"{_asked_for(symbol, value)} is out of reach for this scene: one sample has {low:.4g}, "
-            f"infinitely many have {high:.4g}"
-        ),
+        partial(refusals.beyond_scene, symbol),
         value,
         t,
         t * (1.0 + p),
@@ -109,9 +104,8 @@ def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
         statuses.refuse(
             INVALID,
             many,
-            lambda value, samples: (
-                f"{_asked_for(symbol, value)} needs {samples} samples, more than the {MOST_SITES} "
-                "that one plan may have"
+            lambda value, samples: too_many_sites(
+                f"{refusals.target_text(symbol, value)} needs", samples
             ),
             value,
             fewest,
@@ -165,9 +159,7 @@ def _free(asked: Asked, counted: Any, statuses: RowStatuses) -> Answer:
         statuses.refuse(
             INFEASIBLE,
             asked.sound & (samples > most),
-            lambda value, samples, most, reached, best, baseline: (
-                _too_few(symbol, value, samples, most) + _best(symbol, reached, best, baseline)
-            ),
+            partial(_beyond_max_samples, symbol),
             value,
             samples,
             most,
@@ -194,10 +186,7 @@ def _refuse_missed(
     statuses.refuse(
         INFEASIBLE,
         missed,
-        lambda value, samples, reached, widest: (
-            f"{_asked_for(symbol, value)} is out of reach with --samples {samples}: at most "
-            f"{symbol} = {reached:.4g}, {widest:.4g} m apart"
-        ),
+        partial(refusals.beyond_samples, symbol),
         value,
         asked.samples,
         asked.value(shortfall),
@@ -205,15 +194,10 @@ def _refuse_missed(
     )
 
 
-def _too_few(symbol: str, value: float, samples: int, most: int) -> str:
-    return (
-        f"{_asked_for(symbol, value)} needs at least {samples} samples, more than --max-samples "
-        f"{most}: at most "
+def _beyond_max_samples(symbol: str, target: float, needed: int, most: int, *best: Any) -> str:
+    return refusals.beyond_max_samples(
+        symbol, target, needed, most, refusals.best_text(symbol, *best)
     )
-
-
-def _best(symbol: str, reached: float, samples: int, baseline: float) -> str:
-    return f"{symbol} = {reached:.4g} with {samples} samples {baseline:.4g} m apart"
 
 
 class _Rows(NamedTuple):
@@ -409,15 +393,13 @@ def _judge(asked: Asked, found: Answer, best: tuple[Any, Any, Any], statuses: Ro
 
 def _judge_baseline(asked: Asked, found: Answer, statuses: RowStatuses) -> None:
     symbol, value, _, _ = asked.target
-    allowed = "one plan may have" if asked.max_samples is None else "allowed"
     most = MOST_SITES if asked.max_samples is None else asked.max_samples
     none = found.samples == lattices.NONE
     statuses.refuse(
         INFEASIBLE,
         none | (found.samples > most),
-        lambda value, baseline, samples: (
-            f"{_asked_for(symbol, value)} at --baseline {baseline:g} needs "
-            f"{samples or f'more than {MOST_SITES}'} samples, more than {allowed}"
+        lambda value, baseline, samples: refusals.beyond_baseline(
+            symbol, value, baseline, samples, bounded=asked.max_samples is not None
         ),
         value,
         asked.baseline_m,
@@ -430,10 +412,7 @@ def _judge_baseline(asked: Asked, found: Answer, statuses: RowStatuses) -> None:
     statuses.refuse(
         INFEASIBLE,
         (found.samples > 0) & (extent > asked.max_aperture_m * (1.0 + TOLERANCE)),
-        lambda value, baseline, samples, extent, most: (
-            f"{_asked_for(symbol, value)} at --baseline {baseline:g} needs {samples} samples over "
-            f"{extent:.4g} m, more than --max-aperture {most:g}"
-        ),
+        partial(refusals.beyond_aperture, symbol),
         value,
         asked.baseline_m,
         found.samples,
@@ -454,26 +433,20 @@ def _judge_aperture(
         statuses.refuse(
             INFEASIBLE,
             refused & (asked.max_samples < needed),
-            lambda value, needed, most, *told: (
-                _too_few(symbol, value, needed, most) + _best(symbol, *told)
-            ),
+            partial(_beyond_max_samples, symbol),
             value,
             needed,
             asked.max_samples,
             *told,
         )
-    bounds = [("--max-aperture", "g", asked.max_aperture_m)]
-    if asked.max_samples is not None:
-        bounds.append(("--max-samples", "", asked.max_samples))
-    within = " and ".join(f"{name} {{:{form}}}" for name, form, _ in bounds)
+    bounds = [bound for bound in (asked.max_aperture_m, asked.max_samples) if bound is not None]
     statuses.refuse(
         INFEASIBLE,
         refused,
-        lambda value, reached, samples, baseline, *limits: (
-            f"{_asked_for(symbol, value)} is out of reach within {within.format(*limits)}: at most "
-            f"{_best(symbol, reached, samples, baseline)}"
+        lambda value, reached, samples, baseline, aperture, most=None: refusals.beyond_bounds(
+            symbol, value, aperture, most, refusals.best_text(symbol, reached, samples, baseline)
         ),
         value,
         *told,
-        *(bound for _, _, bound in bounds),
+        *bounds,
     )

@@ -1,0 +1,89 @@
+"""What is said of targets that cannot be met: each text once, for one plan and for columns of them.
+
+`symbol` is V̂ or V, `target` the value asked for.
+"""
+
+from __future__ import annotations
+
+from aosplan.grid.patterns import MOST_SITES
+
+
+def target_text(symbol: str, target: float) -> str:
+    """The target as messages show it."""
+    return f"{symbol} = {target:.10g}"
+
+
+def reached_text(symbol: str, reached: float) -> str:
+    """The value that is reached as messages show it."""
+    return f"{symbol} = {reached:.4g}"
+
+
+def best_text(symbol: str, reached: float, samples: int, baseline_m: float) -> str:
+    """The best plan within some bounds."""
+    return f"{reached_text(symbol, reached)} with {samples} samples {baseline_m:.4g} m apart"
+
+
+def beyond_scene(symbol: str, target: float, least: float, most: float) -> str:
+    """No number of samples reaches the target in this scene."""
+    return (
+        f"{target_text(symbol, target)} is out of reach for this scene: one sample has "
+        f"{least:.4g}, infinitely many have {most:.4g}"
+    )
+
+
+def beyond_samples(
+    symbol: str, target: float, samples: int, reached: float, widest_m: float
+) -> str:
+    """The given number of samples does not reach the target at any baseline."""
+    return (
+        f"{target_text(symbol, target)} is out of reach with --samples {samples}: at most "
+        f"{reached_text(symbol, reached)}, {widest_m:.4g} m apart"
+    )
+
+
+def beyond_max_samples(symbol: str, target: float, needed: int, most: int, best: str) -> str:
+    """The target needs more samples than the bound allows."""
+    return (
+        f"{target_text(symbol, target)} needs at least {needed} samples, more than --max-samples "
+        f"{most}: at most {best}"
+    )
+
+
+def beyond_bounds(
+    symbol: str, target: float, max_aperture_m: float | None, max_samples: int | None, best: str
+) -> str:
+    """No pattern within the bounds reaches the target."""
+    bounds = []
+    if max_aperture_m is not None:
+        bounds.append(f"--max-aperture {max_aperture_m:g}")
+    if max_samples is not None:
+        bounds.append(f"--max-samples {max_samples}")
+    within = " and ".join(bounds) or "any baseline"
+    return f"{target_text(symbol, target)} is out of reach within {within}: at most {best}"
+
+
+def beyond_baseline(
+    symbol: str, target: float, baseline_m: float, samples: int | None, *, bounded: bool
+) -> str:
+    """The given baseline takes more samples than the bound, or one plan, allows."""
+    needed = samples or f"more than {MOST_SITES}"
+    allowed = "allowed" if bounded else "one plan may have"
+    return (
+        f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {needed} samples, more "
+        f"than {allowed}"
+    )
+
+
+def beyond_aperture(
+    symbol: str,
+    target: float,
+    baseline_m: float,
+    samples: int,
+    extent_m: float,
+    max_aperture_m: float,
+) -> str:
+    """The samples at the given baseline are wider than the bound on the aperture."""
+    return (
+        f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples over "
+        f"{extent_m:.4g} m, more than --max-aperture {max_aperture_m:g}"
+    )
