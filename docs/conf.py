@@ -22,6 +22,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "extensions.accessible",
+    "extensions.architecture",
     "extensions.mathml",
     "extensions.drawn",
     "extensions.generated",
@@ -66,12 +67,12 @@ html_math_renderer = "mathml"
 
 
 HOMES = {
-    "FlightSettings": "mission",
-    "Limit": "problem",
-    "Message": "resolve",
-    "Prediction": "models",
-    "Row": "tradeoff",
-    "Solution": "problem",
+    "FlightSettings": "mission.mission",
+    "Limit": "messages",
+    "Message": "messages",
+    "Prediction": "models.model",
+    "Row": "solver.tradeoff",
+    "Solution": "solver.solution",
 }
 """Where names are described that modules import for type checkers alone."""
 

@@ -3,14 +3,15 @@
     ```{generated} command plan
     ```
 
-The functions of `TEXTS` return Markdown; `tests/test_docs.py` reads it without Sphinx.
+The functions of `TEXTS` return Markdown; `tests/docs` reads it without Sphinx.
 """
 
 from sphinx.util.docutils import SphinxDirective
 
-from . import commands, documents, presets, results, surroundings
+from . import chapters, commands, documents, presets, results, surroundings
 
 TEXTS = {
+    "chapters": chapters.owned,
     "command": commands.command,
     "commands": commands.overview,
     "program": commands.program,

@@ -1,0 +1,20 @@
+"""The directive ``{chapters}``: the picture of the chapters, drawn while a page is read."""
+
+from docutils import nodes
+from sphinx.util.docutils import SphinxDirective
+
+from . import chapters
+
+
+class Chapters(SphinxDirective):
+    """The directive."""
+
+    def run(self):
+        for path in chapters.SOURCE.rglob("*.py"):
+            self.env.note_dependency(str(path))
+        return [nodes.raw("", chapters.svg(), format="html")]
+
+
+def setup(app):
+    app.add_directive("chapters", Chapters)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
