@@ -43,6 +43,14 @@ def pytest_runtest_makereport():
         gc.enable()
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark what needs a browser, before tests are chosen by their marks."""
+    for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder that is the current one: no test leaves anything elsewhere."""

@@ -393,6 +393,38 @@ def public_definitions(path):
     yield from walk(tree_of(path), "")
 
 
+def private_names_taken(path):
+    """Private names of modules that a file imports, takes or replaces, with their lines."""
+    tree, modules = tree_of(path), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):
+            for alias in node.names:
+                if alias.name.startswith("_") and not alias.name.startswith("__"):
+                    yield alias.name, node.lineno
+                if f"{node.module}.{alias.name}" in MODULES:
+                    modules.add(alias.asname or alias.name)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            of, name = node.value.id, node.attr
+        elif (
+            isinstance(node, ast.Call) and len(node.args) > 1 and isinstance(node.args[0], ast.Name)
+        ):
+            of, name = node.args[0].id, getattr(node.args[1], "value", "")
+        else:
+            continue
+        if of in modules and str(name).startswith("_") and not str(name).startswith("__"):
+            yield name, node.lineno
+
+
+def test_no_test_reaches_for_private_names_of_a_module():
+    tests = sorted(Path(__file__).parent.rglob("*.py"))
+    taken = [
+        f"{path.name}:{line} {name}" for path in tests for name, line in private_names_taken(path)
+    ]
+    assert len(tests) > 80
+    assert taken == []
+
+
 def test_every_module_and_everything_public_has_a_docstring():
     bare = [module for module, path in MODULES.items() if not ast.get_docstring(tree_of(path))]
     bare += [

@@ -80,6 +80,7 @@ EXAMPLES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "example"), EXAMPLES, ids=[text for _, text in EXAMPLES])
 def test_examples_run(folder, things, command, name, example):
     if "--scheduler" in example:

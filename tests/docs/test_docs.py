@@ -26,6 +26,7 @@ def text_of(*names):
     return "\n".join((DOCS / name).read_text(encoding="utf-8") for name in names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(DOCS)))
 def test_the_examples_of_a_page_print_what_it_shows(page, tmp_path):
     for block, printed in examples.follow(page.read_text(encoding="utf-8"), tmp_path):

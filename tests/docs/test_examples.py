@@ -41,6 +41,7 @@ def test_example_files_plan(arguments):
     assert run(["plan", *arguments, "--quiet"]) == 0
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_readme_run_and_print_what_it_shows(tmp_path):
     (tmp_path / "examples").symlink_to(EXAMPLES)
     text = README.read_text(encoding="utf-8")

@@ -164,7 +164,7 @@ def test_the_oldest_entries_are_dropped_and_nothing_else(place, tmp_path, monkey
     (first,) = entries(place)
     size = (place / first).stat().st_size
     monkeypatch.setattr(cache, "MOST_OCTETS", int(3.5 * size))
-    monkeypatch.setattr(cache, "_LARGEST_SHARE", 1)
+    monkeypatch.setattr(cache, "LARGEST_SHARE", 1)
     (place / "holiday.npz").write_bytes(bytes(10 * size))
     (place / ".aosplan-cutshort").write_bytes(bytes(size))
     os.utime(place / ".aosplan-cutshort", ns=(1, 1))

@@ -50,11 +50,18 @@ def assert_stands_in(volume):
                 assert got.density == pytest.approx(want.density, abs=0.005), case
 
 
-@pytest.mark.parametrize("name", STANDS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name == "open_pine" else [pytest.mark.slow])
+        for name in STANDS
+    ],
+)
 def test_it_stands_in_for_generated_forests(name):
     assert_stands_in(clumped_forest(STANDS[name]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "voxel_m"), [("UAS_Clip", 0.25), ("pine_plot", 0.1)])
 def test_it_stands_in_for_real_stands(name, voxel_m):
     pytest.importorskip("laspy")

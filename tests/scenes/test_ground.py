@@ -137,10 +137,10 @@ def test_triangles_agree_with_interpolation_point_by_point():
 
 def test_a_plane_has_its_slope_and_a_line_has_none():
     points = cloud_on(plane, (30.0, 20.0), 50)
-    assert ground._slope(points) == pytest.approx((0.2, -0.1))
+    assert ground.slope(points) == pytest.approx((0.2, -0.1))
     along = np.array([[0.0, 1.0, 2.0], [0.0, 2.0, 4.0], [0.0, 9.0, 18.0]])
-    assert ground._slope(along) == (0.0, 0.0)
-    assert ground._slope(along[:, :1]) == (0.0, 0.0)
+    assert ground.slope(along) == (0.0, 0.0)
+    assert ground.slope(along[:, :1]) == (0.0, 0.0)
 
 
 @pytest.fixture

@@ -141,11 +141,15 @@ def visibilities(views):
 
 
 @pytest.mark.parametrize("view", ["telecentric", "perspective"])
-@pytest.mark.parametrize("name", STANDS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name == "spruce" else [pytest.mark.slow]) for name in STANDS],
+)
 def test_generated_forests_are_as_rays_see_them(name, view):
     assert_like_rays(clumped_forest(STANDS[name]), view)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("view", ["telecentric", "perspective"])
 @pytest.mark.parametrize(("name", "voxel_m"), [("UAS_Clip", 0.25), ("pine_plot", 0.1)])
 def test_real_stands_are_as_rays_see_them(name, voxel_m, view, real_stand):

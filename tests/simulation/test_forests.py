@@ -79,7 +79,7 @@ def test_a_thick_layer_is_several_slices_that_together_block_its_share():
 @pytest.mark.parametrize("size", [1.0, 1.2, 1.9, 2.5, 3.0, 3.5, 7.3])
 def test_planes_of_any_cell_size_have_that_integral_range(size):
     # Correlations of voxels at whole lags, two to one in each direction, add up to the size.
-    width = forests._cell_width(size)
+    width = forests.cell_width(size)
     lags = np.arange(-10, 11)
     assert np.maximum(1 - np.abs(lags) / width, 0).sum() == pytest.approx(size, rel=1e-9)
 

@@ -15,10 +15,12 @@ from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solver.solve import solve
 
 near = partial(pytest.approx, abs=0.0)
+"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
 
 KINDS = ("trimmed", "rectangle", "square", "line", "lanes", "spiral")
 OBJECTIVES = ("samples", "aperture", "time")
 PAPER = UniformModel(0.567, 0.433, 3.5)
+"""The paper's forest at 50 m."""
 
 
 def vhat(text):

@@ -22,6 +22,9 @@ pytest.importorskip("distributed")
 
 from aosplan.sweeps import cluster as cluster_module  # noqa: E402
 
+# Schedulers and workers are processes, each of which takes a second or two to start.
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
@@ -183,7 +186,7 @@ def test_a_result_that_dies_with_its_worker_is_computed_again(
     cluster.crew(1)
     fetched = []
 
-    def fetch(future, index, fetch=cluster_module._result):
+    def fetch(future, index, fetch=cluster_module.result_of):
         fetched.append(index)
         if len(fetched) == 5:  # this task is finished, and its result still with the worker
             end(cluster.workers.pop())
@@ -191,7 +194,7 @@ def test_a_result_that_dies_with_its_worker_is_computed_again(
                 cluster.add_worker()
         return fetch(future, index)
 
-    monkeypatch.setattr(cluster_module, "_result", fetch)
+    monkeypatch.setattr(cluster_module, "result_of", fetch)
     if not another:
         monkeypatch.setattr(cluster_module, "NO_WORKERS_S", 1.0)
     out = tmp_path / "r.parquet"
@@ -398,7 +401,7 @@ def test_a_cluster_without_the_program_is_an_error():
             return {"scheduler": answer, "workers": {"tcp://a:1": answer, "tcp://b:1": bare}}
 
     with pytest.raises(SurroundingsError, match=r"worker tcp://b:1 has no aosplan, this machine"):
-        cluster_module._check_versions(Bare())
+        cluster_module.check_versions(Bare())
 
 
 def test_a_worker_that_does_not_see_the_folder_is_an_error(cluster, campaign, tmp_path, capsys):

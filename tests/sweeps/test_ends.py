@@ -169,6 +169,7 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
     assert error == "hint: what is done is kept; --resume goes on with it\n"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
     # The columnar library's handler has them go on.
@@ -182,6 +183,7 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
     assert done.returncode == 7
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_termination_leaves_whole_parts_alone(tmp_path):
     def terminate(pid):
@@ -195,6 +197,7 @@ def test_a_termination_leaves_whole_parts_alone(tmp_path):
     assert not [name for name in names if name.endswith(".tmp")]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_a_worker_that_dies_is_an_error(tmp_path):
     def kill_workers(pid):

@@ -279,7 +279,7 @@ def interrupted_after(monkeypatch, parts, seen):
 
 
 @pytest.mark.parametrize("out", [[], ["--out", "r.csv"]], ids=["no file", "file"])
-@pytest.mark.parametrize("every_s", [0.0, 1e9])
+@pytest.mark.parametrize("every_s", [0.0, pytest.param(1e9, marks=pytest.mark.slow)])
 def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, out, every_s):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 30)

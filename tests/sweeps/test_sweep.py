@@ -269,7 +269,7 @@ def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatc
     (tmp_path / "s.toml").write_text(
         "[sweep]\nscene = 'stand.npz'\naltitude = [40, 60]\nsamples = [4, 9]\nvhat = 0.3\n"
     )
-    monkeypatch.setattr(rows, "_scenes", {})
+    rows.forget_scenes()
     read, made = [], []
     scene_of, correlogram = rows.scene_of, correlogram_module.correlogram
     monkeypatch.setattr(rows, "scene_of", lambda *a, **k: read.append(a) or scene_of(*a, **k))

@@ -241,6 +241,7 @@ def campaign(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
     line = [campaign, "--simulate", 2, "--seed", 5, "--precision", 0.05]
     assert sweep(*line, "--json") == 0
@@ -268,6 +269,7 @@ def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["verification"] == found
 
 
+@pytest.mark.slow
 def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     with campaign.open("a") as file:
         file.write('scene = "open-woodland"\ncamera = "dji-h20t-thermal"\n')

@@ -234,7 +234,7 @@ def _cells(
     rng: np.random.Generator, shape: tuple[int, ...], size: float, density: float
 ) -> NDArray[np.bool_]:
     """A plane of square cells, `size` voxels wide, at a random phase."""
-    width = _cell_width(size)
+    width = cell_width(size)
     phases = rng.random(2) * width
     rows, columns = (
         np.floor((np.arange(count) + 0.5 + phase) / width).astype(np.intp)
@@ -246,7 +246,7 @@ def _cells(
 
 
 @lru_cache
-def _cell_width(size: float) -> float:
+def cell_width(size: float) -> float:
     """Width of cells [voxels] whose integral range is a size once they are made of voxels.
 
     The correlation of a plane of voxels is the triangle of its cells at whole lags and straight

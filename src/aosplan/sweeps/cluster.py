@@ -112,7 +112,7 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
     folder = os.path.join(os.path.abspath(parts.folder), f"writing-{uuid.uuid4().hex}")
     files = files_of(sweep)
     with _connected(address) as client:
-        _check_versions(client)
+        check_versions(client)
         os.mkdir(folder)
         count = sweep.scenarios.blocks - len(parts.done)
         tasks = (
@@ -290,7 +290,7 @@ async def _ask(address: str) -> None:
         )
 
 
-def _check_versions(client: Any) -> None:
+def check_versions(client: Any) -> None:
     """Refuse a cluster that would write other bytes, or none."""
     here = own_versions()
     found = client.get_versions(packages=list(PACKAGES))
@@ -326,7 +326,7 @@ def _written(client: Any, tasks: Iterator[Task], count: int) -> Iterator[Part]:
                 future = finished.get(timeout=1.0)
             except queue.Empty:
                 continue
-            part = _result(future, running[future])
+            part = result_of(future, running[future])
             if part is None:
                 finished.put(future)
                 continue
@@ -377,7 +377,7 @@ def _lost() -> SurroundingsError:
     return SurroundingsError("the connection to the scheduler is lost", RESUME)
 
 
-def _result(future: Any, index: int) -> Part | None:
+def result_of(future: Any, index: int) -> Part | None:
     """What became of a task; nothing as yet where its worker died with it, and it is done again."""
     try:
         part: Part = future.result(timeout=FETCH_S)

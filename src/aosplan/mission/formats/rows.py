@@ -66,7 +66,7 @@ def blocks(*wanted: Sheet) -> Iterator[list[bytes | bytearray]]:
         }
         known = Fields()
         yield [
-            _by_column(template, [parts[id(column)] for column in columns], known)
+            by_column(template, [parts[id(column)] for column in columns], known)
             for template, columns in wanted
         ]
 
@@ -108,7 +108,7 @@ class Fields:
         return self._fields[key]
 
 
-def _by_column(template: str, columns: Sequence[Sequence[Any]], known: Fields) -> bytes | bytearray:
+def by_column(template: str, columns: Sequence[Sequence[Any]], known: Fields) -> bytes | bytearray:
     """Rows as a table of bytes, in which zero bytes fill what a shorter value leaves free."""
     import numpy as np
 

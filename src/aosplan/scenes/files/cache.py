@@ -33,7 +33,7 @@ READING = 1
 MOST_OCTETS = 512 * 1024 * 1024
 """Size of all entries together."""
 
-_LARGEST_SHARE = 8
+LARGEST_SHARE = 8
 """One entry alone may have the eighth part of it."""
 
 ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
@@ -109,7 +109,7 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 def _keep(path: str, content: bytes) -> None:
     from aosplan.files import write_all
 
-    if len(content) > MOST_OCTETS // _LARGEST_SHARE:
+    if len(content) > MOST_OCTETS // LARGEST_SHARE:
         return
     place = os.path.dirname(path)
     os.makedirs(place, exist_ok=True)

@@ -113,7 +113,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     holes = cells.centres(np.setdiff1d(np.arange(cells.count), cells.holding(low)))
     patches = np.vstack([holes, low[2, cKDTree(low[:2].T).query(holes.T)[1]]])
     level = np.hstack([low, patches])
-    east, north = _slope(lowest([low], size_m, COARSE_CELL_M))
+    east, north = slope(lowest([low], size_m, COARSE_CELL_M))
     level[2] -= east * level[0] + north * level[1]
     csf = _cloth_filter()
     cloth = csf.CSF()
@@ -127,7 +127,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     return low[:, index[index < low.shape[1]]]
 
 
-def _slope(points: Floats) -> tuple[float, float]:
+def slope(points: Floats) -> tuple[float, float]:
     """Least-squares slope of points towards x and y; none where they lie on a line."""
     x, y, z = points - points.mean(axis=1, keepdims=True)
     xx, xy, yy = (x * x).sum(), (x * y).sum(), (y * y).sum()

@@ -432,7 +432,7 @@ def print_scene(document: dict[str, Any]) -> None:
             )
     for name, text in rows:
         table.add_row(name, one_line(text))
-    profile = _profile(document["layers"])
+    profile = density_profile(document["layers"])
     show(table, *([Text(""), *profile] if profile else []))
 
 
@@ -448,7 +448,7 @@ def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
     return ", ".join(shown)
 
 
-def _profile(layers: Sequence[dict[str, float]]) -> list[Text]:
+def density_profile(layers: Sequence[dict[str, float]]) -> list[Text]:
     """Density by height as bars, from the top down, in at most twenty bands."""
     if not layers:
         return []

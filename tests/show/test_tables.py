@@ -2,7 +2,7 @@
 
 import pytest
 
-from aosplan.show.text.tables import _profile
+from aosplan.show.text.tables import density_profile
 
 
 def shares(bands):
@@ -17,14 +17,18 @@ def layer(bottom_m, top_m, density):
 def test_a_profile_shares_layers_among_the_bands_that_they_cross():
     # Bands are 25 / 20 m, layers 1 m: some bands hold the middle of one layer, some of two.
     even = [layer(float(bottom), bottom + 1.0, 0.4) for bottom in range(25)]
-    assert shares(_profile(even)) == [40.0] * 20
-    assert shares(_profile([layer(0.0, 40.0, 0.1)])) == [10.0] * 20
-    assert shares(_profile([layer(0.5, 2.25, 0.2), layer(2.25, 2.5, 0.8)])) == [10.0, 20.0, 25.0]
+    assert shares(density_profile(even)) == [40.0] * 20
+    assert shares(density_profile([layer(0.0, 40.0, 0.1)])) == [10.0] * 20
+    assert shares(density_profile([layer(0.5, 2.25, 0.2), layer(2.25, 2.5, 0.8)])) == [
+        10.0,
+        20.0,
+        25.0,
+    ]
 
 
 @pytest.mark.parametrize("top_m", [0.3, 1.0, 19.7, 20.0, 25.3, 99.9])
 def test_a_profile_ends_with_the_canopy(top_m):
-    bands = _profile([layer(0.0, top_m, 0.5)])
+    bands = density_profile([layer(0.0, top_m, 0.5)])
     assert len(bands) <= 20
     assert all(share == 50.0 for share in shares(bands)[:-1])
     assert 0.0 < shares(bands)[-1] <= 50.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aosplan.mission.formats.rows import CHUNK, FEW, Fields, _by_column, blocks, rows
+from aosplan.mission.formats.rows import CHUNK, FEW, Fields, blocks, by_column, rows
 
 decimals = st.integers(0, 10)
 
@@ -34,7 +34,7 @@ def test_digits_are_those_of_exact_arithmetic(column):
     places, values = column
     expected = "".join(f"{exactly(value, places)}\n" for value in values).encode()
     template = f"%.{places}f\n" if places else "%.0f\n"
-    assert bytes(_by_column(template, [values], Fields())) == expected
+    assert bytes(by_column(template, [values], Fields())) == expected
     if places:
         assert rows(template, values) == expected
 
