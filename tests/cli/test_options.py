@@ -287,6 +287,10 @@ EFFECTS = {
         ["--autopilot", "ardupilot"],
         lambda r, d: r["flight"].get("autopilot") == "ardupilot",
     ),
+    "camera_control": (
+        ["--autopilot", "px4", "--camera-control", "outputs"],
+        lambda r, d: r["flight"].get("camera_control") == "outputs",
+    ),
     "payload": (
         ["--payload", "dji-h20t"],
         lambda r, d: r["flight"].get("payload") == "dji-h20t",

@@ -49,7 +49,7 @@ def test_the_commands_of_the_readme_run_and_print_what_it_shows(tmp_path):
     planned = re.sub(r"python3 -m venv .*?/aosplan plan", "aosplan plan", text, count=1)
     for block, printed in examples.follow(planned, tmp_path):
         assert examples.same(block.body, printed), f"shown:\n{block.body}printed:\n{printed}"
-    for name in ("plan.html", "grid.kmz", "grid.plan", "tradeoff.csv", "times.png"):
+    for name in ("plan.html", "grid.kmz", "grid.csv", "tradeoff.csv", "times.png"):
         assert (tmp_path / name).stat().st_size > 1000
 
 

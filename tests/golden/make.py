@@ -50,13 +50,21 @@ def missions():
     }
 
 
+def flown_by(mission, form):
+    """The mission for an autopilot that takes the format: its own, or the format's first."""
+    autopilot = mission.settings.autopilot
+    if not form.flown_by or autopilot in form.flown_by:
+        return mission
+    return mission._replace(settings=mission.settings._replace(autopilot=form.flown_by[0]))
+
+
 def contents():
     """The golden files by name, as they would be written now."""
     files = {}
     for name, mission in missions().items():
         for form in formats().values():
             if mission.has_place or not form.needs_place:
-                content = render(mission, form)
+                content = render(flown_by(mission, form), form)
                 if form.name == "kmz":
                     archive = zipfile.ZipFile(io.BytesIO(content))
                     for member in archive.namelist():

@@ -74,6 +74,9 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
         assert codes[-1] == 20
         # Cameras: 2000 for PX4, and 203 for ArduPilot, which refuses 2000 before 4.4.
         assert ({203, 2000} & set(codes)) <= {203 if autopilot == "ardupilot" else 2000}
+        wired = flown._replace(settings=flown.settings._replace(camera_control="outputs"))
+        wired_items = plan_of(wired)["mission"]["items"]
+        assert 2000 not in {item["command"] for item in wired_items}
 
 
 @pytest.mark.parametrize("yaw", [-30.0, 330.0, 1050.0, -1e6 * 360.0 - 30.0])
@@ -125,7 +128,12 @@ def test_home_is_the_take_off_and_the_climb_reaches_the_highest_site():
     assert rows[1][8:11] == [48.0, 14.0, 83.0]
     assert plan_of(mission)["mission"]["plannedHomePosition"] == [48.0, 14.0, 190.0]
     (template, waylines) = documents_of(written(mission, "kmz")).values()
-    assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,190.00"]
+    # Its height is above the ellipsoid, and the element optional.
+    assert texts(template, "takeOffRefPoint") == []
+    (template, _) = documents_of(
+        written(grid(ground_m=ground, **place, takeoff_ellipsoid_m=234.5), "kmz")
+    ).values()
+    assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,234.50"]
     assert texts(waylines, "takeOffSecurityHeight") == ["83.00"]
     assert texts(waylines, "globalRTHHeight") == ["83.00"]
 
@@ -135,3 +143,35 @@ def test_waypoint_files_are_not_for_px4():
         written(grid(autopilot="px4"), "waypoints")
     assert "px4" in caught.value.message
     assert ".plan" in caught.value.hint
+
+
+def test_files_are_for_the_autopilot_of_the_drone():
+    for name, autopilot in (
+        ("plan", "dji"),
+        ("waypoints", "dji"),
+        ("kmz", "px4"),
+        ("litchi", "ardupilot"),
+    ):
+        with pytest.raises(RequestError, match="is not for"):
+            written(grid(autopilot=autopilot), name)
+
+
+def test_px4_gets_no_heights_above_the_terrain():
+    with pytest.raises(RequestError, match="no heights above the terrain"):
+        plan_of(grid(altitude_frame="terrain", autopilot="px4"))
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "hold", "hint"),
+    [("ardupilot", 0.0, "--hold 1"), ("ardupilot", 1.5, "--hold 2"), ("px4", 0.0, "--hold 0.2")],
+)
+def test_holds_that_are_flown_through_are_refused(autopilot, hold, hint):
+    with pytest.raises(RequestError) as caught:
+        plan_of(grid(autopilot=autopilot, hold_s=hold))
+    assert caught.value.hint.startswith(hint)
+
+
+def test_zeros_that_arducopter_takes_for_its_place_are_moved_by_a_centimetre():
+    mission = grid(1, origin=(0.0, 0.0), altitude_m=0.0, baseline_m=0.0)
+    row = commands_of(written(mission, "waypoints").decode())[5]
+    assert (row[3], row[8:11]) == (16, [1e-7, 0.0, 0.01])

@@ -65,7 +65,9 @@ def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
 @pytest.mark.parametrize("name", ["waypoints", "plan", "litchi"])
 def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
     ground = [200.0 + 3.0 * index for index in range(12)]
-    mission = grid(ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain")
+    mission = grid(
+        ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain", autopilot=AUTOPILOT[name]
+    )
     content = written(mission, name)
     assert [place[2] for place in positions_of(name, [content])] == [40.0] * 12
     if name == "litchi":
@@ -84,34 +86,38 @@ def test_wpml_has_no_terrain_frame():
         written(grid(altitude_frame="terrain"), "kmz")
 
 
+AUTOPILOT = {"waypoints": "ardupilot", "plan": "ardupilot", "litchi": "dji"}
+
 # Photos
 
 
 @pytest.mark.parametrize("photo", [None, [index % 4 != 3 for index in range(12)]])
 def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
-    values = {"hold_s": 1.25} | ({} if photo is None else {"photo": photo})
+    values = {"hold_s": 2.0} | ({} if photo is None else {"photo": photo})
     mission = grid(**values)
     shot = photo or [True] * 12
     rows = commands_of(written(mission, "waypoints").decode())
     sites = [place for place, row in enumerate(rows) if row[3] == 16][1:]
     assert [rows[place + 1][3] == 203 for place in sites] == shot
     assert all(rows[place + 1][8] == 1 for place, yes in zip(sites, shot, strict=True) if yes)
-    # ArduPilot keeps whole seconds of a hold.
     assert [rows[place][4] for place in sites] == [2.0 if yes else 0.0 for yes in shot]
     items = plan_of(mission)["mission"]["items"]
     places = [place for place, item in enumerate(items) if item["command"] == 16]
     assert [items[place + 1]["command"] == 2000 for place in places] == shot
-    assert [items[place]["params"][0] for place in places] == [1.25 if yes else 0.0 for yes in shot]
+    # PX4 takes the photo as the hold of its waypoint ends: the other half follows it.
+    assert [items[place]["params"][0] for place in places] == [1.0 if yes else 0.0 for yes in shot]
+    delays = [items[place + 2] for place, yes in zip(places, shot, strict=True) if yes]
+    assert [(item["command"], item["params"][0]) for item in delays] == [(93, 1.0)] * sum(shot)
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     marks = list(waylines.iter(f"{KML}Placemark"))
     assert [
         texts(mark, "actionActuatorFunc")[-2:] == ["hover", "takePhoto"] for mark in marks
     ] == shot
-    assert set(texts(waylines, "hoverTime")) == {"1.250"}
+    assert set(texts(waylines, "hoverTime")) == {"2.000"}
     for line, yes in zip(written(mission, "litchi").decode().splitlines()[1:], shot, strict=True):
         pairs = line.split(",")[8:38]
         assert pairs[:6] == (
-            ["5", "-90", "0", "1250", "1", "0"] if yes else ["5", "-90", *["-1", "0"] * 2]
+            ["5", "-90", "0", "2000", "1", "0"] if yes else ["5", "-90", *["-1", "0"] * 2]
         )
 
 
@@ -126,7 +132,7 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
-    assert holds == [0.0, 0.0, 0.0, 1.0] * 3
+    assert holds == [0.0] * 12
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [
         (

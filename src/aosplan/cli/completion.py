@@ -89,6 +89,7 @@ VALUES = {
     "area": Values(endings=AREA),
     "autopilot": Values(_of("planning.options", "AUTOPILOTS")),
     "camera": Values(_cameras, REQUEST),
+    "camera_control": Values(_of("planning.options", "CAMERA_CONTROLS")),
     "clear": Values(endings=AREA),
     "defaults": Values(lambda: ("none",), (".toml",)),
     "document": Values(_documents),

@@ -106,7 +106,7 @@ def write_outputs(
     if not chosen and not pages:
         return []
     from aosplan.files import write_all
-    from aosplan.mission.export import files
+    from aosplan.mission.export import files, notes
 
     contents = dict(pages or {})
     hints = []
@@ -117,6 +117,7 @@ def write_outputs(
             if name in contents:
                 raise RequestError(f"output '{name}' would be written twice", "name them apart")
         contents |= needed
+        hints += notes(flown[0], form)
         if len(needed) > 1:
             first, *_, last = needed
             hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")

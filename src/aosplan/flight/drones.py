@@ -41,7 +41,12 @@ class DronePreset(NamedTuple):
     """Who says so."""
     assumed: str
     """Which number is derived or assumed, and how."""
+    autopilot: str = "dji"
+    """Whose flight controller flies it: one of `AUTOPILOTS`. It decides which files it takes."""
 
+
+AUTOPILOTS = ("px4", "ardupilot", "dji", "autel", "parrot")
+"""Flight controllers whose mission files differ."""
 
 _CRUISE = "cruise speed and acceleration assumed"
 _WPML = "waypoints of a mission: WPML specification, DJI Cloud API (indices up to 65,535)"
@@ -289,6 +294,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         source="EVO II Dual 640T specifications, Autel Robotics (standard mode)",
         assumed=f"{_CRUISE}; descent 3 m/s; speed unconfirmed; photo interval: the shortest of its time lapse",
+        autopilot="autel",
     ),
     "parrot-anafi-usa": DronePreset(
         title="Parrot ANAFI USA",
@@ -302,6 +308,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=1.0,
         source="ANAFI USA specifications, Parrot (climb 4, descent 3 m/s)",
         assumed=f"{_CRUISE}; photo interval",
+        autopilot="parrot",
     ),
     "parrot-anafi-thermal": DronePreset(
         title="Parrot ANAFI Thermal",
@@ -315,6 +322,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=1.0,
         source="ANAFI Thermal specifications, Parrot",
         assumed=f"{_CRUISE}; photo interval; flight time and speeds unconfirmed",
+        autopilot="parrot",
     ),
     "ardupilot-copter": DronePreset(
         title="ArduCopter, any frame with the parameters it comes with",
@@ -331,6 +339,7 @@ DRONES: dict[str, DronePreset] = {
             " 1.5 m/s); waypoints: what small boards store"
         ),
         assumed="airspeed",
+        autopilot="ardupilot",
     ),
     "px4-multicopter": DronePreset(
         title="PX4, any multicopter with the parameters it comes with",
@@ -347,6 +356,7 @@ DRONES: dict[str, DronePreset] = {
             " 1.5 m/s, MPC_XY_VEL_MAX 12 m/s"
         ),
         assumed="the fastest commanded speed taken for the fastest airspeed",
+        autopilot="px4",
     ),
 }
 

@@ -81,8 +81,19 @@ def render(mission: Mission, chosen: Format) -> bytes:
     Raises
     ------
     RequestError
-        Where the format needs a place and the mission has none, or cannot say how it is flown.
+        Where the format needs a place and the mission has none, or cannot say how it is flown, or
+        where the mission's autopilot does not fly it.
     """
+    autopilot = mission.settings.autopilot
+    if chosen.flown_by and autopilot is not None and autopilot not in chosen.flown_by:
+        own = [form for form in formats().values() if autopilot in form.flown_by]
+        whose = f"the drone {mission.settings.drone}" if mission.settings.drone else autopilot
+        raise RequestError(
+            f"{chosen.title} is not for {whose}",
+            f"it takes {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
+            if own
+            else "no format here is for it: write KML, GeoJSON or CSV",
+        )
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
             f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
@@ -119,6 +130,12 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
     return {
         f"{stem}-{number}{suffix}": render(piece, chosen) for number, piece in enumerate(pieces, 1)
     }
+
+
+def notes(mission: Mission, chosen: Format) -> list[str]:
+    """What a format's files take for granted of a mission, a sentence each."""
+    said: Callable[[Mission], list[str]] | None = getattr(_module(chosen.name), "notes", None)
+    return said(mission) if said else []
 
 
 def _module(name: str) -> Any:

@@ -24,7 +24,8 @@ class Format(NamedTuple):
     """What a format is called, which endings it serves, and what it needs.
 
     `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
-    that reads it, the usual one first.
+    that reads it, the usual one first; `flown_by` which autopilots fly it, empty for files that
+    are not flown.
     """
 
     name: str
@@ -33,3 +34,9 @@ class Format(NamedTuple):
     needs_place: bool
     altitudes: str = "ground"
     limits: tuple[Limits, ...] = (Limits(),)
+    flown_by: tuple[str, ...] = ()
+
+    @property
+    def written_as(self) -> str:
+        """How an output of this format is named on the command line."""
+        return self.suffixes[0] if self.suffixes else f"{self.name}:FILE"

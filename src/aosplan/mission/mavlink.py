@@ -5,11 +5,11 @@ Numbers of commands and frames are those of MAVLink's common message set.
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from aosplan.errors import RequestError
 from aosplan.mission.format import Limits
-from aosplan.mission.mission import photo_lines, runs_out
+from aosplan.mission.mission import check_hold, photo_lines, runs_out
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 ABSOLUTE, COMMAND, RELATIVE, TERRAIN = 0, 2, 3, 10
 """Frames: above sea level, none, above home, above the ground."""
 
-WAYPOINT, RETURN, TAKEOFF, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
-    16, 20, 22, 115, 178, 203, 205, 206, 2000,
+WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
+    16, 20, 22, 93, 115, 178, 203, 205, 206, 2000,
 )  # fmt: skip
 """Commands, in their order of number."""
 
@@ -39,8 +39,8 @@ ARDUPILOT = Limits(
 
 PX4 = Limits(
     "px4",
-    # Take-off, speed, gimbal and return, and at most five commands for two waypoints.
-    waypoints=(1, (500 - 4) * 2 // 5),
+    # Take-off, speed, gimbal and return, and at most three commands for a waypoint.
+    waypoints=(1, (500 - 4) // 3),
     source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
 )
 
@@ -58,15 +58,30 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
 
     The drone climbs to its highest waypoint, flies all of them with its nose and its gimbal
     fixed, and returns.
+
+    PX4 sends a photo's command when the hold of its waypoint is over, as it leaves: half of the
+    hold comes after the photo, as a delay.
+
+    Raises
+    ------
+    RequestError
+        If heights are above the terrain and PX4 flies, which refuses such missions, or if the
+        autopilot does not stop for the hold.
     """
     ways, settings = mission.waypoints, mission.settings
     assert ways.latitude is not None  # the formats need a place
     assert ways.longitude is not None
     own_yaw = autopilot == "px4"
     frame = TERRAIN if settings.altitude_frame == "terrain" else RELATIVE
-    # ArduPilot stores whole seconds and cuts the rest off.
-    hold = settings.hold_s if own_yaw else float(math.ceil(settings.hold_s))
-    shoot = _plain(CAPTURE, 0.0, 0.0, 1.0, None) if own_yaw else _plain(SHOOT, fifth=1.0)
+    if own_yaw and frame == TERRAIN:
+        raise RequestError(
+            "PX4 takes no heights above the terrain", "plan with --altitude-frame takeoff"
+        )
+    if settings.trigger == "stop":
+        check_hold(autopilot, settings.hold_s)
+    hold = 0.5 * settings.hold_s if own_yaw else settings.hold_s
+    by_mavlink = own_yaw and settings.camera_control != "outputs"
+    shoot = _plain(CAPTURE, 0.0, 0.0, 1.0, None) if by_mavlink else _plain(SHOOT, fifth=1.0)
     follow = _camera(mission, shoot)
     yield Command(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *mission.home(), mission.climb_m()))
     yield _plain(SPEED, 1.0, settings.speed_mps, -1.0)
@@ -80,10 +95,20 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
             yield _plain(YAW, settings.yaw_deg % 360.0)
             lead = (0.0, 0.0, 0.0)
         shot = follow.get(index, ())
-        stay = hold if shoot in shot else 0.0
-        yield Command(WAYPOINT, frame, (stay, *lead, latitude, longitude, height))
+        stops = settings.trigger == "stop" and shoot in shot
+        where = (latitude, longitude, height) if own_yaw else _meant(latitude, longitude, height)
+        yield Command(WAYPOINT, frame, (hold if stops else 0.0, *lead, *where))
         yield from shot
+        if stops and own_yaw:
+            yield _plain(DELAY, hold)
     yield _plain(RETURN)
+
+
+def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, float, float]:
+    """A place that ArduCopter does not take for "stay": zeros mean the current place or height."""
+    if abs(latitude) < 1e-7 and abs(longitude) < 1e-7:
+        latitude = 1e-7
+    return latitude, longitude, 0.01 if abs(height_m) < 0.01 else height_m
 
 
 def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
+from aosplan.errors import RequestError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
@@ -91,9 +93,11 @@ class FlightSettings(NamedTuple):
     The heading of the drone is fixed over the whole flight, clockwise from true north.  With
     trigger ``stop`` the drone holds at each site and takes a photo; with ``distance`` it flies
     on and the camera fires each `spacing_m`.  Latitude, longitude and height above sea level
-    of the take-off are None where they are not known.  Heights are held above the take-off, or
+    of the take-off are None where they are not known; `takeoff_ellipsoid_m` is its height above
+    the WGS 84 ellipsoid, if the terrain file has such heights.  Heights are held above the take-off, or
     with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
-    takes `most_waypoints` in one file, where that is known.
+    takes `most_waypoints` in one file, where that is known.  PX4 triggers the camera by
+    `camera_control`: commands of MAVLink's camera protocol (``mavlink``), or its own outputs.
     """
 
     trigger: str = "stop"
@@ -110,6 +114,8 @@ class FlightSettings(NamedTuple):
     takeoff_ground_m: float | None = None
     altitude_frame: str = "takeoff"
     most_waypoints: int | None = None
+    camera_control: str | None = None
+    takeoff_ellipsoid_m: float | None = None
 
 
 class Mission(NamedTuple):
@@ -174,6 +180,32 @@ class Mission(NamedTuple):
             return ways.latitude[0], ways.longitude[0]
         return settings.takeoff_latitude, settings.takeoff_longitude
 
+
+def check_hold(autopilot: str | None, hold_s: float) -> None:
+    """Refuse a stop that an autopilot would fly through, or shorten.
+
+    Raises
+    ------
+    RequestError
+        For ArduPilot, unless it is a whole number of seconds from 1 on (AP_Mission stores whole
+        seconds, and ArduCopter flies through a waypoint without a delay); for PX4, unless it is at
+        least `PX4_LEAST_HOLD_S`.
+    """
+    if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
+        raise RequestError(
+            f"--hold {hold_s:g} s: ArduPilot holds whole seconds, and flies through waypoints with "
+            "a hold of 0",
+            f"--hold {max(1, math.ceil(hold_s))}, or --trigger distance for photos in passing",
+        )
+    if autopilot == "px4" and hold_s < PX4_LEAST_HOLD_S:
+        raise RequestError(
+            f"--hold {hold_s:g} s: PX4 flies through waypoints with a hold of 0",
+            f"--hold {PX4_LEAST_HOLD_S:g} or longer, or --trigger distance for photos in passing",
+        )
+
+
+PX4_LEAST_HOLD_S = 0.2
+"""PX4 stops for any hold above zero; each half of it should be longer than a shutter's lag."""
 
 LEAST_CLIMB_M = 5.0
 """A drone climbs at least so high before it flies anywhere."""

@@ -26,7 +26,11 @@ GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
 AUTOPILOTS = ("px4", "ardupilot")
-"""Firmware that flies QGroundControl's plans."""
+"""Flight controllers that take QGroundControl's plans."""
+
+
+CAMERA_CONTROLS = ("mavlink", "outputs")
+"""How PX4 triggers a camera: by MAVLink's camera protocol, or by its own outputs."""
 
 
 def target_share(value: Any, name: str) -> float | str:
@@ -348,7 +352,14 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of(AUTOPILOTS),
             "text",
             "NAME",
-            f"For QGroundControl plans: {' or '.join(AUTOPILOTS)}.  [px4]",
+            f"Flight controller of a drone without a preset: {' or '.join(AUTOPILOTS)}.  [the drone's]",
+        ),
+        (
+            "camera_control",
+            q.one_of(CAMERA_CONTROLS),
+            "text",
+            "HOW",
+            "How PX4 triggers the camera: mavlink, or outputs (PWM, GPIO).  [by camera]",
         ),
         (
             "payload",

@@ -127,6 +127,7 @@ class PlanData:
     def settings(self) -> FlightSettings:
         """How the waypoints are flown."""
         request, timing = self.request, self.route.timing
+        drone = None if request.drone is None else find_drone(request.drone)
         latitude, longitude = self.route.takeoff or (None, None)
         return FlightSettings(
             trigger=request.trigger,
@@ -135,11 +136,15 @@ class PlanData:
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
             yaw_deg=self.heading_deg % 360.0,
             altitude_frame=request.altitude_frame,
-            autopilot=request.autopilot,
+            autopilot=request.autopilot or (drone.autopilot if drone else None),
+            camera_control=request.camera_control,
             drone=request.drone,
             payload=request.payload,
             takeoff_latitude=latitude,
             takeoff_longitude=longitude,
             takeoff_ground_m=self.route.takeoff_ground_m,
-            most_waypoints=find_drone(request.drone).most_waypoints if request.drone else None,
+            takeoff_ellipsoid_m=(
+                self.route.takeoff_ground_m if self.route.datum == "ellipsoid" else None
+            ),
+            most_waypoints=drone.most_waypoints if drone else None,
         )

@@ -134,12 +134,14 @@ class FlightDocument(OpenDocument):
     spacing_m: Annotated[Finite, Field(ge=0)] = 0.0
     yaw_deg: Finite = 0.0
     gimbal_pitch_deg: Annotated[Finite, Field(ge=-180, le=180)] = -90.0
-    autopilot: Literal["px4", "ardupilot"] | None = None
+    autopilot: Literal["px4", "ardupilot", "dji", "autel", "parrot"] | None = None
+    camera_control: Literal["mavlink", "outputs"] | None = None
     drone: str | None = None
     payload: str | None = None
     takeoff_latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
     takeoff_longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
     takeoff_ground_m: Finite | None = None
+    takeoff_ellipsoid_m: Finite | None = None
     acceleration_mps2: Finite | None = None
     climb_mps: Finite | None = None
     run_in_m: Finite = 0.0

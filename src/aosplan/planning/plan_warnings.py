@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from aosplan.camera.disparity import baseline_for_disparity_px, disparity_px
 from aosplan.flight.drones import find_drone
 from aosplan.messages import Message
+from aosplan.planning.aircraft import aircraft_warnings
 from aosplan.planning.setup import requirement_of
 from aosplan.solver.solution import BEST
 
@@ -48,6 +49,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)
+    yield from aircraft_warnings(plan.request)
     yield from _oblique_rays(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:

@@ -14,6 +14,7 @@ from aosplan.errors import RequestError
 from aosplan.flight.drones import find_drone
 from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
+from aosplan.planning.aircraft import camera_of_payload, settled
 from aosplan.planning.options import BY_NAME, OPTIONS
 
 if TYPE_CHECKING:
@@ -128,6 +129,7 @@ class PlanRequest:
     hold: float = 1.0
     hold_error: float = 0.0
     autopilot: str | None = None
+    camera_control: str | None = None
     payload: str | None = None
     trigger: str = "stop"
     max_blur: float | None = None
@@ -157,6 +159,8 @@ class PlanRequest:
         self._check_scene()
         self._check_flight()
         self._check_camera()
+        for name, value in settled(self).items():
+            object.__setattr__(self, name, value)
         self._check_bounds()
         self._check_area()
 
@@ -272,12 +276,13 @@ class PlanRequest:
 
     def _check_flight(self) -> None:
         drone = None if self.drone is None else find_drone(self.drone)
+        carried = None if self.payload is None else camera_of_payload(self.payload)
         own_camera = self.focal_length is not None or self.fov is not None
         for name, value in {
             "speed": drone.speed_mps if drone else 5.0,
             "acceleration": drone.acceleration_mps2 if drone else 2.0,
             "climb": drone.climb_mps if drone else 3.0,
-            "camera": drone.camera if drone and not own_camera else None,
+            "camera": None if own_camera else carried or (drone.camera if drone else None),
             "photo_interval": drone.photo_interval_s if drone else None,
             "airspeed": drone.airspeed_mps if drone else 15.0 if self.wind_speed else None,
             "max_blur": BLUR_PX if self.trigger == "distance" else None,
@@ -392,7 +397,16 @@ def request_from(
     return PlanRequest(**asked)
 
 
-BROUGHT_BY_DRONE = ("speed", "acceleration", "climb", "photo_interval", "airspeed")
+BROUGHT_BY_DRONE = (
+    "speed",
+    "acceleration",
+    "climb",
+    "photo_interval",
+    "airspeed",
+    "autopilot",
+    "camera_control",
+    "payload",
+)
 """What a drone brings along, beside its camera."""
 
 PARTNERS = {

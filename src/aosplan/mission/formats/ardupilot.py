@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from aosplan.errors import RequestError
 from aosplan.mission.format import Format
 from aosplan.mission.mavlink import ABSOLUTE, ARDUPILOT, WAYPOINT, Command, commands
 
@@ -22,16 +21,12 @@ FORMAT = Format(
     needs_place=True,
     altitudes="take-off, or ground",
     limits=(ARDUPILOT,),
+    flown_by=("ardupilot",),
 )
 
 
 def render(mission: Mission) -> bytes:
     """Row 0 is home, without which ArduPilot would take the take-off for it."""
-    if mission.settings.autopilot not in (None, "ardupilot"):
-        raise RequestError(
-            f"{FORMAT.title} is not for --autopilot {mission.settings.autopilot}",
-            "PX4 would fly its home row as a waypoint: write a .plan",
-        )
     ground = mission.settings.takeoff_ground_m or 0.0
     home = Command(WAYPOINT, ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *mission.home(), ground))
     lines = [

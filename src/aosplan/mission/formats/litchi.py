@@ -33,6 +33,7 @@ FORMAT = Format(
             "(DJIWaypointMission); heights and stays of Litchi's CSV",
         ),
     ),
+    flown_by=("dji",),
 )
 
 _PAIRS = 15
@@ -66,6 +67,16 @@ def render(mission: Mission) -> bytes:
         actions,
         intervals,
     )
+
+
+def notes(mission: Mission) -> list[str]:
+    """What the file takes for granted."""
+    if mission.settings.altitude_frame != "terrain":
+        return []
+    return [
+        f"{FORMAT.title}: Litchi takes the ground below the first waypoint for the height of the "
+        "take-off, so heights above ground hold only for a take-off at that height"
+    ]
 
 
 def _camera(mission: Mission, pitch: str) -> tuple[list[str], list[str]]:

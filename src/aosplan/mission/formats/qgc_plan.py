@@ -22,6 +22,7 @@ FORMAT = Format(
     needs_place=True,
     altitudes="take-off, or ground",
     limits=(PX4, ARDUPILOT),
+    flown_by=("px4", "ardupilot"),
 )
 
 FIRMWARE = {"px4": 12, "ardupilot": 3}
@@ -65,6 +66,16 @@ def render(mission: Mission) -> bytes:
     frame = json.dumps(plan, ensure_ascii=False, allow_nan=False, indent=1)
     head, _, tail = frame.rpartition(json.dumps(_ITEMS))
     return f"{head}[\n{items}\n]{tail}\n".encode()
+
+
+def notes(mission: Mission) -> list[str]:
+    """What the file takes for granted."""
+    if mission.settings.autopilot is not None:
+        return []
+    return [
+        f"{FORMAT.title}: no autopilot is given, so the plan is for PX4; if ArduPilot flies it, "
+        "give --autopilot ardupilot"
+    ]
 
 
 def _above(mission: Mission) -> str:

@@ -42,6 +42,7 @@ FORMAT = Format(
             "those of DJI's Mobile SDK 4, as the specification bounds neither",
         ),
     ),
+    flown_by=("dji",),
 )
 
 _STOP = (
@@ -155,12 +156,13 @@ def _wrap(name: str, *inner: object) -> str:
 def _config(mission: Mission) -> str:
     """Where the drone goes before and after, and what it is."""
     settings = mission.settings
-    _, drone, payload = machine(mission)
+    _, drone, payload, _ = machine(mission)
     height = f"{mission.climb_m():.2f}"
+    # Its height is above the ellipsoid: the element is optional, and left out if that is unknown.
     reference = ""
-    if settings.takeoff_latitude is not None:
+    if settings.takeoff_latitude is not None and settings.takeoff_ellipsoid_m is not None:
         latitude, longitude = mission.home()
-        place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ground_m or 0.0:.2f}"
+        place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ellipsoid_m:.2f}"
         reference = _wrap("takeOffRefPoint", place) + "\n"
     return f"""<wpml:missionConfig>
 <wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>
@@ -177,8 +179,8 @@ def _config(mission: Mission) -> str:
 </wpml:missionConfig>"""
 
 
-def machine(mission: Mission) -> tuple[str, Drone, int]:
-    """The drone's name and numbers, and the number of the camera that it carries.
+def machine(mission: Mission) -> tuple[str, Drone, int, str]:
+    """The drone's name and numbers, and the number and name of the camera that it carries.
 
     A drone or payload that is not named is the one that the planned camera belongs to.
     """
@@ -196,7 +198,7 @@ def machine(mission: Mission) -> tuple[str, Drone, int]:
     if payload is None:
         raise RequestError(
             f"{FORMAT.title} needs to know what the drone {name} carries",
-            f"give --payload {', '.join(PAYLOADS)}",
+            f"give --payload {', '.join(payload for payload in PAYLOADS if payload not in DRONES)}",
         )
     if payload != drone.payload and (drone.payload is not None or payload in DRONES):
         raise RequestError(
@@ -205,7 +207,7 @@ def machine(mission: Mission) -> tuple[str, Drone, int]:
             if drone.payload is None
             else "leave --payload out, or give another --drone",
         )
-    return name, drone, _known(payload, PAYLOADS, "payload")
+    return name, drone, _known(payload, PAYLOADS, "payload"), payload
 
 
 def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
@@ -222,8 +224,23 @@ def _camera_name(mission: Mission) -> str:
     return str(camera.get("name", "")) if isinstance(camera, dict) else ""
 
 
+_ONE_COLOUR_TOKEN = {
+    "dji-m3e",
+    "dji-m3t",
+    "dji-m3m",
+    "dji-m4e",
+    "dji-m4t",
+    "dji-m4d",
+    "dji-m4td",
+}
+"""Cameras whose colour photos DJI Pilot 2 and FlightHub 2 store as ``visable``, in DJI's spelling."""
+
+
 def _lens(mission: Mission) -> str:
-    return "ir" if _camera_name(mission).endswith("thermal") else "wide"
+    """Which lens stores its photo: the planned one, by the token that DJI's own files have."""
+    if _camera_name(mission).endswith("thermal"):
+        return "ir"
+    return "visable" if machine(mission)[3] in _ONE_COLOUR_TOKEN else "wide"
 
 
 def _heading(yaw_deg: float) -> str:
@@ -268,13 +285,13 @@ class Group(NamedTuple):
 def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
     """Action groups by waypoint, and the waypoints that are flown through without a stop."""
     settings, photo = mission.settings, mission.waypoints.photo
-    aim = _gimbal(settings.gimbal_pitch_deg)
+    aim, shoot = _gimbal(settings.gimbal_pitch_deg), _take_photo(_lens(mission))
     wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
     passed: set[int] = set()
     if settings.trigger == "stop":
         hold = f"{settings.hold_s:.3f}"
         hover = (_action("hover", _wrap("hoverTime", hold)),) if float(hold) else ()
-        site = (*hover, _SHOOT)
+        site = (*hover, shoot)
         sites = [i for i in range(len(mission.waypoints)) if photo is None or photo[i]]
         if sites[:1] == [0]:
             wanted = [(0, 0, None, (aim, *site))]
@@ -282,7 +299,7 @@ def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
         wanted += [(index, index, None, site) for index in sites]
     else:
         for first, last in photo_lines(mission):
-            wanted.append((first, last, settings.spacing_m if last > first else None, (_SHOOT,)))
+            wanted.append((first, last, settings.spacing_m if last > first else None, (shoot,)))
             run_in = int(first > 0 and photo is not None and not photo[first - 1])
             if last > first:
                 passed |= set(range(first + 1 - run_in, last + runs_out(mission, last)))
@@ -328,12 +345,15 @@ def _action(function: str, *parameters: str) -> str:
     )
 
 
-_SHOOT = _action(
-    "takePhoto",
-    _wrap("payloadPositionIndex", 0),
-    _wrap("fileSuffix", "aos"),
-    _wrap("useGlobalPayloadLensIndex", 1),
-)
+def _take_photo(lens: str) -> str:
+    """A photo, stored by one lens: the M30 and M3D families need it named in every action."""
+    return _action(
+        "takePhoto",
+        _wrap("payloadPositionIndex", 0),
+        _wrap("fileSuffix", "aos"),
+        _wrap("payloadLensIndex", lens),
+        _wrap("useGlobalPayloadLensIndex", 0),
+    )
 
 
 def _gimbal(pitch_deg: float) -> str:

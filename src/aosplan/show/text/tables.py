@@ -226,6 +226,12 @@ def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
             f"run-in {route.timing.run_in_m:.3g} m",
         )
+    if request.autopilot is not None:
+        triggered = {
+            "outputs": ", which triggers the camera by its own outputs (--camera-control)",
+            "mavlink": ", which triggers the camera by MAVLink (--camera-control)",
+        }
+        yield "Autopilot", request.autopilot + triggered.get(request.camera_control or "", "")
     known = (request.drone, request.takeoff, request.flight_time, request.resume_at)
     if any(value is not None for value in known) or len(route.flights) > 1:
         count = len(route.flights)

@@ -79,6 +79,7 @@ UNDERSTOOD = {
     "hold",
     "autopilot",
     "payload",
+    "camera_control",
     "photo_interval",
     "altitude_frame",
     *VALUES,
