@@ -95,6 +95,11 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
         return iterator.operands[-1][()]
 
 
+def triangle(distance: Any, xp: Any = SCALARS) -> Any:
+    """max(0, 1 - |u|): how much two intervals of length 1 overlap that are u apart."""
+    return xp.maximum(1.0 - abs(distance), 0.0)
+
+
 def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Smallest number in [low, high] at which a condition holds that, once true, stays true.
 

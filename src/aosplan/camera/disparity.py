@@ -10,10 +10,10 @@ reach one pixel to separate anything.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import InfeasibleError
-from aosplan.numerics import smallest
+from aosplan.numerics import SCALARS, smallest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,19 +33,38 @@ def occluder_px(
     return max(focal_length_px * occluder_size_m / (altitude_m - height_m), 1.0)
 
 
-def disparity_px(
-    baseline_m: float, height_m: float, altitude_m: float, focal_length_px: float
-) -> float:
+def disparity_px(baseline_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any) -> Any:
     """Shift of an occluder between neighbouring registered samples [px]."""
     # b f (1/(h-H) - 1/h), without the cancellation of the two terms.
     return baseline_m * focal_length_px * height_m / ((altitude_m - height_m) * altitude_m)
 
 
 def baseline_for_disparity_px(
-    disparity: float, height_m: float, altitude_m: float, focal_length_px: float
-) -> float:
+    disparity: Any, height_m: Any, altitude_m: Any, focal_length_px: Any
+) -> Any:
     """Baseline [m] at which an occluder moves by a number of pixels: `disparity_px` solved for b."""
     return disparity * (altitude_m - height_m) * altitude_m / (focal_length_px * height_m)
+
+
+def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
+    """Height above which a share of the occluders lies that are spread evenly between two heights.
+
+    It is counted upwards from the bottom: the lowest occluders decide, and nothing cancels.
+    """
+    return bottom_m + (1.0 - coverage) * (top_m - bottom_m)
+
+
+def unit_baseline_m(
+    occluder_size_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any, xp: Any = SCALARS
+) -> Any:
+    """Baseline [m] at which an occluder has d̂ = 1; one smaller than a pixel counts as one pixel.
+
+    Heights above 0; floats, or arrays with numpy as `xp`.
+    """
+    by_size = occluder_size_m * altitude_m / height_m
+    by_pixel = baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
+    resolved = focal_length_px * occluder_size_m / (altitude_m - height_m) > 1.0
+    return xp.where(resolved, by_size, by_pixel)
 
 
 class CoverageBaseline(NamedTuple):
@@ -100,8 +119,7 @@ def coverage_baseline(
     """
     if len(slabs) == 1:
         slab = slabs[0]
-        # Upwards from the bottom: the lowest occluders decide, and nothing cancels.
-        height = slab.bottom_m + (1.0 - coverage) * (slab.top_m - slab.bottom_m)
+        height = covered_height_m(slab.bottom_m, slab.top_m, coverage)
     elif coverage == 1.0:
         slab = max(
             slabs, key=lambda s: _unit_baseline_m(s, s.bottom_m, altitude_m, focal_length_px)
@@ -112,11 +130,16 @@ def coverage_baseline(
         slab, height = _deciding(slabs, altitude_m, focal_length_px, baseline)
     if height <= 0.0:
         raise InfeasibleError(
-            f"coverage {coverage:g} asks for every occluder, and some stand on the focal plane",
+            uncovered(coverage),
             "occluders at height 0 never blur away: use a smaller --coverage, such as 0.98",
         )
     unit = _unit_baseline_m(slab, height, altitude_m, focal_length_px)
     return CoverageBaseline(unit, height, slab.occluder_size_m)
+
+
+def uncovered(coverage: float) -> str:
+    """What is said of a coverage that includes occluders on the focal plane."""
+    return f"coverage {coverage:g} asks for every occluder, and some stand on the focal plane"
 
 
 def _unit_baseline_m(
@@ -125,9 +148,7 @@ def _unit_baseline_m(
     """Baseline at which a slab's occluders at a height have d̂ = 1; inf on the focal plane."""
     if height_m <= 0.0:
         return math.inf
-    if occluder_px(slab.occluder_size_m, height_m, altitude_m, focal_length_px) > 1.0:
-        return slab.occluder_size_m * altitude_m / height_m
-    return baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
+    return float(unit_baseline_m(slab.occluder_size_m, height_m, altitude_m, focal_length_px))
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:

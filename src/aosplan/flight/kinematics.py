@@ -14,9 +14,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import InfeasibleError
+from aosplan.numerics import SCALARS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,11 +32,14 @@ SLOWEST_MPS = 1e-9
 """Sites on top of each other would take no speed at all."""
 
 
-def stop_to_stop_s(length_m: float, speed_mps: float, acceleration_mps2: float) -> float:
-    """Time from stop to stop: a trapezoid of speed, or a triangle where the leg is short."""
-    if length_m >= speed_mps**2 / acceleration_mps2:
-        return length_m / speed_mps + speed_mps / acceleration_mps2
-    return 2.0 * math.sqrt(length_m / acceleration_mps2)
+def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: Any = SCALARS) -> Any:
+    """Time from stop to stop: a trapezoid of speed, or a triangle if the leg is short.
+
+    Takes floats, or arrays with numpy as `xp`.
+    """
+    trapezoid = length_m / speed_mps + speed_mps / acceleration_mps2
+    short = length_m < speed_mps**2 / acceleration_mps2
+    return xp.where(short, 2.0 * xp.sqrt(length_m / acceleration_mps2), trapezoid)
 
 
 def passing_s(
@@ -44,7 +48,7 @@ def passing_s(
     """Time from the stop at which a line begins until a distance along it is passed."""
     left = length_m - distance_m
     if left < distance_m:  # slowing down is speeding up, backwards
-        whole = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
+        whole: float = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
         return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)
     ramp = 0.5 * speed_mps**2 / acceleration_mps2
     if distance_m <= ramp:
@@ -131,7 +135,8 @@ class Timing(NamedTuple):
         length = math.hypot(x_m, y_m, up_m)
         if not length:
             return 0.0
-        return stop_to_stop_s(length, self.leg_speed_mps(x_m, y_m, up_m), self.acceleration_mps2)
+        speed = self.leg_speed_mps(x_m, y_m, up_m)
+        return float(stop_to_stop_s(length, speed, self.acceleration_mps2))
 
 
 class Leg(NamedTuple):

@@ -36,7 +36,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.numerics import elementwise, smallest
+from aosplan.numerics import SCALARS, elementwise, smallest
 from aosplan.scenes.density import integrated_density, slice_density, transparency
 from aosplan.units import exact_share
 
@@ -332,16 +332,19 @@ def aperture(samples: Floats, baseline: Floats) -> Any:
     17.0
     """
     return elementwise(
-        lambda xp, n, b: ((n - 1.0) / (xp.sqrt(n) + 1.0) * b, (n >= 1.0) & (b >= 0.0)),
-        samples,
-        baseline,
+        lambda xp, n, b: (sampled_side(n, xp) * b, (n >= 1.0) & (b >= 0.0)), samples, baseline
     )
+
+
+def sampled_side(samples: Any, xp: Any = SCALARS) -> Any:
+    """√N - 1, the side of the sampled square in baselines, to full precision near N = 1."""
+    return (samples - 1.0) / (xp.sqrt(samples) + 1.0)
 
 
 def baseline_for_aperture(aperture: Floats, samples: Floats) -> Any:
     """Baseline b = a/(√N - 1) [m] that gives an aperture with N > 1 samples: Eq. 5 solved for b."""
     return elementwise(
-        lambda xp, a, n: (a * (xp.sqrt(n) + 1.0) / (n - 1.0), (n > 1.0) & (a >= 0.0)),
+        lambda xp, a, n: (a / sampled_side(n, xp), (n > 1.0) & (a >= 0.0)),
         aperture,
         samples,
     )

@@ -32,6 +32,7 @@ from aosplan.models.layered_noise import BlurredTable
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
 from aosplan.models.position_noise import NEGLIGIBLE
+from aosplan.numerics import triangle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -355,8 +356,8 @@ class LayeredModel:
         block = max(1, TERMS_AT_ONCE // max(len(self._filled), 1))
         for start in range(0, len(x), block):
             part = slice(start, start + block)
-            tau = np.maximum(1.0 - x[part, None] / self._reach_m, 0.0)
-            tau *= np.maximum(1.0 - y[part, None] / self._reach_m, 0.0)
+            tau = triangle(x[part, None] / self._reach_m, np)
+            tau *= triangle(y[part, None] / self._reach_m, np)
             result[part] = term(tau).sum(axis=1)
         return result
 

@@ -18,7 +18,7 @@ Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,6 +33,11 @@ MODELS = ("uniform", "layered", "measured")
 
 RAYS = ("nadir", "oblique", "cubes")
 """Rays of the uniform and the layered model, by name (`aosplan.models.oblique_rays`)."""
+
+
+def contrast_squared(density: Any, transparency: Any, shortfall: Any) -> Any:
+    """Square of the target's contrast over the noise of the occluders, (1-p)/(p K)."""
+    return 1.0 / shortfall * transparency / density
 
 
 class Prediction(NamedTuple):
@@ -79,9 +84,9 @@ class Prediction(NamedTuple):
     @property
     def contrast(self) -> float:
         """Contrast of the target over the noise of the occluders, √((1-p)/(p K))."""
-        if self.density == 0.0:
+        if self.density == 0.0 or self.shortfall <= 0.0:
             return math.inf
-        return math.sqrt(self.effective_samples * self.transparency / self.density)
+        return math.sqrt(contrast_squared(*self))
 
 
 class VisibilityModel(Protocol):

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from aosplan.numerics import SCALARS, elementwise
+from aosplan.numerics import SCALARS, elementwise, triangle
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -64,9 +64,8 @@ def blurred_overlap(distance: Floats, spread: Floats) -> Any:
 def _blurred_overlap(xp: Any, distance: Any, spread: Any) -> tuple[Any, Any]:
     u = abs(distance)
     narrow = xp.maximum(xp.minimum(spread, 1.0), 1e-300)
-    triangle = xp.maximum(1.0 - u, 0.0)
     corners = _excess(xp, u + 1.0, narrow) + _excess(xp, abs(u - 1.0), narrow)
-    sharp = triangle + (corners - 2.0 * _excess(xp, u, narrow))
+    sharp = triangle(u, xp) + (corners - 2.0 * _excess(xp, u, narrow))
     wide = _wide(xp, u, xp.maximum(spread, 1.0))
     return xp.where(spread > 1.0, wide, xp.maximum(sharp, 0.0)), (spread >= 0.0) & (u < math.inf)
 

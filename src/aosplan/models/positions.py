@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.grid.pair_offsets import offset_counts
 from aosplan.grid.spiral import Spiral
 from aosplan.models.equations import line_shortfall
+from aosplan.numerics import SCALARS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -66,21 +67,22 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
         return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(
-        _overlaps(row, pattern.rows, dhat_y) * _overlaps(column, pattern.columns, dhat)
+        line_overlaps(row, pattern.rows, dhat_y) * line_overlaps(column, pattern.columns, dhat)
         for row, column in pattern.removed
     )
     counted_twice = _pair_sum(pattern.removed, dhat_y, dhat)
     return float(total - 2.0 * lost + counted_twice) / samples**2
 
 
-def _overlaps(index: int, count: int, dhat: float) -> float:
+def line_overlaps(index: Any, count: int, dhat: Any, xp: Any = SCALARS) -> Any:
     """Sum of max(0, 1 - |i - index| d̂) over the sites i = 0 … count - 1 of a line."""
-    return 1.0 + _one_side(index, dhat) + _one_side(count - 1 - index, dhat)
+    return 1.0 + _one_side(index, dhat, xp) + _one_side(count - 1 - index, dhat, xp)
 
 
-def _one_side(neighbours: int, dhat: float) -> float:
-    reach = neighbours if neighbours * dhat <= 1.0 else math.floor(1.0 / dhat)
-    return reach * (1.0 - 0.5 * dhat * (reach + 1))
+def _one_side(neighbours: Any, dhat: Any, xp: Any) -> Any:
+    within = xp.floor(1.0 / xp.maximum(dhat, 1e-300))
+    reach = xp.where(neighbours * dhat <= 1.0, neighbours, within)
+    return reach * (1.0 - 0.5 * dhat * (reach + 1.0))
 
 
 def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float) -> float:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.grid.spiral import Spiral
 from aosplan.models.model import Prediction
 from aosplan.models.positions import pattern_shortfall, positions_shortfall
+from aosplan.numerics import triangle
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,9 +110,7 @@ class UniformModel(NamedTuple):
         """Overlap of the occluders of two nadir samples: a triangle along either axis."""
         import numpy as np
 
-        along_x, along_y = (
-            np.maximum(1.0 - np.abs(apart) / self.unit_baseline_m, 0.0) for apart in (x_m, y_m)
-        )
+        along_x, along_y = (triangle(apart / self.unit_baseline_m, np) for apart in (x_m, y_m))
         overlap: Floats = along_x * along_y
         return overlap
 

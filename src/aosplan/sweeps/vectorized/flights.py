@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.flight.kinematics import path_of
+from aosplan.flight.kinematics import path_of, stop_to_stop_s
 from aosplan.grid.patterns import MOST_SITES, Sites, pattern_for
 
 if TYPE_CHECKING:
@@ -92,7 +92,5 @@ def flights(layout: Layouts, baseline: Any, timing: tuple[Any, Any, Any]) -> tup
         leg = table[0, kind][layout.places] * baseline
         count = table[1, kind][layout.places]
         length = length + leg * count
-        slow = 2.0 * np.sqrt(leg / acceleration)
-        fast = leg / speed + speed / acceleration
-        time = time + np.where(leg >= speed**2 / acceleration, fast, slow) * count
+        time = time + stop_to_stop_s(leg, speed, acceleration, np) * count
     return length, time

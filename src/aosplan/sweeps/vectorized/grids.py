@@ -13,6 +13,8 @@ import numpy as np
 
 from aosplan.grid.patterns import MOST_SITES, Pattern, pattern_for
 from aosplan.models.equations import line_shortfall
+from aosplan.models.positions import line_overlaps
+from aosplan.numerics import triangle
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -108,25 +110,15 @@ def _trimmed(samples: int, dhat: Floats) -> Floats:
     step = max(TERMS_AT_ONCE // max(len(pairs), len(rows)), 1)
     for start in range(0, len(dhat), step):
         part = dhat[start : start + step, None]
-        lost = _overlaps(rows, sites.rows, part) * _overlaps(columns, sites.columns, part)
-        shared = np.maximum(1.0 - apart_y * part, 0.0) * np.maximum(1.0 - apart_x * part, 0.0)
+        lost = line_overlaps(rows, sites.rows, part, np)
+        lost = lost * line_overlaps(columns, sites.columns, part, np)
+        shared = triangle(apart_y * part, np) * triangle(apart_x * part, np)
         result[start : start + step] = shared @ pairs - 2.0 * lost.sum(axis=1)
     total = (
         _whole(float(sites.rows), float(sites.columns), dhat) * (sites.rows * sites.columns) ** 2
     )
     shortfall = (total + (result + len(rows))) / samples**2
     return np.where(dhat >= 1.0, 1.0 / samples, shortfall)
-
-
-def _overlaps(index: Floats, count: int, dhat: Floats) -> Floats:
-    """Sum of max(0, 1 - |i - index| d̂) over the sites i = 0 … count - 1 of a line."""
-    return 1.0 + _one_side(index, dhat) + _one_side(count - 1 - index, dhat)
-
-
-def _one_side(neighbours: Floats, dhat: Floats) -> Floats:
-    reach = np.where(neighbours * dhat <= 1.0, neighbours, np.floor(1.0 / dhat))
-    side: Floats = reach * (1.0 - 0.5 * dhat * (reach + 1.0))
-    return side
 
 
 def fewest(grid: str, most: Floats, independent: Counts, dhat: Floats) -> Counts:

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.grid.patterns import MOST_SITES, too_many_sites
+from aosplan.models.model import Prediction
 from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE
 from aosplan.solver.solve_monotone import SEARCHED_FRAMES, SEARCHED_SAMPLES
 from aosplan.sweeps.status import INFEASIBLE, INVALID
-from aosplan.sweeps.vectorized import grids as lattices
+from aosplan.sweeps.vectorized import grids
 from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 
 if TYPE_CHECKING:
@@ -55,9 +56,8 @@ class Asked(NamedTuple):
 
     def value(self, shortfall: Any) -> Any:
         """What a shortfall makes of the quantity that is asked for."""
-        if self.target.symbol == "V̂":
-            return 1.0 - shortfall
-        return self.transparency * (1.0 + self.density * (1.0 - shortfall))
+        predicted = Prediction(self.density, self.transparency, shortfall)
+        return predicted.normalized if self.target.symbol == "V̂" else predicted.expected
 
 
 class Answer(NamedTuple):
@@ -116,7 +116,7 @@ def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts]:
     """Samples of the smallest patterns with so many, and their longer sides in baselines."""
-    rows, columns = lattices.frame(grid, lattices.index_of(grid, samples))
+    rows, columns = grids.frame(grid, grids.index_of(grid, samples))
     longer = np.maximum(rows, columns) - 1
     return samples if grid == "trimmed" else rows * columns, longer
 
@@ -172,10 +172,10 @@ def _free(asked: Asked, counted: Any, statuses: RowStatuses) -> Answer:
 
 def _largest(grid: str, most: Any) -> tuple[Any, Any]:
     """Samples of the largest pattern of a kind with at most so many, and its place."""
-    index = lattices.index_of(grid, most)
-    rows, columns = lattices.frame(grid, index)
+    index = grids.index_of(grid, most)
+    rows, columns = grids.frame(grid, index)
     index = index - ((rows * columns > most) & (grid != "trimmed"))
-    rows, columns = lattices.frame(grid, index)
+    rows, columns = grids.frame(grid, index)
     return most if grid == "trimmed" else rows * columns, index
 
 
@@ -215,7 +215,7 @@ class _Rows(NamedTuple):
 class _Found(NamedTuple):
     """Answers of some rows, and for the refused ones the best within the bounds, shape (n,).
 
-    `samples` may be `lattices.NONE` or `lattices.UNKNOWN`.
+    `samples` may be `grids.NONE` or `grids.UNKNOWN`.
     """
 
     samples: Counts
@@ -250,8 +250,8 @@ def _bound(asked: Asked, statuses: RowStatuses, *, count_required: bool) -> Answ
     if asked.samples is not None:
         sound = sound & (every.samples <= MOST_SITES)
     count = len(kinds)
-    samples = np.full(count, lattices.UNKNOWN)
-    required = np.full(count, lattices.UNKNOWN if count_required else lattices.NONE)
+    samples = np.full(count, grids.UNKNOWN)
+    required = np.full(count, grids.UNKNOWN if count_required else grids.NONE)
     best = np.zeros(count, dtype=np.int64)
     baseline, shortfall, best_baseline, best_shortfall = np.full((4, count), np.nan)
     for kind in sorted(set(asked.grid.flat)):
@@ -265,7 +265,7 @@ def _bound(asked: Asked, statuses: RowStatuses, *, count_required: bool) -> Answ
     answered = Answer(*(part.reshape(shape) for part in (samples, baseline, shortfall, required)))
     reached = best.reshape(shape), best_baseline.reshape(shape), best_shortfall.reshape(shape)
     _judge(asked, answered, reached, statuses)
-    none = answered.required == lattices.NONE
+    none = answered.required == grids.NONE
     return answered._replace(
         samples=np.maximum(answered.samples, 1),
         required=np.where(none, np.nan, answered.required) if none.any() else answered.required,
@@ -277,29 +277,27 @@ def _required(kind: str, part: _Rows, found: _Found) -> Counts:
     counted = "line" if kind == "line" else "trimmed"
     if kind == counted and part.baseline_m is not None and part.samples is None:
         return found.samples
-    required = np.full(len(found.samples), lattices.UNKNOWN)
+    required = np.full(len(found.samples), grids.UNKNOWN)
     rows = np.flatnonzero(found.samples > 0)
     dhat = found.baseline_m[rows] / part.unit_m[rows]
-    required[rows] = lattices.fewest(counted, part.most[rows], part.fewest[rows], dhat)
+    required[rows] = grids.fewest(counted, part.most[rows], part.fewest[rows], dhat)
     return required
 
 
 def _solved(kind: str, part: _Rows) -> _Found:
     if part.samples is None and part.baseline_m is not None:
-        samples = lattices.fewest(
-            kind, part.most, part.fewest, dhat := part.baseline_m / part.unit_m
-        )
+        samples = grids.fewest(kind, part.most, part.fewest, dhat := part.baseline_m / part.unit_m)
         told = np.maximum(samples, 1)
-        return _Found(samples, part.baseline_m, lattices.shortfalls(kind, told, dhat))
+        return _Found(samples, part.baseline_m, grids.shortfalls(kind, told, dhat))
     if part.samples is None:
         return _fewest_within(kind, part)
     samples, longer = _lines(kind, part.samples)
     baseline = part.baseline_m
     if baseline is None:
         baseline = _widest_m(part, longer)
-    shortfall = lattices.shortfalls(kind, samples, baseline / part.unit_m)
+    shortfall = grids.shortfalls(kind, samples, baseline / part.unit_m)
     return _Found(
-        np.where(np.isnan(shortfall) | (samples > MOST_SITES), lattices.UNKNOWN, samples),
+        np.where(np.isnan(shortfall) | (samples > MOST_SITES), grids.UNKNOWN, samples),
         baseline,
         shortfall,
     )
@@ -321,13 +319,13 @@ def _fewest_within(kind: str, part: _Rows) -> _Found:
         if part.max_samples is None
         else part.max_samples
     )
-    samples = np.full(count, lattices.NONE)
+    samples = np.full(count, grids.NONE)
     baseline, shortfall = np.full((2, count), np.nan)
-    index, chosen = lattices.index_of(kind, part.fewest), np.arange(count)
+    index, chosen = grids.index_of(kind, part.fewest), np.arange(count)
     for _ in range(SEARCHED_FRAMES):
-        rows, columns = lattices.frame(kind, index[chosen])
+        rows, columns = grids.frame(kind, index[chosen])
         whole = rows * columns
-        least = lattices.least_of(index[chosen]) if kind == "trimmed" else whole
+        least = grids.least_of(index[chosen]) if kind == "trimmed" else whole
         within = least <= limit[chosen]
         chosen, rows, columns, whole = (each[within] for each in (chosen, rows, columns, whole))
         if not len(chosen):
@@ -335,22 +333,22 @@ def _fewest_within(kind: str, part: _Rows) -> _Found:
         widest = _widest_m(part, np.maximum(rows, columns) - 1, chosen)
         dhat = widest / part.unit_m[chosen]
         most = np.minimum(whole, limit[chosen])
-        reached = lattices.shortfalls(kind, most, dhat)
+        reached = grids.shortfalls(kind, most, dhat)
         met = (reached <= part.most[chosen]) | np.isnan(reached)
         hit = chosen[met]
         least = np.minimum(np.maximum(least[within][met], part.fewest[hit]), most[met])
-        found = lattices.fewest_within(kind, part.most[hit], least, most[met], dhat[met])
-        found[np.isnan(reached[met])] = lattices.UNKNOWN
+        found = grids.fewest_within(kind, part.most[hit], least, most[met], dhat[met])
+        found[np.isnan(reached[met])] = grids.UNKNOWN
         samples[hit], baseline[hit] = found, widest[met]
-        shortfall[hit] = lattices.shortfalls(kind, np.maximum(found, 1), dhat[met])
+        shortfall[hit] = grids.shortfalls(kind, np.maximum(found, 1), dhat[met])
         chosen = chosen[~met]
         index[chosen] += 1
     best = np.zeros(count, dtype=np.int64)
     best_baseline, best_shortfall = np.full((2, count), np.nan)
-    lost = np.flatnonzero(samples == lattices.NONE)
+    lost = np.flatnonzero(samples == grids.NONE)
     if len(lost):
         best[lost], best_baseline[lost], best_shortfall[lost] = _best_within(kind, part, lost)
-        samples[lost[best[lost] == lattices.UNKNOWN]] = lattices.UNKNOWN
+        samples[lost[best[lost] == grids.UNKNOWN]] = grids.UNKNOWN
     return _Found(samples, baseline, shortfall, best, best_baseline, best_shortfall)
 
 
@@ -359,22 +357,22 @@ def _best_within(kind: str, part: _Rows, lost: NDArray[np.intp]) -> tuple[Counts
     limit = (
         np.full(len(lost), SEARCHED_SAMPLES) if part.max_samples is None else part.max_samples[lost]
     )
-    samples = np.full(len(lost), lattices.UNKNOWN)
+    samples = np.full(len(lost), grids.UNKNOWN)
     baseline, shortfall = np.full(len(lost), np.nan), np.full(len(lost), np.inf)
-    last = lattices.index_of(kind, limit).max()
+    last = grids.index_of(kind, limit).max()
     for index in range(1, int(min(last, SEARCHED_FRAMES)) + 1):
         place = np.array([index])
-        ((rows,), (columns,)) = lattices.frame(kind, place)
-        least = lattices.least_of(place)[0] if kind == "trimmed" else rows * columns
+        ((rows,), (columns,)) = grids.frame(kind, place)
+        least = grids.least_of(place)[0] if kind == "trimmed" else rows * columns
         open_ = np.flatnonzero(least <= limit)
         widest = _widest_m(part, np.array(max(rows, columns) - 1), lost[open_])
         most = np.minimum(rows * columns, limit[open_])
-        reached = lattices.shortfalls(kind, most, widest / part.unit_m[lost[open_]])
+        reached = grids.shortfalls(kind, most, widest / part.unit_m[lost[open_]])
         # What cannot be told stays so: no shortfall is less than nan.
         better = (reached < shortfall[open_]) | np.isnan(reached)
         hit = open_[better]
         samples[hit], baseline[hit], shortfall[hit] = most[better], widest[better], reached[better]
-    samples[np.isnan(shortfall)] = lattices.UNKNOWN
+    samples[np.isnan(shortfall)] = grids.UNKNOWN
     return samples, baseline, shortfall
 
 
@@ -387,14 +385,14 @@ def _judge(asked: Asked, found: Answer, best: tuple[Any, Any, Any], statuses: Ro
     elif asked.baseline_m is None:
         missed = (found.samples > 0) & ~(found.shortfall <= asked.target.most)
         _refuse_missed(asked, missed, found.shortfall, found.baseline_m, statuses)
-    lost = (found.samples < 1) | (found.required == lattices.UNKNOWN) | np.isnan(found.shortfall)
+    lost = (found.samples < 1) | (found.required == grids.UNKNOWN) | np.isnan(found.shortfall)
     statuses.defer(asked.sound & lost)
 
 
 def _judge_baseline(asked: Asked, found: Answer, statuses: RowStatuses) -> None:
     symbol, value, _, _ = asked.target
     most = MOST_SITES if asked.max_samples is None else asked.max_samples
-    none = found.samples == lattices.NONE
+    none = found.samples == grids.NONE
     statuses.refuse(
         INFEASIBLE,
         none | (found.samples > most),
@@ -427,7 +425,7 @@ def _judge_aperture(
     symbol, value, _, fewest = asked.target
     samples, baseline, shortfall = best
     told = asked.value(shortfall), samples, baseline
-    refused = found.samples == lattices.NONE
+    refused = found.samples == grids.NONE
     if asked.max_samples is not None:
         needed, _ = _by_kind(_lines, asked.grid, np.clip(fewest, 1, MOST_SITES))
         statuses.refuse(

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.camera.disparity import (
+    covered_height_m,
+    disparity_px,
+    uncovered,
+    unit_baseline_m,
+)
 from aosplan.grid.patterns import MOST_SITES
+from aosplan.models.equations import sampled_side
+from aosplan.models.model import Prediction, contrast_squared
 from aosplan.sweeps.row_solver import NOT_OF_CLEAR_VIEWS, RESULTS
 from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
@@ -173,11 +181,8 @@ def _refuse_altitudes(
 def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Rule:
     """The smallest baseline at which the wanted share of the occluders has d̂ >= 1."""
     coverage = given.get("coverage", np.float64(0.98))
-    height = scene.bottom_m + (1.0 - coverage) * (scene.top_m - scene.bottom_m)
-    size = scene.occluder_size_m
-    by_size = size * altitude / height
-    by_pixel = (altitude - height) * altitude / (focal * height)
-    return _Rule(height, np.where(focal * size / (altitude - height) > 1.0, by_size, by_pixel))
+    height = covered_height_m(scene.bottom_m, scene.top_m, coverage)
+    return _Rule(height, unit_baseline_m(scene.occluder_size_m, height, altitude, focal, np))
 
 
 def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: RowStatuses) -> None:
@@ -194,7 +199,7 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: R
     statuses.refuse(
         INFEASIBLE,
         ~scene.clear & (rule.height_m <= 0.0),
-        "coverage {:g} asks for every occluder, and some stand on the focal plane".format,
+        uncovered,
         given.get("coverage", np.float64(0.98)),
     )
 
@@ -229,31 +234,32 @@ def _results(
     camera: CameraColumns,
     altitude: Any,
 ) -> dict[str, Any]:
-    p, t = np.where(scene.clear, 0.0, scene.density), np.where(scene.clear, 1.0, scene.transparency)
+    p: Any = np.where(scene.clear, 0.0, scene.density)
+    t: Any = np.where(scene.clear, 1.0, scene.transparency)
     baseline, samples = found.baseline_m, layout.samples
-    shortfall, normalized = found.shortfall, 1.0 - found.shortfall
+    predicted = Prediction(p, t, found.shortfall)
     focal, height = camera.focal_length_px, rule.height_m
-    contrast = np.sqrt((1.0 / shortfall) * t / p)
+    contrast = np.sqrt(contrast_squared(p, t, found.shortfall))
     return {
         "altitude_m": altitude,
         "baseline_m": baseline,
         "samples": samples,
         "samples_required": found.required,
-        "aperture_m": (samples - 1.0) / (np.sqrt(samples) + 1.0) * baseline,
+        "aperture_m": sampled_side(samples, np) * baseline,
         "grid_rows": layout.rows,
         "grid_columns": layout.columns,
         "grid_extent_x_m": layout.x * baseline,
         "grid_extent_y_m": layout.y * baseline,
         "visibility_density": p,
-        "visibility_minimum": t,
-        "visibility_maximum": t * (1.0 + p),
-        "visibility_expected": np.where(scene.clear, 1.0, t * (1.0 + p * normalized)),
-        "visibility_normalized": normalized,
-        "visibility_shortfall": shortfall,
-        "visibility_effective_samples": 1.0 / shortfall,
+        "visibility_minimum": predicted.minimum,
+        "visibility_maximum": predicted.maximum,
+        "visibility_expected": np.where(scene.clear, 1.0, predicted.expected),
+        "visibility_normalized": predicted.normalized,
+        "visibility_shortfall": found.shortfall,
+        "visibility_effective_samples": 1.0 / found.shortfall,
         "visibility_contrast": np.where(np.isfinite(contrast), contrast, np.nan),
         "disparity_normalized": baseline / rule.unit_m,
-        "disparity_pixels": baseline * focal * height / ((altitude - height) * altitude),
+        "disparity_pixels": disparity_px(baseline, height, altitude, focal),
         "camera_gsd_m": altitude / focal,
         "camera_footprint_x_m": altitude * camera.sensor_height_mm / camera.focal_length_mm,
         "camera_footprint_y_m": altitude * camera.sensor_width_mm / camera.focal_length_mm,
