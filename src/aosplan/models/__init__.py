@@ -10,5 +10,9 @@
 - `aosplan.models.oblique_rays`: rays off nadir.
 - `aosplan.models.rolling`: lines that are flown on, the last N photos integrated.
 - `aosplan.models.uncertainty`: standard errors of a prediction.
+- `aosplan.models.detection`: whether a target on the ground is found, through independent slices;
+  from `aosplan.models.target_window`, `aosplan.models.window_pairs`, `aosplan.models.seen_share`
+  and `aosplan.models.clutter`.
+- `aosplan.models.counted_detection`: the same, counted in the voxels of a stand.
 - `aosplan.models.memo`: predictions that are asked for again.
 """

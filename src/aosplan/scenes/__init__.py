@@ -5,6 +5,8 @@
 - `aosplan.scenes.inventory`: scenes from stems, crowns and leaf area.
 - `aosplan.scenes.voxels`: a stand as voxels.
 - `aosplan.scenes.occlusion`: which targets each view of the voxels sees.
+- `aosplan.scenes.integral_image`: integral images of the ground below occluders with radiances.
+- `aosplan.scenes.matched_window`: the detector that looks for a target in them.
 - `aosplan.scenes.correlogram`: how alike two views are by the distance of their cameras.
 - `aosplan.scenes.occluder_statistics`: layers and occluder sizes from voxels.
 - `aosplan.scenes.summary`: the statistics of a scene as a document and as a file.

@@ -5,6 +5,7 @@
 - `aosplan.simulation.voxel_views`: what views of a volume of voxels hide.
 - `aosplan.simulation.moments`: visibility and its standard error from counts.
 - `aosplan.simulation.pictures`: a resolution chart seen through the trees; PNG files.
+- `aosplan.simulation.search`: targets on the ground, found by a detector or not.
 - `aosplan.simulation.compare`: a plan's prediction beside its simulation.
 
 None of them but `compare` knows the models: theory and experiment meet there alone.

@@ -1,0 +1,296 @@
+"""Will it show a person lying there?  Probability of detection of a target under the canopy.
+
+With s the seen share of the target (`aosplan.models.seen_share`), u the threshold of the detector
+and sd the deviation of its output (`aosplan.models.clutter`), a target of contrast C is found with
+
+    POD = E_s Φ̄((u - M (1 - β) (T - s) - η C s)/sd'(s)).
+
+η is the share of the signal that is left when the mean of the box, which holds the target, is
+subtracted, and the window lies in the nearest of its directions.  sd' has no texture of ground below the target.
+
+What a target and a canopy radiate is rarely known: `SIGNATURES` are assumed values by name, with
+ranges, and a curve over C says what another contrast would give.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.grid.pair_offsets import offset_counts
+from aosplan.grid.patterns import Pattern
+from aosplan.models.clutter import Radiances, clutter_of, threshold
+from aosplan.models.seen_share import CELL_M, UNSEEN, SeenShare, atom
+from aosplan.models.target_window import PERSON_M, Target
+from aosplan.models.window_pairs import TABLE, Pairs, WindowPairs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.grid.patterns import Sites
+    from aosplan.models.clutter import Clutter
+    from aosplan.scenes.scene import Layer
+
+    Floats = NDArray[np.float64]
+
+CURVE = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+"""Contrasts of the curve, beside the signature's own."""
+
+FALSE_ALARMS = 1.0
+"""False alarms a hectare, unless told otherwise."""
+
+PERSON = Target(*PERSON_M)
+
+
+class Signature(NamedTuple):
+    """How a target and the canopy stand out, in units of the spread between occluders σ_c.
+
+    Attributes
+    ----------
+    contrast
+        C, the target's radiance over the ground's.
+    canopy_offset
+        M, the canopy's mean over the ground's.
+    crown_share
+        Share of σ_c² that whole crowns have in common.
+    """
+
+    contrast: float
+    canopy_offset: float
+    crown_share: float
+
+
+SIGNATURES = {
+    "thermal-dawn": Signature(5.0, -1.0, 0.4),
+    "thermal-noon": Signature(1.0, 2.0, 0.4),
+    "colour": Signature(2.0, 1.0, 0.4),
+}
+"""Assumed signatures by name; the middles of `RANGES`."""
+
+RANGES = {
+    "thermal-dawn": "C 2 to 8, M -2 to 0",
+    "thermal-noon": "C -2 to 2, M 2",
+    "colour": "C 1 to 3, M -1 to 1",
+}
+"""Within what the values of a signature are to be expected; assumed as well."""
+
+
+class Detection(NamedTuple):
+    """What of a target is seen, and how likely it is found.
+
+    Attributes
+    ----------
+    target
+        What is looked for.
+    signature
+        Of the target and the canopy.
+    assumed
+        Name of an assumed signature, or empty if the numbers were given.
+    false_alarms
+        A hectare.
+    seen
+        Distribution of the seen share.
+    threshold, deviation
+        Of the detector's output: u, and its standard deviation without a target, in σ_c.
+    probability
+        POD.
+    curve
+        Contrasts and the POD of each, rising.
+    standard_error
+        Of `probability`, for want of more of the same forest; None if nothing is known of it.
+    """
+
+    target: Target
+    signature: Signature
+    assumed: str
+    false_alarms: float
+    seen: SeenShare
+    threshold: float
+    deviation: float
+    probability: float
+    curve: tuple[tuple[float, float], ...]
+    standard_error: float | None = None
+
+    @property
+    def unseen(self) -> float:
+        """Probability that the target is nearly unseen."""
+        return 1.0 - self.seen.at_least(UNSEEN)
+
+    def document(self) -> dict[str, Any]:
+        """``detection`` of a plan's JSON."""
+        return {
+            "target_m": list(self.target),
+            "probability": self.probability,
+            "probability_by_contrast": [list(point) for point in self.curve],
+            "seen_share": self.seen.document(),
+            "contrast": self.signature.contrast,
+            "canopy_offset": self.signature.canopy_offset,
+            "crown_share": self.signature.crown_share,
+            "false_alarms_per_hectare": self.false_alarms,
+            "threshold": self.threshold,
+            "clutter": self.deviation,
+            "assumed": self.assumed or None,
+            "uncertainty": self.standard_error,
+        }
+
+
+def contrasts(signature: Signature) -> list[float]:
+    """Contrasts of a curve: those of `CURVE` with the sign of the signature's, and its own."""
+    sign = -1.0 if signature.contrast < 0.0 else 1.0
+    return sorted({sign * contrast for contrast in CURVE} | {signature.contrast})
+
+
+class DetectionModel:
+    """Detection of one target through the independent slices of one scene, for any pattern.
+
+    The pairs of photos are integrated once for each of their offsets; `for_search` makes a table
+    of them, after which a pattern and a baseline take about a millisecond.
+
+    Parameters
+    ----------
+    layers
+        Slices above the ground that the target lies on.
+    altitude_m
+        Of the cameras above that ground.
+    target
+        What is looked for.
+    signature, false_alarms
+        Of the detector; see `Detection`.
+    assumed
+        Name of an assumed signature.
+    local
+        Whether the detector subtracts the mean of the box around its window.
+    rigid
+        As in `aosplan.models.window_pairs.WindowPairs`.
+    """
+
+    def __init__(
+        self,
+        layers: Sequence[Layer],
+        altitude_m: float,
+        target: Target = PERSON,
+        signature: Signature = SIGNATURES["thermal-dawn"],
+        *,
+        false_alarms: float = FALSE_ALARMS,
+        assumed: str = "",
+        local: bool = True,
+        rigid: bool = True,
+    ) -> None:
+        self.pairs = WindowPairs(layers, altitude_m, target, rigid=rigid)
+        self.target = target
+        self.signature = signature
+        self.false_alarms = false_alarms
+        self.assumed = assumed
+        self._local = local
+        self._rigid = rigid
+
+    def for_search(self) -> DetectionModel:
+        """The same, with a table of offsets from which any pattern is interpolated."""
+        self.pairs.tabulate()
+        return self
+
+    def predict(self, pattern: Sites, baseline_m: float) -> Detection:
+        """Detection by a pattern flown at a baseline."""
+        offsets = baseline_m * np.array(list(pattern.offsets()), dtype=np.float64)
+        return self._predict(offsets, *_offsets_of(pattern, baseline_m))
+
+    def predict_positions(self, positions_m: Floats) -> Detection:
+        """Detection by photos from any positions, shape (N, 2), along the occluders' axes."""
+        return self._predict(np.asarray(positions_m, dtype=np.float64), *_apart(positions_m))
+
+    def _predict(self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats) -> Detection:
+        mean = self._mean(x_m, y_m, share)
+        transparency = self.pairs.transparency
+        _, *canopy = upright(self.signature)
+        clutter = clutter_of(
+            mean, self.pairs.kernels, transparency, Radiances(*canopy), local=self._local
+        )
+        looks = len(sites_m) * self.target.area_m2 / CELL_M**2
+        alone = atom(
+            self.pairs.layers, self.pairs.altitude_m, sites_m, self.target, rigid=self._rigid
+        )
+        seen = SeenShare.of_moments(transparency, float(mean.window[0, 0]), alone, looks)
+        return self._detect(clutter, seen)
+
+    def _mean(self, x_m: Floats, y_m: Floats, share: Floats) -> Pairs:
+        """Integrals' mean over offsets with their shares of all pairs."""
+        near = (x_m <= self.pairs.reach_m) & (y_m <= self.pairs.reach_m)
+        if np.count_nonzero(near) > TABLE**2:
+            self.pairs.tabulate()
+        found, weights = self.pairs.at(x_m[near], y_m[near]), share[near]
+        far = self.pairs.far
+        rest = 1.0 - float(weights.sum())
+        return Pairs(
+            np.tensordot(weights, found.window, 1) + rest * far.window,
+            np.tensordot(weights, found.box, 1) + rest * far.box,
+        )
+
+    def _detect(self, clutter: Clutter, seen: SeenShare) -> Detection:
+        level = threshold(clutter, seen, self.false_alarms)
+        curve = tuple(
+            (contrast, detected(clutter, seen, level, abs(contrast), self._kept))
+            for contrast in contrasts(self.signature)
+        )
+        return Detection(
+            self.target,
+            self.signature,
+            self.assumed,
+            self.false_alarms,
+            seen,
+            level,
+            clutter.total_deviation(seen.variance),
+            dict(curve)[self.signature.contrast],
+            curve,
+        )
+
+    @property
+    def _kept(self) -> float:
+        return self.target.matched * (self.target.kept if self._local else 1.0)
+
+
+def upright(signature: Signature) -> Signature:
+    """A signature whose contrast is not negative: what is colder is found as what is warmer."""
+    if signature.contrast >= 0.0:
+        return signature
+    return Signature(-signature.contrast, -signature.canopy_offset, signature.crown_share)
+
+
+def detected(
+    clutter: Clutter, seen: SeenShare, level: float, contrast: float, kept: float
+) -> float:
+    """POD of a target of one contrast above a threshold; `kept` is η."""
+    from scipy.special import ndtr
+
+    share = seen.nodes
+    output = clutter.mean(share) + kept * contrast * share
+    found = ndtr((output - level) / clutter.deviation(share, target=True))
+    return min(float(seen.weights @ found), 1.0)
+
+
+def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floats]:
+    """Distances along x and y between the photos of a pattern, and their shares of all pairs."""
+    if not isinstance(pattern, Pattern):
+        return _apart(baseline_m * np.array(list(pattern.offsets())))
+    mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
+    mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
+    rows, columns = mask.shape
+    pairs = offset_counts(mask, rows - 1, columns - 1)
+    # The integrals are the same in all four quadrants.
+    pairs = pairs[rows - 1 :] + np.pad(pairs[: rows - 1][::-1], ((1, 0), (0, 0)))
+    pairs = pairs[:, columns - 1 :] + np.pad(pairs[:, : columns - 1][:, ::-1], ((0, 0), (1, 0)))
+    y, x = np.nonzero(pairs)
+    x_m: Floats = x * np.float64(baseline_m)
+    y_m: Floats = y * np.float64(baseline_m * pattern.row_pitch)
+    return x_m, y_m, pairs[y, x] / pattern.samples**2
+
+
+def _apart(positions_m: Floats) -> tuple[Floats, Floats, Floats]:
+    """The same for photos anywhere."""
+    points = np.asarray(positions_m, dtype=np.float64)
+    apart = np.round(np.abs(points[:, None] - points[None]).reshape(-1, 2), 6)
+    offsets, counts = np.unique(apart, axis=0, return_counts=True)
+    x_m, y_m = np.ascontiguousarray(offsets.T)
+    return x_m, y_m, counts / float(len(points)) ** 2

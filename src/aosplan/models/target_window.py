@@ -1,0 +1,217 @@
+"""The target on the ground as a window, and the kernels over which its statistics are taken.
+
+A target is a rectangle of w x l whose direction is random.  The detector takes the mean of the
+integral image over such a window and subtracts the mean of a box around it.  Second moments of
+both means are integrals of a covariance R(δ) over the offset δ of two points, weighted with the
+correlation of the two areas that the points come from (Matheron's random sets; Adler 1981):
+
+    Cov(mean over A, mean over B) = ∫ w_AB(δ) R(δ) dδ,   w_AB(δ) = |A ∩ (B - δ)| / (|A| |B|).
+
+For two equal rectangles w_AB is a product of two triangles along the rectangle's sides.
+`kernels` averages it over all directions of the target, on a lattice of offsets.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.scenes.matched_window import BOX_M, DIRECTIONS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+PERSON_M = (0.5, 1.7)
+"""Width and length of a person lying on the ground [m]."""
+
+TURN = math.pi / DIRECTIONS
+"""Angle between two of them."""
+
+FINEST_STEP = 0.15
+"""Step of the lattice at its middle over the length on which covariances change there."""
+
+NARROWEST_STEP_M = 0.015
+"""Least step of the lattice."""
+
+
+class Target(NamedTuple):
+    """Width and length [m] of what is looked for, the width being the shorter side."""
+
+    width_m: float
+    length_m: float
+
+    @property
+    def area_m2(self) -> float:
+        """Area that the target covers."""
+        return self.width_m * self.length_m
+
+    @property
+    def diagonal_m(self) -> float:
+        """Largest distance between two of its points."""
+        return math.hypot(self.width_m, self.length_m)
+
+    @property
+    def box_m(self) -> float:
+        """Side of the detector's box: `BOX_M`, larger for targets that would fill it."""
+        return max(BOX_M, 2.0 * self.diagonal_m)
+
+    @property
+    def kept(self) -> float:
+        """The share of the target's signal that remains when the mean of the box is subtracted."""
+        return 1.0 - self.area_m2 / self.box_m**2
+
+    @property
+    def matched(self) -> float:
+        """The share of the target that the window covers in the nearest of its directions.
+
+        A window turned by θ misses |θ| l/4 / w of a long target; on average |θ| is a quarter of
+        the angle between two directions.
+        """
+        missed = 0.25 * TURN * 0.25 * self.length_m / self.width_m
+        return 1.0 - min(missed, 0.5)
+
+
+class Kernels(NamedTuple):
+    """Weights of the offsets on two lattices, each set with the sum 1.
+
+    Attributes
+    ----------
+    fine_m, coarse_m
+        Offsets along either axis [m], symmetric about 0.
+    window
+        Shape (4, n, n), on the fine lattice: a target's window with itself; with itself moved by
+        `step_m` along its length, along its width; and turned by `turn`.
+    box
+        Shape (2, m, m), on the coarse lattice: window with box, and box with itself.
+    step_m, turn
+        The displacement and the rotation [rad] behind `window`.
+    """
+
+    fine_m: Floats
+    coarse_m: Floats
+    window: Floats
+    box: Floats
+    step_m: float
+    turn: float
+
+
+@lru_cache(maxsize=64)
+def kernels(target: Target, resolution_m: float) -> Kernels:
+    """Kernels of a target, averaged over its directions.
+
+    Parameters
+    ----------
+    target
+        The window.
+    resolution_m
+        Length over which covariances change: the size of the occluders on the ground.  The fine
+        lattice is closest at its middle, where pairs share most, and everywhere resolves the
+        target's width.
+    """
+    step = 0.15 * target.width_m
+    fine, widths = _sinh_axis(
+        target.diagonal_m + step,
+        max(FINEST_STEP * min(resolution_m, target.width_m), NARROWEST_STEP_M),
+        max(0.22 * target.width_m, target.diagonal_m / 24.0),
+    )
+    coarse = _axis(
+        target.box_m,
+        min(max(0.9 * resolution_m, target.box_m / 26.0), target.box_m / 12.0),
+    )
+    window = np.zeros((4, len(fine), len(fine)))
+    y, x = np.meshgrid(fine, fine, indexing="ij")
+    angles = (np.arange(2 * DIRECTIONS) + 0.5) * (0.5 * TURN)
+    for angle in angles.tolist():
+        along = x * math.cos(angle) + y * math.sin(angle)
+        across = y * math.cos(angle) - x * math.sin(angle)
+        length, width = _triangle(along, target.length_m), _triangle(across, target.width_m)
+        window[0] += length * width
+        for sign in (-0.5, 0.5):
+            window[1] += 0.5 * _triangle(along + 2.0 * sign * step, target.length_m) * width
+            window[2] += 0.5 * length * _triangle(across + 2.0 * sign * step, target.width_m)
+    window *= np.outer(widths, widths)
+    window[:3] /= window[:3].sum(axis=(1, 2), keepdims=True)
+    # Turned windows have no short formula: points of both are paired, with and without the turn.
+    turned = _paired(target, fine, 0.5 * TURN) - _paired(target, fine, 0.0)
+    window[3] = window[0] + turned
+    return Kernels(fine, coarse, window, _boxes(target, coarse), step, 0.5 * TURN)
+
+
+def _axis(reach: float, pitch: float) -> Floats:
+    count = math.ceil(reach / pitch)
+    return reach / count * np.arange(-count, count + 1.0)
+
+
+def _sinh_axis(reach: float, closest: float, widest: float) -> tuple[Floats, Floats]:
+    """Nodes s sinh(c k) up to a reach, and what each stands for; steps grow between two bounds."""
+    ratio = max(widest / closest, 1.2)
+    scale = reach / math.sqrt(ratio * ratio - 1.0)
+    count = math.ceil(math.acosh(ratio) * scale / closest)
+    bend = math.acosh(ratio) / count
+    place = bend * np.arange(-count, count + 1.0)
+    return scale * np.sinh(place), scale * bend * np.cosh(place)
+
+
+def _triangle(offset: Floats, side: float) -> Floats:
+    overlap: Floats = np.maximum(1.0 - np.abs(offset) / side, 0.0)
+    return overlap
+
+
+def points_of(target: Target, pitch_m: float) -> Floats:
+    """Points spread evenly over a target that lies along x, shape (n, 2)."""
+    counts = [max(round(side / pitch_m), 2) for side in (target.length_m, target.width_m)]
+    along, across = (
+        ((np.arange(count) + 0.5) / count - 0.5) * side
+        for count, side in zip(counts, (target.length_m, target.width_m), strict=True)
+    )
+    return np.stack(np.meshgrid(along, across, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def rotation(angle: float) -> Floats:
+    """Matrix that turns row vectors (x, y) counterclockwise."""
+    return np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+
+
+def _paired(target: Target, axis: Floats, turn: float) -> Floats:
+    """Distribution of the offset between points of a window and of the same window turned."""
+    points = points_of(target, target.width_m / 5.0)
+    apart = (points[:, None] @ rotation(turn) - points[None]).reshape(-1, 2)
+    last = len(axis) - 1
+    found = np.zeros((len(axis), len(axis)))
+    for angle in (np.arange(2 * DIRECTIONS) + 0.5) * (0.5 * TURN):
+        place = np.interp(apart @ rotation(angle), axis, np.arange(last + 1.0))
+        place = np.minimum(place, last - 1e-9)
+        whole = place.astype(np.intp)
+        part = place - whole
+        for dy in (0, 1):
+            for dx in (0, 1):
+                weight = np.where(dx, part[:, 0], 1.0 - part[:, 0])
+                weight = weight * np.where(dy, part[:, 1], 1.0 - part[:, 1])
+                cell = (whole[:, 1] + dy) * len(axis) + whole[:, 0] + dx
+                found += np.bincount(cell, weight, found.size).reshape(found.shape)
+    total: Floats = found / found.sum()
+    return total
+
+
+def _boxes(target: Target, axis: Floats) -> Floats:
+    """Weights of window with box, and of box with itself; the box lies along the axes."""
+    side, pitch = target.box_m, axis[1] - axis[0]
+    both = _triangle(axis, side)
+    # A point in the window sees the box shifted by its own place: the mean over the points.
+    points = points_of(target, target.width_m / 3.0)
+    mixed = np.zeros((len(axis), len(axis)))
+    for angle in (np.arange(DIRECTIONS) + 0.5) * TURN:
+        x, y = (points @ rotation(angle)).T
+        inside = [
+            np.clip((0.5 * side - np.abs(axis[None] + place[:, None])) / pitch + 0.5, 0.0, 1.0)
+            for place in (x, y)
+        ]
+        mixed += inside[1].T @ inside[0]
+    found = np.stack([mixed, np.outer(both, both)])
+    found /= found.sum(axis=(1, 2), keepdims=True)
+    return found

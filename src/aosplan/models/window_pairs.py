@@ -1,0 +1,298 @@
+"""What pairs of photos have in common over a target's window, through independent slices.
+
+Two rays to points δ apart on the ground, from cameras Δ apart, pass slice j at height H_j
+
+    δ (1 - H_j/h) + Δ H_j/h
+
+apart, and share an occluder of size o_j with probability τ_j, the product of the triangles of
+that offset along both axes.  With q_j = 1 - D_j (design of `aosplan.models.layered`):
+
+- both are clear with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
+- both meet the same occluder first with probability
+  C(δ, Δ) = Σ_j [Π_above (q² + D q τ)] D_j τ_j;
+- both see the same texture of the ground: G = Q ρ_g(δ);
+- both see canopy of the same crown: K = (1 - 2 T + Q) Σ_j π_j ρ_K(offset at H_j), π_j being the
+  share of hidden rays that end in slice j.  Both rays are taken to end at the same height.
+
+`WindowPairs` integrates Q - T², C, G and K over δ with each kernel of
+`aosplan.models.target_window`.  These integrals depend on Δ alone, so the moments of any pattern
+are sums over its pairs; `WindowPairs.tabulate` makes them a table of Δ for searches.
+
+The logarithms of the factors are polynomials of τ, which is a product of a function of x and
+one of y: sums over slices are products of matrices.  Slices are taken together in at most
+`BLOCKS` blocks for C, in which all slices count as equal.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.models.target_window import Target, kernels
+from aosplan.scenes.integral_image import CROWN_LENGTH_M, TEXTURE_LENGTH_M
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.scene import Layer
+
+    Floats = NDArray[np.float64]
+
+BLOCKS = 12
+"""Blocks of slices between which the share of rays that still go on is followed."""
+
+MOST_SLICES = 160
+"""Slices of a scene; thinner ones are taken together."""
+
+SERIES = 6
+"""Terms of the logarithm's series."""
+
+LARGEST_ODDS = 0.35
+"""D/q up to which the series serves; the factors of denser slices are computed one by one."""
+
+FAR_M = 1e9
+"""A distance of cameras beyond any reach."""
+
+TABLE = 26
+"""Entries of a table along either axis."""
+
+
+class _Block(NamedTuple):
+    """Slices next to each other, as columns: shape (n, 1)."""
+
+    density: Floats
+    height: Floats
+    size: Floats
+    dense: bool
+
+
+class Pairs(NamedTuple):
+    """Integrals for camera offsets, shape (..., 4, kernels): rows Q - T², C, G and K.
+
+    `window` has the four window kernels, `box` the two box kernels.
+    """
+
+    window: Floats
+    box: Floats
+
+
+class WindowPairs:
+    """Integrals over a target's window for slices seen from one altitude.
+
+    Parameters
+    ----------
+    layers
+        Slices, heights above the ground that the target lies on.
+    altitude_m
+        Of the cameras above that ground, above every slice.
+    target
+        The window.
+    rigid
+        Whether rays to the target meet in the camera (the factor 1 - H/h), as they do.  If not,
+        they are parallel, as in the telecentric views of `aosplan.scenes.occlusion`.
+    """
+
+    def __init__(
+        self, layers: Sequence[Layer], altitude_m: float, target: Target, *, rigid: bool = True
+    ) -> None:
+        self.target = target
+        self.altitude_m = altitude_m
+        self.layers = merged(layers, MOST_SLICES)
+        down = sorted(self.layers, key=lambda layer: -layer.height_m)
+        density = np.array([layer.density for layer in down])
+        self.transparency = float(np.exp(np.log1p(-density).sum()))
+        self._scale = 1.0 / altitude_m if rigid else 0.0
+        self._blocks = list(_blocks(down))
+        met = density * np.cumprod(np.concatenate([[1.0], 1.0 - density[:-1]]))
+        self._ends = met / met.sum()
+        self._heights = np.array([layer.height_m for layer in down])
+        sizes = np.array([layer.occluder_size_m for layer in down])
+        seen = sizes / (1.0 - self._heights * self._scale)
+        # The size of the occluders that hide most, as it appears on the ground.
+        order = np.argsort(seen)
+        upto = np.cumsum(density[order]) / density.sum()
+        self.kernels = kernels(target, round(float(seen[order][np.searchsorted(upto, 0.1)]), 2))
+        self.reach_m = float(
+            ((sizes + target.diagonal_m) * altitude_m / np.maximum(self._heights, 1e-3)).max()
+        )
+        self._known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
+        self._table: tuple[Floats, Floats] | None = None
+
+    def at(self, x_m: Floats, y_m: Floats) -> Pairs:
+        """Integrals for camera offsets along x and y, both shape (n,)."""
+        if self._table is not None:
+            return self._looked_up(np.abs(x_m), np.abs(y_m))
+        keys = np.round(np.abs(np.column_stack([x_m, y_m])), 9).tolist()
+        found = [self._integrals(*key) for key in keys]
+        return Pairs(np.array([each[0] for each in found]), np.array([each[1] for each in found]))
+
+    def tabulate(self) -> None:
+        """Compute a table once, from which all later offsets are interpolated.
+
+        Worth it from about `TABLE`² distinct offsets: a search over baselines.
+        """
+        if self._table is not None:
+            return
+        nodes = self._nodes()
+        found = [[self._integrals(x, y) for x in nodes.tolist()] for y in nodes.tolist()]
+        window = np.array([[each[0] for each in row] for row in found])
+        box = np.array([[each[1] for each in row] for row in found])
+        self._table = window, box
+
+    @property
+    def far(self) -> Pairs:
+        """Integrals for cameras so far apart that only the ground is the same."""
+        return Pairs(*self._integrals(FAR_M, FAR_M))
+
+    @property
+    def _bend(self) -> float:
+        return math.asinh(self.reach_m / self._width_m) / (TABLE - 1)
+
+    @property
+    def _width_m(self) -> float:
+        """Camera offset at which the highest slice has moved by the target's width."""
+        return self.target.width_m * self.altitude_m / float(self._heights.max())
+
+    def _nodes(self) -> Floats:
+        """Camera offsets of the table, closer together near 0."""
+        nodes: Floats = self._width_m * np.sinh(self._bend * np.arange(TABLE))
+        return nodes
+
+    def _looked_up(self, x_m: Floats, y_m: Floats) -> Pairs:
+        from scipy.interpolate import RegularGridInterpolator
+
+        assert self._table is not None
+        # Interpolated by the number of the node, in which the integrals are smooth.
+        places = [
+            np.minimum(np.arcsinh(each / self._width_m) / self._bend, TABLE - 1.0)
+            for each in (y_m, x_m)
+        ]
+        index = np.arange(TABLE, dtype=np.float64)
+        window, box = (
+            RegularGridInterpolator((index, index), table, method="linear")(np.column_stack(places))
+            for table in self._table
+        )
+        return Pairs(window, box)
+
+    def _integrals(self, x: float, y: float) -> tuple[Floats, Floats]:
+        key = x, y
+        if key not in self._known:
+            made = self.kernels
+            self._known[key] = (
+                self._on(made.fine_m, made.window, x, y),
+                self._on(made.coarse_m, made.box, x, y),
+            )
+        return self._known[key]
+
+    def _on(self, axis: Floats, weights: Floats, x: float, y: float) -> Floats:
+        """Integrals with kernels on one lattice, shape (4, kernels)."""
+        both, same = self.maps(axis, x, y)
+        t = self.transparency
+        texture = _gaussian(axis, TEXTURE_LENGTH_M)
+        share = self._heights[:, None] / self.altitude_m
+        along_x, along_y = (
+            _gaussian(
+                axis * (1.0 - self._heights[:, None] * self._scale) + at * share, CROWN_LENGTH_M
+            )
+            for at in (x, y)
+        )
+        crowns = (along_y * self._ends[:, None]).T @ along_x
+        values = np.stack(
+            [
+                both - t * t,
+                same,
+                both * np.outer(texture, texture),
+                (1.0 - 2.0 * t + both) * crowns,
+            ]
+        )
+        found: Floats = values.reshape(4, -1) @ weights.reshape(len(weights), -1).T
+        return found
+
+    def maps(self, axis: Floats, x: float, y: float) -> tuple[Floats, Floats]:
+        """Q and C at a lattice of offsets on the ground, for cameras (x, y) apart."""
+        log_clear = np.zeros((len(axis), len(axis)))
+        same = np.zeros_like(log_clear)
+        for block in self._blocks:
+            near = 1.0 - block.height * self._scale
+            far = block.height / self.altitude_m
+            along_x, along_y = (
+                np.maximum(1.0 - np.abs(axis * near + at * far) / block.size, 0.0) for at in (x, y)
+            )
+            shared = (along_y * block.density).T @ along_x
+            passed = _log_pair(block, along_x, along_y)
+            count = len(block.density)
+            first = np.exp(log_clear) * shared
+            if count > 1:  # of equal slices, each has those above it in its way
+                one = np.minimum(passed / count, -1e-12)
+                first *= np.expm1(count * one) / (count * np.expm1(one))
+            same += first
+            log_clear += passed
+        both: Floats = np.exp(log_clear)
+        return both, same
+
+
+def _log_pair(block: _Block, along_x: Floats, along_y: Floats) -> Floats:
+    """Logarithm of the probability that both rays of a pair pass a block."""
+    odds = block.density / (1.0 - block.density)
+    alone = 2.0 * float(np.log1p(-block.density).sum())
+    if block.dense:
+        tau = along_y[:, :, None] * along_x[:, None, :]
+        dense: Floats = np.log1p(odds[:, :, None] * tau).sum(axis=0) + alone
+        return dense
+    found = np.full((along_y.shape[1], along_x.shape[1]), alone)
+    power_x, power_y = odds * along_x, along_y
+    for term in range(1, SERIES + 1):
+        found += (power_y.T @ power_x) * ((-1.0) ** (term + 1) / term)
+        power_x, power_y = power_x * odds * along_x, power_y * along_y
+    return found
+
+
+def _blocks(layers: Sequence[Layer]) -> list[_Block]:
+    """Slices from above, taken together; dense ones stand alone."""
+    size = max(math.ceil(len(layers) / BLOCKS), 1)
+    groups: list[list[Layer]] = []
+    for layer in layers:
+        dense = layer.density > LARGEST_ODDS / (1.0 + LARGEST_ODDS)
+        if groups and not dense and len(groups[-1]) < size and not _is_dense(groups[-1]):
+            groups[-1].append(layer)
+        else:
+            groups.append([layer])
+    return [
+        _Block(
+            np.array([[layer.density] for layer in group]),
+            np.array([[layer.height_m] for layer in group]),
+            np.array([[layer.occluder_size_m] for layer in group]),
+            _is_dense(group),
+        )
+        for group in groups
+    ]
+
+
+def _is_dense(group: Sequence[Layer]) -> bool:
+    return group[0].density > LARGEST_ODDS / (1.0 + LARGEST_ODDS)
+
+
+def _gaussian(offset: Floats, length: float) -> Floats:
+    value: Floats = np.exp(-0.5 * (offset / length) ** 2)
+    return value
+
+
+def merged(layers: Sequence[Layer], most: int) -> tuple[Layer, ...]:
+    """Slices that hold anything, neighbours taken together if there are more than the limit."""
+    from aosplan.scenes.scene import Layer
+
+    filled = [layer for layer in layers if layer.density > 0.0]
+    group = max(math.ceil(len(filled) / most), 1)
+    if group == 1:
+        return tuple(filled)
+    found = []
+    for start in range(0, len(filled), group):
+        part = filled[start : start + group]
+        density = -math.expm1(math.fsum(math.log1p(-layer.density) for layer in part))
+        size = sum(layer.occluder_size_m for layer in part) / len(part)
+        found.append(Layer(part[0].bottom_m, part[-1].top_m, density, size))
+    return tuple(found)

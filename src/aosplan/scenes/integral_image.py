@@ -1,0 +1,196 @@
+"""Integral images of the ground below occluders: what a search looks at.
+
+Occluders are flat cells in planes.  Each has a radiance of its own, a part of which whole crowns
+have in common.  A photo shows the first thing that each ray meets, and the integral is the mean
+of the photos, focused on the ground.  It is kept in two parts, the canopy's and the share of the
+photos that see each pixel, so that any ground and any targets can be put below it afterwards.
+
+Radiances are in units of σ_c, their spread between occluders.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.scene import Layer
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Floats = NDArray[np.float64]
+    Image = NDArray[np.float32]
+
+TEXTURE, TEXTURE_LENGTH_M = 0.3, 0.2
+"""Standard deviation of the ground's texture, and the length L of its correlation exp(-r²/(2 L²))."""
+
+CROWN_LENGTH_M = 1.0
+"""Length of what crowns have in common, likewise."""
+
+PIXEL_M = 0.1
+"""Pixels of an integral on the ground, about."""
+
+
+class Canopy(NamedTuple):
+    """What occluders radiate: mean M over the ground's, and the share of the variance of crowns."""
+
+    offset: float
+    crown_share: float
+
+
+class Plane(NamedTuple):
+    """Occluders at one height: square cells, their radiance, ``nan`` where there is none."""
+
+    height_m: float
+    cell_m: float
+    origin_m: tuple[float, float]
+    radiance: Image
+
+
+class Integral(NamedTuple):
+    """An integral without its ground: the share of photos that see each pixel, and the canopy.
+
+    The integral of a ground of radiance g is `canopy` + `seen` g.  Pixels are `pitch_m` wide along
+    x and y.
+    """
+
+    seen: Floats
+    canopy: Floats
+    pitch_m: tuple[float, float]
+
+
+def planes_of_layers(
+    rng: np.random.Generator, layers: Sequence[Layer], size_m: float, canopy: Canopy
+) -> list[Plane]:
+    """Independent slices, each a plane at its middle height, over a square around the middle."""
+    crowns = _crowns(rng, size_m)
+    planes = []
+    for layer in sorted(layers, key=lambda layer: layer.height_m):
+        cell = layer.occluder_size_m
+        origin = -0.5 * size_m - rng.random(2) * cell
+        count = math.ceil(size_m / cell) + 2
+        hidden = rng.random((count, count)) < layer.density
+        planes.append(_plane(rng, layer.height_m, cell, origin, hidden, crowns, size_m, canopy))
+    return planes
+
+
+def planes_of_volume(
+    rng: np.random.Generator, volume: VoxelVolume, canopy: Canopy, focal_height_m: float = 0.0
+) -> list[Plane]:
+    """The voxels of a stand: each slice at the height of its bottom and of its top.
+
+    Heights count from a plane `focal_height_m` above the ground; what is below hides nothing.
+    """
+    _, rows, columns = volume.occupied.shape
+    size_m = max(rows, columns) * volume.voxel_m
+    crowns = _crowns(rng, size_m)
+    origin = -0.5 * volume.voxel_m * np.array([columns, rows])
+    planes = []
+    for level in np.flatnonzero(volume.slice_densities):
+        height = float(level) * volume.voxel_m - focal_height_m
+        if height + volume.voxel_m <= 0.0:
+            continue
+        hidden = volume.occupied[level]
+        plane = _plane(
+            rng, max(height, 0.0), volume.voxel_m, origin, hidden, crowns, size_m, canopy
+        )
+        planes += [plane, plane._replace(height_m=height + volume.voxel_m)]
+    return planes
+
+
+def _plane(
+    rng: np.random.Generator,
+    height_m: float,
+    cell_m: float,
+    origin: Floats,
+    hidden: NDArray[np.bool_],
+    crowns: Image,
+    size_m: float,
+    canopy: Canopy,
+) -> Plane:
+    y, x = (
+        ((start + (np.arange(count) + 0.5) * cell_m + 0.5 * size_m) * len(crowns) / size_m).astype(
+            np.intp
+        )
+        % len(crowns)
+        for start, count in zip(origin[::-1], hidden.shape, strict=True)
+    )
+    own = rng.standard_normal(hidden.shape, dtype=np.float32)
+    radiance = canopy.offset + math.sqrt(1.0 - canopy.crown_share) * own
+    radiance += math.sqrt(canopy.crown_share) * crowns[y[:, None], x]
+    radiance[~hidden] = np.nan
+    return Plane(height_m, cell_m, (float(origin[0]), float(origin[1])), radiance)
+
+
+def _crowns(rng: np.random.Generator, size_m: float) -> Image:
+    count = max(math.ceil(4.0 * size_m / CROWN_LENGTH_M), 8)
+    return gaussian_field(rng, (count, count), size_m / count, CROWN_LENGTH_M)
+
+
+def gaussian_field(
+    rng: np.random.Generator, shape: tuple[int, int], pitch_m: float, length_m: float
+) -> Image:
+    """A Gaussian field of variance 1 and correlation exp(-r²/(2 L²)), which wraps."""
+    from scipy.ndimage import gaussian_filter
+
+    spread = length_m / math.sqrt(2.0) / pitch_m
+    noise = gaussian_filter(rng.standard_normal(shape), spread, mode="wrap")
+    # The filter's own variance: 1/(4 π σ²) in the continuum, here from the filter as it is.
+    impulse = np.zeros(shape)
+    impulse[0, 0] = 1.0
+    scale = math.sqrt(float((gaussian_filter(impulse, spread, mode="wrap") ** 2).sum()))
+    return (noise / scale).astype(np.float32)
+
+
+def integrate_planes(
+    planes: Sequence[Plane],
+    sites_m: Floats,
+    altitude_m: float,
+    size_m: tuple[float, float],
+    *,
+    parallel: bool = False,
+) -> Integral:
+    """The integral over a rectangle of ground around the middle of the sites.
+
+    Parameters
+    ----------
+    planes
+        From the lowest up; they wrap.
+    sites_m
+        Cameras, shape (N, 2).
+    altitude_m
+        Of the cameras above the ground.
+    size_m
+        Of the rectangle, along x and y.
+    parallel
+        Whether each pixel has the cameras around itself (telecentric), not all of them the same.
+    """
+    counts = [max(round(length / PIXEL_M), 1) for length in size_m]
+    ground = [
+        ((np.arange(count) + 0.5) / count - 0.5) * length
+        for count, length in zip(counts, size_m, strict=True)
+    ]
+    seen = np.zeros((counts[1], counts[0]))
+    canopy = np.zeros_like(seen)
+    for site in np.asarray(sites_m, dtype=np.float64):
+        photo = np.full(seen.shape, np.nan, dtype=np.float32)
+        for plane in planes:
+            ratio = plane.height_m / altitude_m
+            near = 1.0 if parallel else 1.0 - ratio
+            x, y = (
+                np.floor((axis * near + at * ratio - start) / plane.cell_m).astype(np.intp)
+                for axis, at, start in zip(ground, site, plane.origin_m, strict=True)
+            )
+            rows, columns = plane.radiance.shape
+            met = plane.radiance.take(y % rows, axis=0).take(x % columns, axis=1)
+            np.copyto(photo, met, where=~np.isnan(met))
+        clear = np.isnan(photo)
+        seen += clear
+        canopy += np.where(clear, np.float32(0.0), photo)
+    pitch = size_m[0] / counts[0], size_m[1] / counts[1]
+    return Integral(seen / len(sites_m), canopy / len(sites_m), pitch)

@@ -1,0 +1,192 @@
+"""A search in the computer: targets on the ground of a forest, the integral image, and the detector.
+
+Targets lie at random places in random directions, and the ground has a texture.  The detector is
+that of `aosplan.scenes.matched_window`.  What exceeds the threshold counts as found, near a target,
+or as a false alarm, elsewhere: one for each peak.
+
+Nothing here knows of the prediction (`aosplan.simulation.compare_search`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.scenes.integral_image import (
+    TEXTURE,
+    TEXTURE_LENGTH_M,
+    Canopy,
+    gaussian_field,
+    integrate_planes,
+    planes_of_layers,
+    planes_of_volume,
+)
+from aosplan.scenes.matched_window import MatchedWindow, peaks
+from aosplan.simulation.forests import generator
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.integral_image import Integral
+    from aosplan.scenes.scene import Layer
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Floats = NDArray[np.float64]
+
+PLACINGS = 8
+"""Times that targets are placed anew on the ground of one forest."""
+
+APART_M = 8.0
+"""Targets lie in cells of this size, one in each."""
+
+NEAR_M = 0.3
+"""An output no farther than this from the middle of a target, along x and y, has found it."""
+
+MOST_PEAKS = 400
+"""Highest peaks that are kept of a forest."""
+
+SIZE_M = 32.0
+"""Side of the ground that is searched below one forest."""
+
+
+class Look(NamedTuple):
+    """What is looked for and how it stands out, in units of the spread between occluders.
+
+    Attributes
+    ----------
+    width_m, length_m
+        Of a target.
+    contrast, canopy_offset, crown_share
+        C, M and the share of the canopy's variance that crowns have in common.
+    """
+
+    width_m: float
+    length_m: float
+    contrast: float
+    canopy_offset: float
+    crown_share: float
+
+    @property
+    def canopy(self) -> Canopy:
+        """What occluders radiate."""
+        return Canopy(self.canopy_offset, self.crown_share)
+
+
+class Searched(NamedTuple):
+    """What the detector made of one forest.
+
+    Attributes
+    ----------
+    outputs
+        At every target, the detector's highest output near it.
+    seen
+        Share of every target that the integral keeps.
+    peaks
+        Outputs of the highest peaks where no target lies, falling.
+    area_m2
+        Area in which peaks were looked for.
+    """
+
+    outputs: Floats
+    seen: Floats
+    peaks: Floats
+    area_m2: float
+
+
+def search(rng: np.random.Generator, integral: Integral, look: Look) -> Searched:
+    """Run the detector over an integral, with targets and without.
+
+    Parameters
+    ----------
+    rng
+        Places and directions come from it.
+    integral
+        Of one forest.
+    look
+        Targets and radiances.
+    """
+    shape, pitch = integral.seen.shape, integral.pitch_m
+    ground = TEXTURE * gaussian_field(rng, (shape[0], shape[1]), pitch[0], TEXTURE_LENGTH_M)
+    plain = integral.canopy + integral.seen * ground
+    detector = MatchedWindow((look.width_m, look.length_m), (shape[0], shape[1]), pitch)
+    margin = math.ceil(0.5 * detector.box_m / min(pitch)) + 1
+    inner = tuple(slice(margin, count - margin) for count in shape)
+    heights = peaks(detector.output(plain)[inner], pitch)
+    outputs, shares = [], []
+    for _ in range(PLACINGS):
+        image = plain.copy()
+        places = []
+        for row, column, angle in _places(rng, shape, margin, pitch[0]):
+            cover = detector.cover(angle, *(rng.random(2) - 0.5).tolist())
+            rows, columns = (count // 2 for count in cover.shape)
+            at = np.s_[row - rows : row + rows + 1, column - columns : column + columns + 1]
+            image[at] += cover * integral.seen[at] * (look.contrast - ground[at])
+            shares.append(float((cover * integral.seen[at]).sum() / cover.sum()))
+            places.append((row, column))
+        found = detector.output(image)
+        near = round(NEAR_M / pitch[0])
+        outputs += [
+            float(found[r - near : r + near + 1, c - near : c + near + 1].max()) for r, c in places
+        ]
+    area = math.prod(
+        (count - 2 * margin) * step for count, step in zip(shape, pitch[::-1], strict=True)
+    )
+    return Searched(np.array(outputs), np.array(shares), heights[:MOST_PEAKS], area)
+
+
+def _places(
+    rng: np.random.Generator, shape: tuple[int, ...], margin: int, pitch_m: float
+) -> list[tuple[int, int, float]]:
+    """Places of targets, one in each cell, and their directions."""
+    inner = [count - 2 * margin for count in shape]
+    cells = [max(int(count * pitch_m / APART_M), 1) for count in inner]
+    places = []
+    for i in range(cells[0]):
+        for k in range(cells[1]):
+            cell = np.array([inner[0] / cells[0], inner[1] / cells[1]])
+            # Half a cell stays free, so that no box holds much of two targets.
+            row, column = (margin + (np.array([i, k]) + 0.5 * rng.random(2)) * cell).tolist()
+            places.append((int(row), int(column), float(rng.random() * math.pi)))
+    return places
+
+
+def search_layers(
+    layers: Sequence[Layer],
+    sites_m: Floats,
+    altitude_m: float,
+    look: Look,
+    *,
+    seed: int,
+    index: int,
+) -> Searched:
+    """Grow independent slices from a seed, fly over them, and search the ground below."""
+    rng = generator(seed, index)
+    sites = np.asarray(sites_m, dtype=np.float64)
+    wide = SIZE_M + float(np.ptp(sites, axis=0).max(initial=0.0)) + 2.0
+    planes = planes_of_layers(rng, layers, wide, look.canopy)
+    return search(rng, integrate_planes(planes, sites, altitude_m, (SIZE_M, SIZE_M)), look)
+
+
+def search_volume(
+    volume: VoxelVolume,
+    sites_m: Floats,
+    altitude_m: float,
+    look: Look,
+    *,
+    seed: int,
+    index: int,
+    focal_height_m: float = 0.0,
+    parallel: bool = True,
+) -> Searched:
+    """Fly over the voxels of a stand, whose radiances come from a seed, and search the ground.
+
+    Every target has the cameras around itself; with `parallel` false the plot's middle has.
+    """
+    rng = generator(seed, index)
+    planes = planes_of_volume(rng, volume, look.canopy, focal_height_m)
+    integral = integrate_planes(planes, sites_m, altitude_m, volume.size_m, parallel=parallel)
+    return search(rng, integral, look)

@@ -1,0 +1,228 @@
+"""Detection against the design's figures, drawn points, and drawn windows and cells."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aosplan.grid.patterns import Pattern, pattern_for
+from aosplan.models.clutter import independent_windows
+from aosplan.models.counted_detection import tail_level
+from aosplan.models.detection import PERSON, DetectionModel, Signature
+from aosplan.models.seen_share import SeenShare
+from aosplan.models.target_window import Target, kernels, points_of, rotation
+from aosplan.models.window_pairs import WindowPairs
+from aosplan.scenes.scene import Layer
+
+SLICE_OF = 1.0 - 0.1 ** (1 / 20)
+TWENTY = tuple(Layer(k - 0.01, k + 0.01, SLICE_OF, 0.25) for k in range(1, 21))
+ONE = (Layer(11.99, 12.01, 0.9, 0.25),)
+COARSE = (Layer(11.99, 12.01, 0.9, 0.5),)
+
+
+def detection(layers, samples, baseline_m, signature=(5.0, 0.0, 0.0), altitude_m=50.0, **how):
+    model = DetectionModel(layers, altitude_m, PERSON, Signature(*signature), **how)
+    return model.predict(pattern_for("trimmed", samples), baseline_m)
+
+
+# --- The window's kernels ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("target", [PERSON, Target(2.0, 2.0), Target(0.3, 4.0)])
+def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
+    """E|δ|² of two points of a rectangle is (w² + l²)/6, of a point of it and one of the box more."""
+    made = kernels(target, 0.2)
+    square = np.add.outer(made.fine_m**2, made.fine_m**2)
+    expected = (target.width_m**2 + target.length_m**2) / 6.0
+    assert float((made.window[0] * square).sum()) == pytest.approx(expected, rel=0.02)
+    moved = expected + made.step_m**2
+    for index in (1, 2):
+        assert float((made.window[index] * square).sum()) == pytest.approx(moved, rel=0.02)
+    square = np.add.outer(made.coarse_m**2, made.coarse_m**2)
+    mixed = (target.width_m**2 + target.length_m**2) / 12.0 + target.box_m**2 / 6.0
+    assert float((made.box[0] * square).sum()) == pytest.approx(mixed, rel=0.02)
+    assert float((made.box[1] * square).sum()) == pytest.approx(target.box_m**2 / 3.0, rel=0.02)
+
+
+# --- The pairs of rays, against drawn slices ----------------------------------------------------
+
+
+def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
+    """Q and C at one offset on the ground and one of the cameras, in 20,000 drawn stacks."""
+    layers = (Layer(3.0, 5.0, 0.3, 0.4), Layer(7.0, 9.0, 0.1, 0.3), Layer(9.0, 13.0, 0.5, 0.8))
+    altitude, ground, camera = 40.0, np.array([0.15, -0.1]), np.array([0.6, 0.4])
+    rng = np.random.default_rng(3)
+    count = 20_000
+    both, same = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    open_pair = np.ones(count, dtype=bool)
+    for layer in reversed(layers):
+        ratio = layer.height_m / altitude
+        apart = (ground * (1.0 - ratio) + camera * ratio) / layer.occluder_size_m
+        phase = rng.random((count, 2))
+        one_cell = (np.floor(phase) == np.floor(phase + apart)).all(axis=1)
+        first = rng.random(count) < layer.density
+        second = np.where(one_cell, first, rng.random(count) < layer.density)
+        same |= open_pair & one_cell & first
+        open_pair &= ~first & ~second
+    both = open_pair
+    pairs = WindowPairs(layers, altitude, PERSON)
+    # A lattice whose offsets are the one that was drawn, mirrored as the integrals are.
+    found_both, found_same = (
+        found[1, 0] for found in pairs.maps(np.array([ground[0], ground[1]]), camera[0], camera[1])
+    )
+    for drawn, predicted in ((both, found_both), (same, found_same)):
+        error = math.sqrt(predicted * (1.0 - predicted) / count)
+        assert abs(drawn.mean() - predicted) < 4.0 * error
+
+
+def test_the_variance_of_the_seen_share_is_that_of_drawn_windows():
+    """One slice: windows over random cells, their seen shares counted; rays that meet in the camera."""
+    layer, altitude, target = Layer(9.99, 10.01, 0.6, 0.3), 40.0, PERSON
+    pattern, baseline = Pattern(2, 3), 1.1
+    sites = baseline * np.array(list(pattern.offsets()))
+    rng = np.random.default_rng(4)
+    ratio = layer.height_m / altitude
+    points = points_of(target, 0.05) * (1.0 - ratio)
+    shares = []
+    for _ in range(3000):
+        turned = points @ rotation(rng.random() * math.pi) + 5.0 + rng.random(2)
+        cells = np.floor((turned[None] + ratio * sites[:, None]) / layer.occluder_size_m).astype(
+            int
+        )
+        hidden = rng.random((40, 40)) < layer.density
+        shares.append(1.0 - hidden[cells[..., 1], cells[..., 0]].mean())
+    shares = np.array(shares)
+    model = DetectionModel([layer], altitude, target)
+    seen = model.predict(pattern, baseline).seen
+    squares = (shares - shares.mean()) ** 2
+    error = squares.std() / math.sqrt(len(shares))
+    assert abs(squares.mean() - seen.variance) < 4.0 * error + 0.01 * seen.variance
+    assert abs(shares.mean() - seen.mean) < 4.0 * shares.std() / math.sqrt(len(shares))
+    for share in (0.25, 0.5):
+        assert abs((shares >= share).mean() - seen.at_least(share)) < 0.05
+
+
+# --- The design's figures ---------------------------------------------------------------------
+
+
+def test_single_slice_seen_share():
+    """Section 4.8, parallel rays: var_s 0.005755, P(s >= 0.1) 0.469(10) within the form's 0.05."""
+    seen = detection(COARSE, 9, 2.0, rigid=False).seen
+    assert seen.variance == pytest.approx(0.005755, rel=0.01)
+    assert seen.at_least(0.1) == pytest.approx(0.469, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("layers", "samples", "found", "clutter", "level"),
+    [
+        (ONE, 49, {2.0: 0.102, 5.0: 0.954, 10.0: 1.0}, 0.0649, 4.28),
+        (TWENTY, 9, {2.0: 0.011, 5.0: 0.556, 10.0: 0.974}, 0.0933, 4.80),
+    ],
+)
+def test_detection_of_the_design(layers, samples, found, clutter, level):
+    """Section 4.8: found at three contrasts (± 0.018), without the mean of the box."""
+    predicted = detection(layers, samples, 2.0, rigid=False, local=False)
+    assert predicted.deviation == pytest.approx(clutter, rel=0.021)
+    assert predicted.threshold / predicted.deviation == pytest.approx(level, rel=0.02)
+    curve = dict(predicted.curve)
+    for contrast, share in found.items():
+        assert abs(curve[contrast] - share) < 0.05 + 2 * 0.018
+
+
+# --- What has to hold --------------------------------------------------------------------------
+
+
+def test_a_table_of_offsets_gives_what_the_integrals_give():
+    exact = DetectionModel(TWENTY, 50.0, PERSON, Signature(3.0, -1.0, 0.3))
+    table = DetectionModel(TWENTY, 50.0, PERSON, Signature(3.0, -1.0, 0.3)).for_search()
+    for samples, baseline in ((9, 0.7), (25, 2.0), (30, 4.0)):
+        pattern = pattern_for("trimmed", samples)
+        one, other = exact.predict(pattern, baseline), table.predict(pattern, baseline)
+        assert other.seen.variance == pytest.approx(one.seen.variance, rel=0.03)
+        assert other.deviation == pytest.approx(one.deviation, rel=0.02)
+        assert other.probability == pytest.approx(one.probability, abs=0.02)
+
+
+def test_sites_of_a_lattice_and_the_same_sites_scattered_are_one_thing():
+    model = DetectionModel(ONE, 50.0)
+    pattern = pattern_for("trimmed", 14)
+    lattice = model.predict(pattern, 1.5)
+    scattered = model.predict_positions(1.5 * np.array(list(pattern.offsets())))
+    assert scattered.seen.variance == pytest.approx(lattice.seen.variance, rel=1e-9)
+    assert scattered.probability == pytest.approx(lattice.probability, rel=1e-9)
+
+
+def test_more_contrast_and_more_false_alarms_find_more():
+    lone = detection(TWENTY, 25, 2.0)
+    values = [share for _, share in lone.curve]
+    assert values == sorted(values)
+    assert values[0] < 0.01
+    assert values[-1] > 0.9
+    lax = detection(TWENTY, 25, 2.0, false_alarms=100.0)
+    assert lax.threshold < lone.threshold
+    assert lax.probability > lone.probability
+
+
+def test_what_is_colder_is_found_as_what_is_warmer():
+    warm = detection(TWENTY, 16, 2.0, (3.0, -1.0, 0.2))
+    cold = detection(TWENTY, 16, 2.0, (-3.0, 1.0, 0.2))
+    assert cold.probability == pytest.approx(warm.probability, rel=1e-12)
+    assert [c for c, _ in cold.curve] == sorted(-c for c, _ in warm.curve)
+
+
+def test_clutter_at_crown_scale_hides_a_person():
+    """Half of the variance at the scale of crowns takes most of what is found."""
+    own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0))
+    crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5))
+    assert own.probability > 0.9
+    assert crowns.probability < 0.1
+
+
+def test_points_that_nearly_always_see_give_certain_detection():
+    thin = (Layer(9.9, 10.1, 1e-6, 0.2),)
+    found = detection(thin, 9, 2.0)
+    assert found.probability == pytest.approx(1.0, abs=1e-3)
+    assert found.unseen == pytest.approx(0.0, abs=1e-3)
+
+
+# --- Distributions ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("mean", "variance", "atom"), [(0.1, 0.006, 0.11), (0.6, 0.05, 0.0)])
+def test_a_distribution_keeps_its_moments(mean, variance, atom):
+    seen = SeenShare.of_moments(mean, variance, atom, 1000.0)
+    assert seen.weights.sum() == pytest.approx(1.0, abs=1e-9)
+    assert seen.weights @ seen.nodes == pytest.approx(mean, rel=1e-6)
+    assert seen.weights @ seen.nodes**2 - mean**2 == pytest.approx(variance, rel=1e-3)
+    assert seen.at_least(1e-12) == pytest.approx(1.0 - atom, abs=1e-3)
+    for part in (0.3, 0.5, 0.95):
+        assert 1.0 - seen.at_least(seen.quantile(part)) == pytest.approx(part, abs=1e-6)
+
+
+def test_a_counted_distribution_is_the_one_that_was_counted():
+    shares = np.random.default_rng(5).beta(0.5, 2.0, 100_000)
+    seen = SeenShare.counted(shares)
+    assert seen.mean == pytest.approx(shares.mean())
+    assert seen.weights @ seen.nodes == pytest.approx(shares.mean(), rel=1e-9)
+    for share in (0.01, 0.1, 0.5):
+        assert seen.at_least(share) == pytest.approx((shares >= share).mean(), abs=1 / 160)
+
+
+def test_windows_that_count_as_independent_are_more_at_higher_levels():
+    few, many = (independent_windows(level, 3.0) for level in (3.0, 5.0))
+    # χ(u)/Φ̄(u) grows nearly as u³.
+    assert many / few == pytest.approx((5.0 / 3.0) ** 3, rel=0.15)
+    assert independent_windows(4.0, 6.0) == pytest.approx(2.0 * independent_windows(4.0, 3.0))
+
+
+@pytest.mark.parametrize("number", [0.3, 3.0, 500.0])
+def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
+    """Of 20,000 peaks above 2 with the scale 0.1, n exceed 2 + 0.1 ln(20,000/n)."""
+    rng = np.random.default_rng(6)
+    drawn = [
+        tail_level(np.sort(2.0 + 0.1 * rng.exponential(size=20_000))[::-1], number)
+        for _ in range(60)
+    ]
+    expected = 2.0 + 0.1 * math.log(20_000 / number)
+    # The expected peak number n lies 1/(2 n) nearer to the top; 30 peaks make that 0.002.
+    assert abs(np.mean(drawn) - expected) < 4.0 * np.std(drawn) / math.sqrt(60) + 0.002
