@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+import warnings
 
 
 def main() -> None:
@@ -26,6 +27,10 @@ def main() -> None:
         # The BLAS below numpy starts a thread for each processor, which takes longer than all that
         # the other commands multiply.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if not sys.warnoptions:  # -W or PYTHONWARNINGS ask for them
+        # Warnings of libraries are for programmers; what a user has to know has words of our own.
+        sys.warnoptions.append("ignore")  # for worker processes
+        warnings.simplefilter("ignore")
     from aosplan.cli.app import leave, run
 
     try:

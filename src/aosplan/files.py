@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 import sys
@@ -9,7 +10,7 @@ import tempfile
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from aosplan.errors import RequestError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -19,6 +20,9 @@ MOST_BYTES = 64 * 1024 * 1024
 
 DEEPEST = 60
 """Levels of nesting that a document may have."""
+
+MOST_NAMES = 200_000
+"""Names that a TOML document may have: its parser takes up to 2 kB for each."""
 
 
 def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
@@ -82,7 +86,7 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
         raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
 
 
-def read_table(path: str) -> dict[str, Any]:
+def read_table(path: str, *, most: int = MOST_BYTES) -> dict[str, Any]:
     """A TOML or JSON document with named values at its top.
 
     ``.toml`` is TOML and ``.json`` JSON; anything else is taken by its first character.
@@ -90,9 +94,10 @@ def read_table(path: str) -> dict[str, Any]:
     Raises
     ------
     RequestError
-        Where it is neither; the message says at which line.
+        If it is neither, nests too deeply, gives a name twice, or holds a number beyond what a
+        float can hold or text that is not Unicode; the message says where.
     """
-    return parse_table(read_bytes(path), path)
+    return parse_table(read_bytes(path, most=most), path)
 
 
 def parse_table(content: bytes, path: str) -> dict[str, Any]:
@@ -108,6 +113,7 @@ def parse_table(content: bytes, path: str) -> dict[str, Any]:
     as_json = suffix == ".json" or (suffix != ".toml" and (listed or start[:1] == "{"))
     try:
         table = _from_json(text) if as_json else _from_toml(text)
+        _check_values(table, text)
     except ValueError as error:
         kind = "JSON" if as_json else "TOML"
         raise RequestError(f"'{path}' is not valid {kind}: {error}") from None
@@ -127,36 +133,141 @@ def _from_json(text: str) -> Any:
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         names = dict(pairs)
         if len(names) < len(pairs):
-            twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
+            seen: set[str] = set()
+            twice = next(name for name, _ in pairs if name in seen or seen.add(name))
             raise ValueError(f"{twice!r} is given twice")
         return names
 
-    return _checked_depth(json.loads(text, parse_constant=refuse, object_pairs_hook=table))
+    return json.loads(text, parse_constant=refuse, object_pairs_hook=table)
 
 
 def _from_toml(text: str) -> Any:
+    import re
     import tomllib
 
-    # A dotted key makes a table for every dot, which tomllib would build before we can look.
-    if any(line.partition("=")[0].count(".") > DEEPEST for line in text.splitlines()):
+    # tomllib makes a table for every part of a dotted key, and goes through all of them again for
+    # each part, before we can look.  Possessive repeats keep the search linear.
+    part = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
+    if re.search(rf"(?<![\w-])(?:{part}\.[ \t]*+){{{DEEPEST}}}", text):
         raise RecursionError
-    return _checked_depth(tomllib.loads(text))
+    headers = re.findall(r"(?m)^[ \t]*\[|\.[ \t]*[^\d\s]", text)
+    if text.count("=") + text.count("{") + len(headers) > MOST_NAMES:
+        raise ValueError(f"it has more than {MOST_NAMES} names")
+    return tomllib.loads(text)
 
 
-def _checked_depth(value: Any) -> Any:
-    """A document, unless its lists and tables lie too deep in each other."""
-    depth, level = 0, [value]
+def _check_values(document: Any, text: str) -> None:
+    """Refuse a document whose values lie too deep in each other, or that the text overstates.
+
+    Its numbers and its text are looked through only if the text holds what could be wrong.
+    """
+    import re
+
+    escaped = "\\u" in text and re.search(r"\\u[dD][89a-fA-F]", text) is not None
+    large = re.search(r"[eE]\+?\d{3}|\d{300}", text) is not None
+    depth, level = 0, [document]
     while level:
         depth += 1
         if depth > DEEPEST:
             raise RecursionError
+        if (large or escaped) and any(map(_is_wrong, level)):
+            place, value = next(_wrong_values(document))
+            number = isinstance(value, (int, float))
+            raise ValueError(f"{place} is {'too large a number' if number else 'not Unicode text'}")
         level = [
             inner
             for outer in level
             if isinstance(outer, (dict, list))
             for inner in (outer.values() if isinstance(outer, dict) else outer)
         ]
-    return value
+
+
+def _is_wrong(value: Any) -> bool:
+    """Whether a value is a number beyond every float, or text, or a name in it, is not Unicode."""
+    if isinstance(value, dict):
+        return not all(map(is_unicode, value))
+    if isinstance(value, str):
+        return not is_unicode(value)
+    if isinstance(value, (int, float)):
+        try:
+            return not math.isfinite(value)
+        except OverflowError:
+            return True
+    return False
+
+
+def _wrong_values(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Wrong values of a document, and where they stand: names and indices with dots between."""
+    if _is_wrong(value):
+        yield place or "a name", value
+    if isinstance(value, (dict, list)):
+        inner = value.items() if isinstance(value, dict) else enumerate(value)
+        for name, within in inner:
+            yield from _wrong_values(within, f"{place}.{name}" if place else str(name))
+
+
+def is_unicode(text: str) -> bool:
+    """Whether a text can be written as UTF-8: without half a pair of surrogates."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+@contextmanager
+def decoding(what: str, path: str) -> Iterator[None]:
+    """Around a library that decodes a file: whatever it does with a damaged one, one error line.
+
+    Libraries complain about damage in exceptions of every kind, among them some that are no
+    `Exception` (a panic in Rust), in warnings, and in words on stderr.
+
+    Parameters
+    ----------
+    what
+        What the file is for the user, such as ``raster``.
+    path
+        The file.
+
+    Raises
+    ------
+    RequestError
+        If the library raises anything but an error of this project's, an error of the machine, a
+        lack of memory or an interruption.
+    """
+    import warnings
+
+    try:
+        with warnings.catch_warnings(), silent(2):
+            warnings.simplefilter("ignore")
+            yield
+    except (AosplanError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:  # noqa: BLE001 (a panic is no Exception)
+        if isinstance(error, OSError) and error.errno is not None:
+            raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
+        lines = str(error).strip().splitlines()
+        reason = f": {lines[0].strip()}" if lines else ""
+        raise RequestError(f"{what} '{path}' is damaged, or is something else{reason}") from None
+
+
+@contextmanager
+def silent(descriptor: int) -> Iterator[None]:
+    """Keep what a library of another language prints away from stdout (1) or stderr (2)."""
+    try:
+        kept = os.dup(descriptor)
+    except OSError:  # it is closed: nothing to keep clean
+        yield
+        return
+    (sys.stdout if descriptor == 1 else sys.stderr).flush()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, descriptor)
+        yield
+    finally:
+        os.dup2(kept, descriptor)
+        os.close(nowhere)
+        os.close(kept)
 
 
 def check_input(path: str) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 import shapely
 
 from aosplan.areas.boundary_file import Outline, listed, read_outline
+from aosplan.areas.crossings import cross_often
 from aosplan.errors import RequestError
 from aosplan.geodesy import to_local, to_wgs84
 from aosplan.messages import Message
@@ -46,6 +47,12 @@ MARGIN_M = 0.1
 
 THINNEST_M = 0.001
 """A polygon that is thinner has no area."""
+
+MOST_MENDED = 1000
+"""An outline that crosses itself more often is not mended."""
+
+MOST_CROSSINGS = 200_000
+"""Outlines that cross each other more often are refused: each crossing takes about 1 kB."""
 
 _ARC_SEGMENTS = 8
 _ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
@@ -133,6 +140,7 @@ def read_area(
         clear_outline = read_outline(clear)
         notices += _ignored(clear_outline)
         clear_whole, moved_clear = _simplified(_united(clear_outline, origin), outward=False)
+        _check_overlay(whole, clear_whole, clear)
         clear_part = polygons_of(shapely.intersection(whole, clear_whole))
         moved = max(moved, moved_clear)
         if clear_part.is_empty:
@@ -141,6 +149,7 @@ def read_area(
         zones = read_outline(no_fly)
         notices += _ignored(zones)
         keep_out, moved_zones = _simplified(_united(zones, origin), outward=True)
+        _check_overlay(whole, keep_out, no_fly)
         keep_out = grown(keep_out, buffer_m)
         moved = max(moved, moved_zones)
         if shapely.distance(keep_out, whole) > 1000.0:
@@ -154,6 +163,13 @@ def read_area(
         simplified_m=moved,
         notices=tuple(notices),
     )
+
+
+def _check_overlay(whole: Any, shape: Any, path: str) -> None:
+    if cross_often([whole, shape], MOST_CROSSINGS):
+        raise RequestError(
+            f"the outlines of '{path}' cross the area's too often", "simplify them first"
+        )
 
 
 def grown(shape: Any, distance_m: float) -> Any:
@@ -282,18 +298,33 @@ def _united(outline: Outline, origin: tuple[float, float]) -> Any:
     for rings, place in zip(outline.polygons, outline.places, strict=True):
         shell, *holes = (_bent(ring, origin) for ring in rings)
         polygon = shapely.Polygon(shell, holes)
-        sound = polygon if polygon.is_valid else polygons_of(shapely.make_valid(polygon))
-        # Rings that touch may cross by a hair in other coordinates; that changes no area.
-        if abs(sound.area - polygon.area) > THINNEST_M * polygon.length:
+        sound = polygon if polygon.is_valid else _sound(polygon)
+        if sound is None:
             raise RequestError(
                 f"'{outline.path}': {place}: {_reason(polygon, origin)}",
                 "mend the outline where it was drawn, or draw it as several polygons",
             )
         polygons.append(sound)
+    if len(polygons) > 1 and cross_often(polygons, MOST_CROSSINGS):
+        raise RequestError(
+            f"'{outline.path}': its {len(polygons)} polygons cross each other too often",
+            "unite them first, or keep those that are meant",
+        )
     united = shapely.union_all(polygons)
     if not united.area > 0.5 * THINNEST_M * united.length:
         raise RequestError(f"'{outline.path}' has no area")
     return polygons_of(united)
+
+
+def _sound(polygon: Any) -> Any:
+    """A polygon that is not valid, mended; None if that changes its area.
+
+    Rings that touch may cross by a hair in other coordinates, which changes no area.
+    """
+    if cross_often([polygon], MOST_MENDED):
+        return None
+    sound = polygons_of(shapely.make_valid(polygon))
+    return sound if abs(sound.area - polygon.area) <= THINNEST_M * polygon.length else None
 
 
 def _reason(polygon: Any, origin: tuple[float, float]) -> str:

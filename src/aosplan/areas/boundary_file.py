@@ -176,10 +176,7 @@ def _ring(positions: Any, place: str) -> NDArray[np.float64]:
             raise RequestError(
                 f"{place}.{index}: {shown(position)} is not a longitude and a latitude"
             )
-    try:
-        ring = np.array([position[:2] for position in positions], dtype=np.float64)
-    except OverflowError:
-        raise RequestError(f"{place}: a coordinate is no longitude or latitude") from None
+    ring = np.array([position[:2] for position in positions], dtype=np.float64)
     return checked_ring(ring.reshape(-1, 2), place)
 
 
@@ -250,7 +247,7 @@ class _KmlReader:
         parser.CharacterDataHandler = self._characters
         try:
             parser.Parse(content, True)
-        except expat.ExpatError as error:
+        except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding, too
             raise RequestError(f"'{self.outline.path}' is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:

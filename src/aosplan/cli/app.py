@@ -13,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup, TyperOption
 from typer.exceptions import Exit, TyperException
 
 from aosplan import __version__
-from aosplan.errors import AosplanError, SurroundingsError
+from aosplan.errors import AosplanError, RequestError, SurroundingsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -135,6 +135,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         given = [*given[1:], "--help"]
     _write_what_can_be_shown()
     try:
+        _check_unicode(given)
         if "AOSPLAN_COMPLETE" in os.environ:
             from aosplan.cli.completion import answer
 
@@ -162,10 +163,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _report("not enough memory for this request", "", 1)
     except KeyboardInterrupt:
         return 130
-    except Exception as error:  # a fault of the program: said in one line, never a traceback
+    except BaseException as error:  # a fault of the program: said in one line, never a traceback
         if _interrupted(error):
             return 130
-        if os.environ.get("AOSPLAN_DEBUG"):
+        if isinstance(error, SystemExit) or os.environ.get("AOSPLAN_DEBUG"):
             raise
         return _report(
             f"unexpected {type(error).__name__}: {error}",
@@ -174,6 +175,17 @@ def run(arguments: Sequence[str] | None = None) -> int:
             1,
         )
     return status if isinstance(status, int) else 0
+
+
+def _check_unicode(arguments: Sequence[str]) -> None:
+    """Refuse arguments that are not Unicode: what is printed and written names them."""
+    from aosplan.files import is_unicode
+
+    for argument in arguments:
+        if not is_unicode(argument):
+            raise RequestError(
+                f"argument {argument!r} is not Unicode text", "give the file another name"
+            )
 
 
 def _interrupted(error: BaseException | None) -> bool:

@@ -7,7 +7,6 @@ where a plot is too large for a bound, cells grow and their points are merged.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 from typing import TYPE_CHECKING, Any
@@ -15,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import needs_extra
+from aosplan.files import silent
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
@@ -121,7 +121,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     cloth.params.cloth_resolution = cells.edge_m
     cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
-    with _silent_stdout():
+    with silent(1):
         cloth.do_filtering(ground, other, False)  # False: no file of the cloth's nodes.
     index = np.array(ground, dtype=np.intp)
     return low[:, index[index < low.shape[1]]]
@@ -152,24 +152,6 @@ def _cloth_filter() -> Any:
         else:
             os.environ["OMP_NUM_THREADS"] = threads
     return CSF
-
-
-@contextlib.contextmanager
-def _silent_stdout() -> Iterator[None]:
-    """Keep what a C++ library prints away from stdout, which carries data only."""
-    try:
-        kept = os.dup(1)
-    except OSError:  # There is no stdout to keep clean.
-        yield
-        return
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(nowhere)
-        os.close(kept)
 
 
 def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArray[np.float32]:

@@ -1,0 +1,76 @@
+"""Crossings of outlines, counted up to a limit: what an overlay costs grows with them.
+
+An outline of n edges may cross itself n²/2 times, and an overlay makes a vertex of every crossing:
+12 kB of GeoJSON take minutes, 80 kB gigabytes.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+MOST_PAIRS = 5_000_000
+"""Pairs of edges, near each other, that are looked at."""
+
+PAIRS_AT_ONCE = 1_000_000
+
+
+def cross_often(shapes: Sequence[Any], most: int) -> bool:
+    """Whether the edges of shapes cross each other, or themselves, more often than a limit.
+
+    Outlines with so many edges near each other that counting takes long count as such.
+
+    Parameters
+    ----------
+    shapes
+        Polygons or collections of them (shapely).
+    most
+        The limit.
+    """
+    edges = np.concatenate([_edges(shape) for shape in shapes])
+    if len(edges) * (len(edges) - 1) // 2 <= most:
+        return False
+    tree = shapely.STRtree(shapely.linestrings(edges))
+    at_once = max(PAIRS_AT_ONCE // len(edges), 1)
+    crossings = pairs = 0
+    for start in range(0, len(edges), at_once):
+        one, other = tree.query(tree.geometries[start : start + at_once])
+        one += start
+        later = other > one  # each pair once
+        one, other = one[later], other[later]
+        crossings += int(np.count_nonzero(_cross(edges[one], edges[other])))
+        pairs += len(one)
+        if crossings > most or pairs > MOST_PAIRS:
+            return True
+    return False
+
+
+def _edges(shape: Any) -> Floats:
+    """The edges of the rings of a shape: the two ends of each, shape (n, 2, 2)."""
+    rings = shapely.get_rings(shapely.get_parts(shape))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    inner = ring[1:] == ring[:-1]
+    return np.stack([points[:-1][inner], points[1:][inner]], axis=1)
+
+
+def _cross(one: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Whether each of some edges crosses the other of its pair; those that only touch do not."""
+    return _apart(one, other) & _apart(other, one)
+
+
+def _apart(edge: Floats, other: Floats) -> NDArray[np.bool_]:
+    """Whether the ends of the other edge lie on opposite sides of an edge."""
+    along = edge[:, 1] - edge[:, 0]
+    off = other - edge[:, :1]
+    sides = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]
+    apart: NDArray[np.bool_] = (sides[:, 0] > 0.0) != (sides[:, 1] > 0.0)
+    return apart & (sides != 0.0).all(axis=1)
