@@ -127,14 +127,15 @@ def parse_table(content: bytes, path: str) -> dict[str, Any]:
 def _from_json(text: str) -> Any:
     import json
 
+    missing = object()
+
     def refuse(constant: str) -> NoReturn:
         raise ValueError(f"{constant} is not a number")
 
     def table(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         names = dict(pairs)
         if len(names) < len(pairs):
-            seen: set[str] = set()
-            twice = next(name for name, _ in pairs if name in seen or seen.add(name))
+            twice = next(name for name, _ in pairs if names.pop(name, missing) is missing)
             raise ValueError(f"{twice!r} is given twice")
         return names
 

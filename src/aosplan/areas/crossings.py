@@ -72,5 +72,5 @@ def _apart(edge: Floats, other: Floats) -> NDArray[np.bool_]:
     along = edge[:, 1] - edge[:, 0]
     off = other - edge[:, :1]
     sides = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]
-    apart: NDArray[np.bool_] = (sides[:, 0] > 0.0) != (sides[:, 1] > 0.0)
-    return apart & (sides != 0.0).all(axis=1)
+    apart: NDArray[np.bool_] = sides[:, 0] * sides[:, 1] < 0.0
+    return apart
