@@ -179,13 +179,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def _check_unicode(arguments: Sequence[str]) -> None:
     """Refuse arguments that are not Unicode: what is printed and written names them."""
-    from aosplan.files import is_unicode
-
     for argument in arguments:
-        if not is_unicode(argument):
+        try:
+            argument.encode()
+        except UnicodeEncodeError:
             raise RequestError(
                 f"argument {argument!r} is not Unicode text", "give the file another name"
-            )
+            ) from None
 
 
 def _interrupted(error: BaseException | None) -> bool:
