@@ -425,6 +425,50 @@ def test_no_test_reaches_for_private_names_of_a_module():
     assert taken == []
 
 
+def defined_in(module):
+    """Names at the top level of a module: those it defines, imports or assigns."""
+    for node in ast.walk(tree_of(MODULES[module])):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, (ast.Import, ast.ImportFrom)):
+            yield from (alias.asname or alias.name for alias in node.names)
+
+
+def names_missed(path):
+    """Names that a script takes from modules of the project and that these do not have."""
+    tree, modules = tree_of(path), {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                if inner in MODULES:
+                    modules[alias.asname or alias.name] = inner
+                elif node.module not in MODULES or (
+                    node.module != "aosplan" and alias.name not in set(defined_in(node.module))
+                ):
+                    yield inner, node.lineno
+    for node in ast.walk(tree):
+        if (
+            isinstance(node, ast.Attribute)
+            and isinstance(node.value, ast.Name)
+            and node.value.id in modules
+            and not node.attr.startswith("__")
+            and node.attr not in set(defined_in(modules[node.value.id]))
+        ):
+            yield f"{modules[node.value.id]}.{node.attr}", node.lineno
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "docs", "examples"])
+def test_scripts_take_names_that_exist(folder):
+    # Most of them take too long to be run by tests.
+    scripts = sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
+    missed = [f"{path.name}:{line} {name}" for path in scripts for name, line in names_missed(path)]
+    assert len(scripts) > 5
+    assert missed == []
+
+
 def test_every_module_and_everything_public_has_a_docstring():
     bare = [module for module, path in MODULES.items() if not ast.get_docstring(tree_of(path))]
     bare += [

@@ -14,7 +14,7 @@ from common import plt, save, stand, write_csv
 from PIL import Image
 
 from aosplan.postflight.integral.recording import Recording
-from aosplan.postflight.integral.view_subset import Choice
+from aosplan.postflight.integral.view_subset import ViewSubset
 from aosplan.scenes.occlusion import Occlusion, Window
 from aosplan.simulation.pictures import LEAVES, resolution_chart
 from aosplan.simulation.ssim import similarity
@@ -104,12 +104,12 @@ def main():
         recording = Recording(*render(folder))
         half = 0.5 * CHART_M
         raster = recording.raster((-half, -half, half, half), 0.1)
-        everything = recording.integrate(Choice(), raster)
+        everything = recording.integrate(ViewSubset(), raster)
         covered = everything.seen(VIEWS // 10)
         rows, shown = [], {}
         for name, pitch in (("2.8 m apart", RULE_M), ("all, 2 m apart", None)):
             for aperture_m in APERTURES_M:
-                choice = Choice(pitch_m=pitch, aperture_m=aperture_m)
+                choice = ViewSubset(pitch_m=pitch, aperture_m=aperture_m)
                 found = recording.integrate(choice, raster)
                 both = covered & found.seen(1)
                 ssim = similarity(found.values, everything.values, both, 255.0).ssim

@@ -251,6 +251,7 @@ def split(shape):
     return shapely.multilinestrings(np.stack([points[:-1], points[1:]], axis=1))
 
 
+@pytest.mark.slow
 def test_many_vertices_are_simplified_on_the_safe_side(file, monkeypatch):
     ring = coast(30_000, roughness_m=0.5)
     path = file([ring])

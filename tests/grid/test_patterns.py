@@ -240,10 +240,11 @@ def test_within_a_frame_every_sample_lowers_the_shortfall_in_exact_arithmetic():
 @pytest.mark.parametrize("row_pitch", [1.0, 4.0])
 def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
     pitch = max(row_pitch, NARROWEST_TURNS) if grid == "spiral" else row_pitch
+    most = 50 if grid == "spiral" else 120  # spirals are summed pair by pair
     for dhat in DISPARITIES:
         shortfalls = [
             pattern_shortfall(frame.whole, dhat)
-            for frame in itertools.islice(frames(grid, lane_pitch=pitch), 120)
+            for frame in itertools.islice(frames(grid, lane_pitch=pitch), most)
         ]
         for before, after in itertools.pairwise(shortfalls):
             assert after <= before * (1.0 + ROUNDING), dhat

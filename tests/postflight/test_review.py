@@ -298,6 +298,7 @@ def test_a_single_position(tmp_path):
     assert found.flown.shortfall == 1.0
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_positions_are_matched_without_a_prediction(tmp_path):
     points = np.random.default_rng(1).uniform(-40.0, 40.0, (100_000, 2)).round(3)
     found = reviewed(tmp_path / "f.csv", points, PlanRequest(altitude=40))

@@ -84,7 +84,18 @@ def test_colours_differ_to_every_eye_and_in_grey(theme, eye):
 
 
 @pytest.mark.parametrize(
-    ("kind", "form"), [*((kind, "svg") for kind in KINDS), ("grid", "png"), ("correlogram", "pdf")]
+    ("kind", "form"),
+    [
+        ("visibility", "svg"),
+        ("grid", "png"),
+        *(
+            pytest.param(kind, form, marks=pytest.mark.slow)
+            for kind, form in [
+                *((kind, "svg") for kind in KINDS if kind != "visibility"),
+                ("correlogram", "pdf"),
+            ]
+        ),
+    ],
 )
 def test_a_file_is_the_same_each_time(kind, form):
     first = rendered(KINDS[kind], shown(kind), form)
@@ -136,7 +147,14 @@ def test_a_png_has_its_background_and_its_width(look, tmp_path):
     "name",
     ["<script>alert('x')</script>", "a $ b $ \\frac", "\x00\x07\ud800", "שלום 森林", "x" * 10_000],
 )
-@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+@pytest.mark.parametrize(
+    "form",
+    [
+        "svg",
+        pytest.param("png", marks=pytest.mark.slow),
+        pytest.param("pdf", marks=pytest.mark.slow),
+    ],
+)
 def test_names_are_text_whatever_they_hold(name, form, tmp_path):
     hostile = shown("density")._replace(scene=name)
     content = rendered(KINDS["density"], hostile, form)

@@ -132,6 +132,7 @@ def test_progress_counts_up_to_what_is_expected(flight):
     assert all(call[0] < call[1] for call in calls)
 
 
+@pytest.mark.slow
 def test_z_scores_of_volumes_over_seeds_are_those_of_honest_standard_errors(flight):
     z = []
     for seed in range(16):
@@ -175,6 +176,7 @@ def test_slanted_predictions_are_those_of_independent_views():
     assert straight == pytest.approx((1 - math.exp(-0.5), math.exp(-0.5), 0.3))
 
 
+@pytest.mark.slow
 def test_patches_stand_for_the_whole_target_area(monkeypatch):
     def experiment(area):
         return ForestExperiment(

@@ -149,8 +149,8 @@ KINDS = [GridKind(), GridKind("rectangle"), GridKind("square"), GridKind("line")
 KINDS += [
     GridKind("lanes"),
     GridKind("lanes", 2, 2.0),
-    GridKind("spiral"),
     GridKind("spiral", 3, 2.0),
+    pytest.param(GridKind("spiral"), marks=pytest.mark.slow),
 ]
 BOUNDS = [
     Bounds(max_samples=30),

@@ -278,7 +278,13 @@ def interrupted_after(monkeypatch, parts, seen):
     monkeypatch.setattr(run_module, "solve_part", solve_part)
 
 
-@pytest.mark.parametrize("out", [[], ["--out", "r.csv"]], ids=["no file", "file"])
+@pytest.mark.parametrize(
+    "out",
+    [
+        pytest.param([], id="no file", marks=pytest.mark.slow),
+        pytest.param(["--out", "r.csv"], id="file"),
+    ],
+)
 @pytest.mark.parametrize("every_s", [0.0, pytest.param(1e9, marks=pytest.mark.slow)])
 def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, out, every_s):
     monkeypatch.chdir(tmp_path)

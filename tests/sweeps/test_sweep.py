@@ -125,8 +125,9 @@ def test_a_table_is_a_scenario_a_row(tmp_path):
         ("[sweep]\naltitude = { start = 1, stop = 2, count = 1e12 }\n", ["count 1000000000000"]),
         ("[sweep]\naltitude = { file = 'none.txt' }\n", ["no file"]),
         ("altitude = 40\n", ["no table [sweep]"]),
-        ("[sweep]\naltitude = { start = 20, stop = 90, count = 1000000 }\n"
-         "vhat = { start = 0.1, stop = 0.9, count = 1000000 }\n", ["1000000000000 scenarios", "--where", "--yes"]),
+        ("[sweep]\naltitude = { start = 20, stop = 90, count = 10000 }\n"
+         "vhat = { start = 0.1, stop = 0.9, count = 10000 }\n"
+         "max_aperture = { start = 1, stop = 9, count = 10000 }\n", ["1000000000000 scenarios", "--where", "--yes"]),
     ],
 )  # fmt: skip
 def test_wrong_sweeps_are_errors(tmp_path, capsys, content, words):
