@@ -30,7 +30,17 @@ CHAPTERS = (
 )
 """A chapter may import from the lines above its own, never from below or beside it."""
 
-ROOT = ("errors", "files", "geodesy", "messages", "numerics", "units", "validation", "xml_text")
+ROOT = (
+    "crs",
+    "errors",
+    "files",
+    "geodesy",
+    "messages",
+    "numerics",
+    "units",
+    "validation",
+    "xml_text",
+)
 """Modules directly below ``aosplan``: every chapter may import them, and they import no chapter."""
 
 FACES = ("aosplan", "aosplan.__main__")

@@ -5,6 +5,7 @@ from importlib import import_module
 from inspect import getclosurevars
 from re import fullmatch
 
+from aosplan import crs
 from aosplan import units as q
 from aosplan.cli.app import COMMANDS, GROUP
 from aosplan.planning import options as table
@@ -35,6 +36,8 @@ DOMAINS = {
     q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
     table.target_share: "from 0 to below 1, or a percentage",
     table.heading_or_auto: "any number, `best`, or `auto`",
+    crs.parse_unit: "a unit of length by its short name or its name in EPSG",
+    crs.parse_units: "one or two units of length by their short names or their names in EPSG",
     table.payload: "a payload of [](presets.md#payloads)",
 }
 """What the parsers of `aosplan.planning.options` accept."""

@@ -10,6 +10,7 @@ import sys
 
 import laspy
 import numpy as np
+from pyproj import CRS
 
 from aosplan.simulation.forests import clumped_forest, generator
 
@@ -39,6 +40,7 @@ def write(path):
     points, kinds = stand()
     header = laspy.LasHeader(point_format=6)
     header.scales, header.offsets = [0.001] * 3, [0.0] * 3
+    header.add_crs(CRS.from_wkt('LOCAL_CS["stand",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'))
     cloud = laspy.LasData(header)
     cloud.x, cloud.y, cloud.z = points.T
     cloud.classification = kinds.astype(np.uint8)

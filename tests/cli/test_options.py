@@ -297,8 +297,8 @@ EFFECTS = {
     ),
 }
 
-CLOUD_ONLY = ("voxel", "ground", "min_height", "crown_base", "view")
-TERRAIN = ("terrain", "terrain_tolerance")
+CLOUD_ONLY = ("voxel", "ground", "min_height", "units", "crown_base", "view")
+TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
 """Tested where there is a terrain, in test_terrain.py."""
 
 
@@ -324,7 +324,8 @@ def test_options_have_their_effect(document, name):
 
 
 @pytest.mark.parametrize(
-    ("flag", "value"), [("--voxel", "0.5"), ("--ground", "class"), ("--min-height", "1")]
+    ("flag", "value"),
+    [("--voxel", "0.5"), ("--ground", "class"), ("--min-height", "1"), ("--units", "ft")],
 )
 def test_options_of_point_clouds_are_refused_for_other_scenes(command, flag, value):
     refused = command("plan", "--altitude", "40", flag, value)

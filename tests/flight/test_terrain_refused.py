@@ -70,8 +70,8 @@ def test_a_raster_without_a_place(tmp_path):
 
 
 def test_heights_in_an_unknown_unit(tmp_path):
-    path = saved(tmp_path / "unit.tif", surface(slope), unit="fathom")
-    assert "'fathom'" in refused(path).message
+    path = saved(tmp_path / "unit.tif", surface(slope), unit="cubit")
+    assert "'cubit'" in refused(path).message
 
 
 def test_complex_numbers_are_no_heights(tmp_path):

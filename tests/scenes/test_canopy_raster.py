@@ -132,7 +132,7 @@ def test_scales_and_units_of_heights_count(raster, tmp_path):
 def test_cells_in_feet_become_metres_and_that_is_said(raster):
     foot = 1200 / 3937
     place = Affine(0.5 / foot, 0, 0, 0, -0.5 / foot, 20 / foot)
-    volume = read_canopy(raster(trees(), transform=place, crs="EPSG:2231"))
+    volume = read_canopy(raster(trees(), transform=place, crs="EPSG:2231", unit="m"))
     assert [code for code, _ in volume.warnings] == ["units_converted"]
     assert volume.voxel_m == pytest.approx(0.5)
     assert volume.occupied.shape[1:] == (40, 60)
@@ -196,7 +196,7 @@ def refusal(path, **given):
         ({"crs": "EPSG:4326"}, "geographic"),
         ({"transform": Affine(0.4, 0.3, 0.0, 0.3, -0.4, 0.0)}, "rotated"),
         ({"transform": Affine(1e7, 0.0, 0.0, 0.0, -1e7, 0.0)}, "more than a stand can"),
-        ({"unit": "fathom"}, "heights in 'fathom'"),
+        ({"unit": "cubit"}, "heights in 'cubit'"),
     ],
 )
 def test_a_raster_that_is_no_plot_in_metres_is_named(raster, change, said):
@@ -294,3 +294,75 @@ def test_options_of_other_scenes_are_refused(raster):
         plan(PlanRequest(altitude=60, scene=path, ground="class"))
     with pytest.raises(RequestError, match="--crown-base goes with a canopy height raster"):
         plan(PlanRequest(altitude=60, scene="savanna", crown_base=0.5))
+
+
+# Units, scales and values without data
+
+
+FOOT = 1200 / 3937
+IN_FEET = Affine(0.5 / FOOT, 0, 6_561_666.0, 0, -0.5 / FOOT, 1_940_416.0)
+
+
+def warned(volume):
+    return [code for code, _ in volume.warnings]
+
+
+@pytest.mark.parametrize(
+    ("crs", "unit", "given", "up"),
+    [
+        ("EPSG:2227", "ft", None, 0.3048),
+        ("EPSG:2227", "US survey foot", None, FOOT),
+        ("EPSG:2227", "Clarke's foot", None, 0.3047972654),
+        ("EPSG:2227", "m", None, 1.0),
+        ("EPSG:2227+5703", None, None, 1.0),
+        ("EPSG:2227+6360", None, None, FOOT),
+        ("EPSG:2227", None, "us-ft", FOOT),
+        ("EPSG:2227", None, "us-ft,m", 1.0),
+        (None, None, "us-ft,Indian foot", 0.304799510248147),
+    ],
+)
+def test_one_canopy_in_every_unit_reads_the_same(raster, crs, unit, given, up):
+    heights = np.round(trees() * 4) / 4 + 0.1  # clear of the faces of voxels
+    true = read_canopy(raster(heights))
+    dressed = raster(heights / up, transform=IN_FEET, crs=crs, unit=unit, name="feet.tif")
+    volume = read_canopy(dressed, units=given, voxel_m=0.5)
+    assert np.array_equal(volume.occupied, true.occupied)
+    expected = [] if given else ["units_converted"]
+    assert warned(volume) == expected + ["heights_converted"] * (not given and up != 1.0)
+
+
+def test_heights_without_a_unit_beside_feet_are_asked_for(raster):
+    with pytest.raises(RequestError, match="does not state the unit of its heights") as caught:
+        read_canopy(raster(trees(), transform=IN_FEET, crs="EPSG:2227"))
+    assert "--units" in caught.value.hint
+
+
+def test_a_unit_that_is_stated_twice_in_two_ways_is_asked_for(raster):
+    path = raster(trees(), transform=IN_FEET, crs="EPSG:2227+6360", unit="m")
+    with pytest.raises(
+        RequestError, match="in metres by its band, and in US survey feet"
+    ) as caught:
+        read_canopy(path)
+    assert "--units" in caught.value.hint
+    assert read_canopy(path, units="us-ft,m", voxel_m=0.5).canopy_top_m > 20.0
+
+
+@pytest.mark.parametrize("value", [-9999.0, -32768.0, -3.4028234663852886e38])
+def test_values_without_data_that_are_not_tagged_are_named_and_left_out(raster, value):
+    heights = trees()
+    heights[:, :20] = value
+    tagged = read_canopy(raster(heights, nodata=value))
+    volume = read_canopy(raster(heights))
+    assert warned(volume) == ["nodata_assumed", "partial_plot"]
+    assert f"{value:.6g}" in volume.warnings[0][1]
+    assert np.array_equal(volume.occupied, tagged.occupied)
+    wrong = read_canopy(raster(heights, nodata=-1.0))
+    assert "names -1" in wrong.warnings[0][1]
+
+
+def test_cells_of_web_mercator_are_scaled_to_the_ground(raster):
+    # At 60° a metre of web Mercator is half a metre on the ground.
+    place = Affine(1.0, 0.0, 1_500_000.0, 0.0, -1.0, 8_399_737.9)
+    volume = read_canopy(raster(trees(), transform=place, crs="EPSG:3857"))
+    assert warned(volume) == ["projection_scaled"]
+    assert volume.voxel_m == pytest.approx(0.5, rel=0.003)

@@ -324,7 +324,7 @@ def test_feet_become_metres_and_that_is_said(tmp_path, point_format, crs):
     )
     volume = read_voxels(path)
     assert listed(volume) == expected_voxels(xyz, kind)
-    assert codes(volume) == ["units_converted"]
+    assert codes(volume) == ["vertical_units_assumed", "units_converted"]
 
 
 def test_heights_in_feet_over_metres_become_metres(tmp_path):
@@ -340,7 +340,7 @@ def test_heights_in_feet_over_metres_become_metres(tmp_path):
 def test_units_in_geotiff_keys_count(tmp_path, keys):
     known = pytest.importorskip("laspy.vlrs.known")
     xyz, kind = stand()
-    path = write_cloud(tmp_path / "a.las", xyz / 0.3048, kind, point_format=3, scale=1e-4)
+    path = write_cloud(tmp_path / "a.las", xyz / 0.3048, kind, point_format=3, scale=1e-4, crs=None)
     cloud = laspy.read(path)
     record = known.GeoKeyDirectoryVlr()
     record.geo_keys = [known.GeoKeyEntryStruct(i, 0, 1, unit) for i, unit in keys.items()]
@@ -349,7 +349,8 @@ def test_units_in_geotiff_keys_count(tmp_path, keys):
     cloud.write(str(path))
     volume = read_voxels(path)
     assert listed(volume) == expected_voxels(xyz, kind)
-    assert codes(volume) == ["units_converted"]
+    said = ["units_converted"] if 4099 in keys else ["vertical_units_assumed", "units_converted"]
+    assert codes(volume) == said
 
 
 @pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:4979", "EPSG:4978"])
@@ -362,17 +363,23 @@ def test_a_geographic_or_geocentric_system_is_refused(tmp_path, crs):
 def test_degrees_are_recognised_without_a_system(tmp_path):
     xyz, kind = stand()
     degrees = xyz * [[1e-5], [1e-5], [1.0]] + [[11.5], [48.1], [0.0]]
-    error = refusal(write_cloud(tmp_path / "a.laz", degrees, kind, scale=[1e-7, 1e-7, 1e-3]))
+    path = write_cloud(tmp_path / "a.laz", degrees, kind, scale=[1e-7, 1e-7, 1e-3], crs=None)
+    error = refusal(path)
     assert "11.5" in error.message
     assert "48.1" in error.message
     assert "reproject" in error.hint
 
 
-def test_a_system_that_cannot_be_read_states_nothing(tmp_path):
-    path = write_cloud(tmp_path / "a.las", *stand(), crs="EPSG:2231")
-    text = path.read_bytes()
-    path.write_bytes(text.replace(b"PROJC", b"PR?JC"))
-    assert read_voxels(path).size_m == (20.25, 12.25)
+def test_a_system_that_cannot_be_read_is_said_and_refused_if_it_speaks_of_feet(tmp_path):
+    path = write_cloud(tmp_path / "a.las", *stand(), crs="EPSG:6341")
+    path.write_bytes(path.read_bytes().replace(b"PROJC", b"PR?JC"))
+    volume = read_voxels(path)
+    assert volume.size_m == (20.25, 12.25)
+    assert codes(volume) == ["crs_unreadable"]
+    in_feet = write_cloud(tmp_path / "b.las", *stand(), crs="EPSG:2231")
+    in_feet.write_bytes(in_feet.read_bytes().replace(b"PROJC", b"PR?JC"))
+    assert "--units" in refusal(in_feet).hint
+    assert read_voxels(in_feet, units="m").warnings == ()
 
 
 # --- Real plots ---
@@ -406,5 +413,5 @@ def test_the_filter_agrees_with_the_classification_of_a_plot():
 def test_an_unclassified_plot_is_read_without_being_told_how():
     volume = read_voxels(plot("pine_plot.laz"), min_height_m=0.5)
     assert volume.column_occupancy == pytest.approx(0.988, abs=0.003)
-    assert codes(volume) == ["ground_filtered", "saturated"]
+    assert codes(volume) == ["units_assumed", "ground_filtered", "saturated"]
     assert volume.canopy_top_m == pytest.approx(19.5, abs=0.5)

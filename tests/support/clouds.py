@@ -10,8 +10,9 @@ laspy = pytest.importorskip("laspy")
 
 
 def write_cloud(
-    path, xyz, kind=2, *, point_format=6, scale=0.001, offset=0.0, withheld=0, crs=None
+    path, xyz, kind=2, *, point_format=6, scale=0.001, offset=0.0, withheld=0, crs="EPSG:32633"
 ):
+    """A LAS or LAZ file; `crs` is what pyproj takes for a coordinate reference system, or None."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.broadcast_to(scale, 3).astype(float)
     header.offsets = np.broadcast_to(offset, 3).astype(float)

@@ -11,6 +11,7 @@ import math
 import warnings
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from aosplan.crs import Units, crs_of_wkt, ground_scale, height_unit_m, unit_m, vertical_unit_m
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import check_input
 from aosplan.flight.photo_trigger import Ground, Sites
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 WINDOW_PX = 4_000_000
 """Pixels read at a time (32 MB); more scattered points are read in parts."""
 
+GROUND_M = (-600.0, 9000.0)
+"""Heights of the ground on earth; others mark pixels without data, tagged or not."""
+
 METRES_PER_DEGREE = 111_320.0
 
 MOST_LOOKS = 5_000_000
@@ -41,16 +45,18 @@ class Terrain:
     ----------
     path
         A GeoTIFF; its first band counts.
+    units
+        Unit of its heights, instead of the one that it states (`aosplan.crs.unit_m`).
 
     Raises
     ------
     RequestError
-        Where there is no such raster, or it does not say where it lies or in which unit.
+        If there is no such raster, or it does not say where it lies or in which unit.
     MissingExtraError
-        Where rasterio is not installed.
+        If rasterio is not installed.
     """
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, units: str | None = None) -> None:
         with needs_extra(f"terrain '{path}'", "raster"):
             import rasterio
         from pyproj import Transformer
@@ -72,7 +78,7 @@ class Terrain:
             ) from None
         try:
             crs = self._coordinate_system()
-            self._unit_m = self._height_unit_m(crs)
+            self._unit_m = self._height_unit_m(crs, units)
             self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
             self._transform = self._raster.transform[:6]
             a, b, left, d, e, _ = self._transform
@@ -85,9 +91,7 @@ class Terrain:
             self._raster.close()
             raise
         self.datum = _datum(crs)
-        # The smaller side of a pixel on the ground.
-        scale = METRES_PER_DEGREE if crs.is_geographic else crs.axis_info[0].unit_conversion_factor
-        self.pixel_m = max(min(math.hypot(a, d), math.hypot(b, e)) * scale, 1e-3)
+        self.pixel_m = max(self._pixel_m(crs), 1e-3)
 
     def __enter__(self) -> Self:
         return self
@@ -101,27 +105,35 @@ class Terrain:
         self._raster.close()
 
     def _coordinate_system(self) -> CRS:
-        from pyproj import CRS
-
         if self._raster.crs is None:
             raise_unplaced(self.path)
-        return CRS.from_wkt(self._raster.crs.to_wkt())
+        return crs_of_wkt(self._raster.crs.to_wkt(), f"terrain '{self.path}'")
 
-    def _height_unit_m(self, crs: CRS) -> float:
-        """Metres in the unit of the heights: from the band, or the vertical axis, or metres."""
+    def _height_unit_m(self, crs: CRS, units: str | None) -> float:
+        """Metres in the unit of the heights: as given, from the band, or the vertical axis."""
         if self._raster.dtypes[0].startswith("complex"):
             raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
-        named = (self._raster.units[0] or "").strip().lower()
-        if named in {"ft", "foot", "feet", "international foot"}:
-            return 0.3048
-        if named in {"us survey foot", "us-ft", "ftus", "us_ft"}:
-            return 1200.0 / 3937.0
-        if named and named not in {"m", "metre", "meter", "metres", "meters"}:
-            raise RequestError(
-                f"terrain '{self.path}': heights in '{named[:40]}'", "metres or feet are known"
-            )
-        vertical = [axis for axis in crs.axis_info if axis.direction == "up"]
-        return float(vertical[0].unit_conversion_factor) if vertical and not named else 1.0
+        if units is not None:
+            return unit_m(units) or 1.0
+        stated = Units(
+            None if crs.is_geographic else float(crs.axis_info[0].unit_conversion_factor),
+            vertical_unit_m(crs, f"terrain '{self.path}'"),
+        )
+        return height_unit_m(
+            self._raster.units[0],
+            stated,
+            f"terrain '{self.path}'",
+            "say it with --terrain-units: m, ft or us-ft",
+        )
+
+    def _pixel_m(self, crs: CRS) -> float:
+        """The smaller side of a pixel on the ground, in the middle of the raster."""
+        a, b, left, d, e, top = self._transform
+        rows, columns = 0.5 * self._raster.height, 0.5 * self._raster.width
+        scale = ground_scale(crs, left + a * columns + b * rows, top + d * columns + e * rows)
+        unit = METRES_PER_DEGREE if crs.is_geographic else crs.axis_info[0].unit_conversion_factor
+        x_m, y_m = (scale.x_m, scale.y_m) if scale else (unit, unit)
+        return min(math.hypot(a * x_m, d * y_m), math.hypot(b * x_m, e * y_m))
 
     def heights_m(self, latitudes: Sequence[float], longitudes: Sequence[float]) -> NDArray[Any]:
         """Height of the ground at each point [m], shape (N,), bilinear between pixel centres.
@@ -143,6 +155,8 @@ class Terrain:
         columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
         inside = (columns >= 0) & (columns <= self._raster.width)
         inside &= (rows >= 0) & (rows <= self._raster.height)  # a nan is not inside
+        if not inside.any():
+            self._refuse("does not cover", lat, lon, ~inside, self._whereabouts())
         if not inside.all():
             self._refuse("does not cover", lat, lon, ~inside)
         found = np.empty(len(lat))
@@ -151,12 +165,28 @@ class Terrain:
             self._refuse("has no height at", lat, lon, np.isnan(found))
         return found * self._unit_m
 
-    def _refuse(self, what: str, lat: NDArray[Any], lon: NDArray[Any], where: NDArray[Any]) -> None:
+    def _whereabouts(self) -> str:
+        """Where on earth the middle of the raster lies, as a hint."""
+        a, b, left, d, e, top = self._transform
+        column, row = 0.5 * self._raster.width, 0.5 * self._raster.height
+        x, y = left + a * column + b * row, top + d * column + e * row
+        longitude, latitude = self._to_raster.transform(x, y, direction="INVERSE")
+        return f"the middle of the raster is at {latitude:.5f},{longitude:.5f}"
+
+    def _refuse(
+        self,
+        what: str,
+        lat: NDArray[Any],
+        lon: NDArray[Any],
+        where: NDArray[Any],
+        hint: str = "use one that covers the sites, the ways between them and the take-off, "
+        "without holes",
+    ) -> None:
         first = int(where.argmax())
         raise RequestError(
             f"terrain '{self.path}' {what} {lat[first]:.6f},{lon[first]:.6f} "
             f"({int(where.sum())} of {len(lat)} points)",
-            "use one that covers the sites, the ways between them and the take-off, without holes",
+            hint,
         )
 
     def _read(
@@ -183,7 +213,9 @@ class Terrain:
             raise RequestError(f"terrain '{self.path}' is damaged") from None
         pixels = np.ma.filled(band.astype(float), np.nan)
         pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
-        pixels[~np.isfinite(pixels)] = np.nan
+        # No ground is as low or as high as the values that mark pixels without data.
+        low, high = (limit_m / self._unit_m for limit_m in GROUND_M)
+        pixels[~((pixels >= low) & (pixels <= high))] = np.nan
         column, row = x.astype(int) - left, y.astype(int) - top
         u, v = x - x.astype(int), y - y.astype(int)
         # A neighbour without weight may be a hole, or lie beyond the edge.

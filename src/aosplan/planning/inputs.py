@@ -29,7 +29,7 @@ CLOUD_SUFFIXES = (".las", ".laz")
 VOXEL_SUFFIX = ".npz"
 RASTER_SUFFIXES = (".tif", ".tiff")
 TABLE_SUFFIX = ".csv"
-READING = ("voxel", "ground", "min_height", "crown_base")
+READING = ("voxel", "ground", "min_height", "units", "crown_base")
 """Options that say how a point cloud or a canopy height raster is read."""
 
 
@@ -237,6 +237,8 @@ def _cloud(
         "ground": request.ground or "auto",
         "min_height": 2.0 if request.min_height is None else request.min_height,
     }
+    if request.units is not None:
+        reading["units"] = request.units
 
     def read() -> VoxelVolume:
         from aosplan.scenes.files.point_cloud import read_voxels
@@ -246,6 +248,7 @@ def _cloud(
             voxel_m=reading["voxel"],
             ground=reading["ground"],
             min_height_m=reading["min_height"],
+            units=request.units,
             progress=progress,
         )
 
@@ -269,6 +272,7 @@ def _raster(request: PlanRequest, name: str) -> ResolvedScene:
         voxel_m=request.voxel,
         min_height_m=reading["min_height"],
         crown_base=reading["crown_base"],
+        units=request.units,
     )
     resolved = _of_stand(Stand.of(volume), os.path.basename(name), request)
     return resolved._replace(reading=reading | {"voxel": volume.voxel_m})

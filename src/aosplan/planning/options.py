@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan import units as q
+from aosplan.crs import parse_unit, parse_units
 from aosplan.errors import RequestError
 from aosplan.flight.photo_trigger import TRIGGERS
 from aosplan.grid.patterns import GRIDS
@@ -198,6 +199,14 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "M",
             "Lower vegetation of a point cloud is left out.  [2]",
+        ),
+        (
+            "units",
+            parse_units,
+            "text",
+            "UNIT",
+            "Unit of a point cloud's coordinates or a canopy raster's heights, instead of what the "
+            "file states: m, ft, us-ft; us-ft,m if z has another one.",
         ),
         (
             "crown_base",
@@ -436,6 +445,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "Least height above the canopy's top.  [2]",
         ),
         ("terrain", q.word, "text", "DEM.tif", "Ground heights to follow (GeoTIFF)."),
+        (
+            "terrain_units",
+            parse_unit,
+            "text",
+            "UNIT",
+            "Unit of its heights, instead of what the file states: m, ft, us-ft.",
+        ),
         (
             "terrain_tolerance",
             _length,

@@ -26,7 +26,7 @@ ALTERNATIVES = (
     (("vhat",), ("visibility",)),
     (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
     (
-        ("scene", "voxel", "ground", "min_height", "crown_base"),
+        ("scene", "voxel", "ground", "min_height", "units", "crown_base"),
         ("density", "volume_height", "volume_base"),
         ("integrated_density", "volume_height", "volume_base"),
         (
@@ -93,6 +93,7 @@ class PlanRequest:
     voxel: float | None = None
     ground: str | None = None
     min_height: float | None = None
+    units: str | None = None
     crown_base: float | None = None
     camera: str | None = None
     focal_length: float | None = None
@@ -143,6 +144,7 @@ class PlanRequest:
     resume_at: int | None = None
     clearance: float = 2.0
     terrain: str | None = None
+    terrain_units: str | None = None
     terrain_tolerance: float | None = None
     altitude_frame: str = "takeoff"
 
@@ -296,7 +298,7 @@ class PlanRequest:
             (("wind_from",), "--wind-speed", self.wind_speed is not None),
             (("wind_speed",), "--wind-from", self.wind_from is not None),
             (("takeoff", "terrain"), "--origin LAT,LON", self.has_place),
-            (("terrain_tolerance",), "--terrain", self.terrain is not None),
+            (("terrain_units", "terrain_tolerance"), "--terrain", self.terrain is not None),
         ):
             unpaired = self._given(names)
             if unpaired and not given:
@@ -413,6 +415,7 @@ PARTNERS = {
     "takeoff": ("origin", None),
     "terrain": ("origin", None),
     "terrain_tolerance": ("terrain", None),
+    "terrain_units": ("terrain", None),
     "max_blur": ("trigger", "distance"),
     "exposure_time": ("trigger", "distance"),
     "lanes": ("grid", "lanes"),

@@ -196,7 +196,7 @@ def lay(
     if request.terrain is not None:
         from aosplan.flight.terrain import Terrain
 
-        terrain = Terrain(located(request.terrain, folder))
+        terrain = Terrain(located(request.terrain, folder), request.terrain_units)
     with terrain or nullcontext():
         # A way over the trees may sag only as far as the clearance lets it.
         tolerance = min(

@@ -274,7 +274,7 @@ def draft_of(
     model = request.model or MODEL_OF[found.kind]
     _check_model(model, found.kind, request)
     if found.scene.integrated_density > 0.0:
-        _check_altitude(found.scene, altitude, request)
+        _check_altitude(found, altitude, request)
     task = Task(
         request,
         model,
@@ -315,19 +315,22 @@ def route_of(draft: Draft, layout: Layout, folder: str = "") -> Route:
     )
 
 
-def _check_altitude(scene: Scene, altitude_m: float, request: PlanRequest) -> None:
+def _check_altitude(found: ResolvedScene, altitude_m: float, request: PlanRequest) -> None:
     """Refuse an altitude within the canopy, or nearer to it than the clearance."""
-    top = scene.canopy_top_m - request.focal_height
+    top = found.scene.canopy_top_m - request.focal_height
     lowest = top + request.clearance
     if altitude_m > top and altitude_m >= lowest:
         return
     origin = "" if request.altitude is not None else ", solved from the resolution,"
     stands = f"the canopy, whose top is {top:.6g} m above the focal plane"
     remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
+    outliers = next((said for code, said in found.warnings if code == "points_far_above"), None)
+    if outliers is not None:
+        remedy = outliers
     if altitude_m <= top:
         raise RequestError(
             f"altitude {altitude_m:.6g} m{origin} is not above {stands}",
-            remedy if request.clearance else f"fly higher than {top:.6g} m",
+            remedy if request.clearance or outliers else f"fly higher than {top:.6g} m",
         )
     raise RequestError(
         f"altitude {altitude_m:.6g} m{origin} is less than --clearance {request.clearance:g} m "

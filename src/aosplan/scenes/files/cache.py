@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 VARIABLE = "AOSPLAN_CACHE"
 
-READING = 1
+READING = 2
 """Counts up whenever the same cloud is read into other voxels."""
 
 MOST_OCTETS = 512 * 1024 * 1024

@@ -14,6 +14,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from aosplan.crs import (
+    Units,
+    are_same,
+    crs_of_wkt,
+    given_units,
+    height_unit_m,
+    true_lengths,
+    unit_text,
+    units_of,
+)
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.files import reading
 from aosplan.scenes.voxels import FACE, VoxelVolume, fits, too_many_voxels
@@ -33,8 +43,9 @@ MOST_PIXELS = 500_000_000
 MOST_OCTETS = 1 << 29
 PIXELS_AT_ONCE = 1 << 22
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-UNIT_M = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0}
-UNIT_M |= {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200.0 / 3937.0}
+
+LOWEST_M = -100.0
+"""Canopy heights below this stand for no data, whether the raster says so or not."""
 
 
 def read_canopy(
@@ -43,6 +54,7 @@ def read_canopy(
     voxel_m: float | None = None,
     min_height_m: float = 2.0,
     crown_base: float = CROWN_BASE,
+    units: str | None = None,
 ) -> VoxelVolume:
     """Read a canopy height raster into voxels.
 
@@ -56,6 +68,9 @@ def read_canopy(
         Lower vegetation is left out.
     crown_base
         Where crowns begin, as a share of the canopy's height, 0 to 1.
+    units
+        Units instead of those that the raster states: ``us-ft`` for cells and heights, or
+        ``us-ft,m`` (`aosplan.crs.parse_units`).
 
     Returns
     -------
@@ -80,7 +95,8 @@ def read_canopy(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with rasterio.open(path, driver="GTiff") as raster:
-                return _volume(raster, path, voxel_m, min_height_m, crown_base)
+                given = given_units(units) if units else Units(None, None)
+                return _volume(raster, path, voxel_m, min_height_m, crown_base, given)
     except AosplanError:
         raise
     except MemoryError as error:
@@ -101,12 +117,17 @@ def _check_file(path: str) -> None:
 
 
 def _volume(
-    raster: Any, path: str, voxel_m: float | None, min_height_m: float, crown_base: float
+    raster: Any,
+    path: str,
+    voxel_m: float | None,
+    min_height_m: float,
+    crown_base: float,
+    given: Units,
 ) -> VoxelVolume:
-    across_m, doubts = _metres(raster, path)
+    lengths_m, up_m, doubts = _metres(raster, path, given)
     _check_layout(raster, path)
     place = raster.transform
-    cell_m = abs(place.a) * across_m, abs(place.e) * across_m
+    cell_m = abs(place.a) * lengths_m[0], abs(place.e) * lengths_m[1]
     size_m = raster.width * cell_m[0], raster.height * cell_m[1]
     if not max(size_m) <= MAX_EXTENT_M:
         raise RequestError(
@@ -125,7 +146,8 @@ def _volume(
     columns, rows = (max(math.floor(length / edge_m + FACE), 1) for length in size_m)
     column = _cells(columns, edge_m / cell_m[0], raster.width, backwards=place.a < 0.0)
     row = _cells(rows, edge_m / cell_m[1], raster.height, backwards=place.e < 0.0)
-    tops = _heights(raster, path, row, column)
+    tops = _heights(raster, row, column, up_m)
+    doubts += _without_data(tops, raster.nodata, up_m)
     known = ~np.isnan(tops)
     share = float(known.mean())
     if share == 0.0:
@@ -140,8 +162,9 @@ def _volume(
     highest = float(np.nanmax(tops))
     if highest > HIGHEST_M:
         raise RequestError(
-            f"raster {path} reaches {highest:.4g}, higher than any tree in metres",
-            "give heights above ground in metres: surface less terrain",
+            f"raster {path} reaches {highest:.4g} m, higher than any tree",
+            "give heights above ground (surface less terrain), and their unit with --units if the "
+            "raster does not state it",
         )
     occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
     if not occupied.any():
@@ -153,8 +176,8 @@ def _volume(
     return VoxelVolume(
         occupied=occupied,
         voxel_m=edge_m,
-        x_min_m=corner[0] * across_m,
-        y_min_m=corner[1] * across_m,
+        x_min_m=corner[0] * lengths_m[0],
+        y_min_m=corner[1] * lengths_m[1],
         min_height_m=min_height_m,
         ground="raster",
         warnings=tuple(doubts),
@@ -164,26 +187,67 @@ def _volume(
     )
 
 
-def _metres(raster: Any, path: str) -> tuple[float, list[tuple[str, str]]]:
-    """Metres of a unit across, and warnings."""
+def _metres(
+    raster: Any, path: str, given: Units
+) -> tuple[tuple[float, float], float, list[tuple[str, str]]]:
+    """Metres in a unit of x, of y and of the heights, and warnings.
+
+    Raises
+    ------
+    RequestError
+        If the cells have no size in metres, or the unit of the heights is not clear.
+    """
     if raster.transform.is_identity and raster.crs is None:
         raise RequestError(
             f"raster {path} has no georeference: nothing tells how large its cells are",
             "write it with its transform, as gdal_translate -a_ullr does",
         )
+    doubts = []
+    crs, stated = None, Units(None, None)
     if raster.crs is None:
-        return 1.0, [("units_assumed", "the raster names no coordinate system: metres are assumed")]
-    if not raster.crs.is_projected:
-        raise RequestError(
-            f"the coordinates of raster {path} are not metres on a plane: its coordinate "
-            "reference system is geographic or local",
-            "reproject it to a metric system such as UTM",
+        if given.across_m is None:
+            message = "the raster names no coordinate system: metres are assumed"
+            doubts.append(("units_assumed", message))
+    else:
+        crs = crs_of_wkt(raster.crs.to_wkt(), f"raster {path}")
+        stated = units_of(crs, f"raster {path}")
+    across_m = given.across_m or stated.across_m or 1.0
+    up_m = given.up_m or height_unit_m(
+        raster.units[0], stated, f"raster {path}", "say it with --units, such as ft,m or us-ft"
+    )
+    lengths_m = across_m, across_m
+    if crs is not None and given.across_m is None:
+        middle = raster.transform * (0.5 * raster.width, 0.5 * raster.height)
+        lengths_m = true_lengths(crs, across_m, middle[0], middle[1], f"raster {path}")
+    if lengths_m != (across_m, across_m):
+        message = (
+            f"cells of {path} are {lengths_m[0] / across_m:.4g} (x) and "
+            f"{lengths_m[1] / across_m:.4g} (y) times as long on the ground here as in its "
+            "projection: they were scaled by that"
         )
-    across_m = float(raster.crs.linear_units_factor[1])
-    if across_m == 1.0:
-        return across_m, []
-    message = f"{path} is in feet across: its cells were converted to metres"
-    return across_m, [("units_converted", message)]
+        doubts.append(("projection_scaled", message))
+    if given.across_m is None and not are_same(across_m, 1.0):
+        message = f"{path} is in {unit_text(across_m)} across: its cells were converted to metres"
+        doubts.append(("units_converted", message))
+    if given.up_m is None and not are_same(up_m, 1.0):
+        message = f"{path} has heights in {unit_text(up_m)}: they were converted to metres"
+        doubts.append(("heights_converted", message))
+    return lengths_m, up_m, doubts
+
+
+def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:
+    """Make heights nan that no canopy has, and warn of them: they mark cells without data."""
+    strange = tops < LOWEST_M
+    if not strange.any():
+        return []
+    value = float(tops[strange].min()) / up_m
+    tops[strange] = np.nan
+    tagged = "names no value for cells without data" if nodata is None else f"names {nodata:g}"
+    message = (
+        f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, and the raster "
+        f"{tagged}: they count as without data"
+    )
+    return [("nodata_assumed", message)]
 
 
 def _check_layout(raster: Any, path: str) -> None:
@@ -217,12 +281,9 @@ def _cells(count: int, step: float, cells: int, *, backwards: bool) -> NDArray[n
     return cell
 
 
-def _heights(raster: Any, path: str, row: NDArray[np.intp], column: NDArray[np.intp]) -> Floats:
-    """Canopy heights [m] at rows and columns of the raster, nan where it knows none."""
-    unit = (raster.units[0] or "m").strip().lower()
-    if unit not in UNIT_M:
-        raise RequestError(f"raster {path} has heights in '{raster.units[0]}'", "give metres")
-    scale, shift = raster.scales[0] * UNIT_M[unit], raster.offsets[0] * UNIT_M[unit]
+def _heights(raster: Any, row: NDArray[np.intp], column: NDArray[np.intp], up_m: float) -> Floats:
+    """Canopy heights [m] at rows and columns of the raster, nan if it knows none."""
+    scale, shift = raster.scales[0] * up_m, raster.offsets[0] * up_m
     tops = np.full((row.size, column.size), np.nan, dtype=np.float32)
     west, east = int(column.min()), int(column.max()) + 1
     strip = max(PIXELS_AT_ONCE // (east - west), 1)

@@ -14,12 +14,16 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
+from aosplan.scenes.files.las_crs import Reference, UnclearUnitError, metres_of, read_reference
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
+    from aosplan.crs import Units
+
+    Warned = tuple[str, str]
     Floats = NDArray[np.float64]
     Chunk = tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.bool_]]
 
@@ -32,11 +36,6 @@ PLAIN_CHUNK_POINTS = 200_000
 
 LAST_POINT_FORMAT = 10
 
-# GeoTIFF keys for the model (2 geographic, 3 geocentric), the unit of x and y, the unit of z;
-# and the units metre, foot and US survey foot in metres.
-MODEL_KEY, UNIT_KEY, VERTICAL_UNIT_KEY = 1024, 3076, 4099
-UNIT_M = {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
-
 
 class PointFile:
     """A file of points, after a look at its header.
@@ -45,6 +44,8 @@ class PointFile:
     ----------
     name
         Path of the file.
+    units
+        Units that the user gives, instead of those that the file states.
 
     Attributes
     ----------
@@ -53,30 +54,56 @@ class PointFile:
     scales_m, offsets_m
         What makes metres of the integers in the file, ``raw * scales_m + offsets_m``, each of
         shape (3,).
-    in_feet
-        Whether the file states its coordinates in feet, so that the scales contain a conversion.
+    reference
+        What the file states of its coordinate reference system.
+    warnings
+        Codes, and sentences that go on from the file's name.
 
     Raises
     ------
     RequestError
-        Where the file is missing, damaged, empty or not in a metric or foot system.
+        If the file is missing, damaged, empty, not on a plane, or of contradictory units.
     MissingExtraError
-        Where laspy or its decoder is not installed.
+        If laspy or its decoder is not installed.
     SurroundingsError
         Where the machine does not let it be read.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, units: Units | None = None) -> None:
         self.name = name
         with _faults(name), open(name, "rb") as stream:
-            _check_sizes(stream, name)
+            self.count, self.warnings = _check_sizes(stream, name)
             header = _reader(stream).header
-            self.count = int(header.point_count)
-            metres = _metres_per_unit(header, name)
-            self.in_feet = bool((metres != 1.0).any())
+            try:
+                self.reference = read_reference(header, stream, name)
+            except UnclearUnitError:
+                if units is None:
+                    raise
+                self.reference = Reference()
+            self.units, doubts = metres_of(self.reference, units)
+            self.warnings += doubts
+            metres = np.array([self.units.across_m, self.units.across_m, self.units.up_m])
             self.scales_m: Floats = header.scales * metres
             self.offsets_m: Floats = header.offsets * metres
             _check_scaling(self.scales_m, self.offsets_m, name)
+            if header.are_points_compressed:
+                self.warnings += _check_compression(header, stream)
+
+    def first_m(self) -> Floats:
+        """x, y and z of the first point, shape (3,)."""
+        with _faults(self.name), open(self.name, "rb") as stream:
+            reader = _reader(stream)
+            if reader.header.are_points_compressed:
+                _check_compression(reader.header, stream)
+            point = reader.read_points(1).array[0]
+            raw = np.array([point[axis] for axis in "XYZ"])
+            first: Floats = raw * self.scales_m + self.offsets_m
+            return first
+
+    def stretch(self, x: float, y: float) -> None:
+        """Multiply x and y by factors, where a projection's scale is not 1."""
+        self.scales_m = self.scales_m * [x, y, 1.0]
+        self.offsets_m = self.offsets_m * [x, y, 1.0]
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield coordinates as integers, shape (3, n), classes (n,) and withheld flags (n,).
@@ -89,7 +116,7 @@ class PointFile:
                 _check_compression(reader.header, stream)
                 records = reader.chunk_iterator(CHUNK_POINTS)
             else:
-                records = _plain_records(reader.header, stream)
+                records = _plain_records(reader.header, stream, self.count)
             for chunk in records:
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
                 # Of one piece, as numbers are compared sixty-four at a time then.
@@ -141,11 +168,11 @@ def _reader(stream: IO[bytes]) -> Any:
     )
 
 
-def _plain_records(header: Any, stream: IO[bytes]) -> Iterator[Any]:
+def _plain_records(header: Any, stream: IO[bytes], count: int) -> Iterator[Any]:
     """Yield records that are not compressed, all in the same memory: each until the next."""
     from laspy import PackedPointRecord
 
-    layout, count = header.point_format, header.point_count
+    layout = header.point_format
     points = min(CHUNK_POINTS, PLAIN_CHUNK_POINTS, count)
     memory = np.empty(points, layout.dtype())
     stream.seek(header.offset_to_point_data)
@@ -156,7 +183,8 @@ def _plain_records(header: Any, stream: IO[bytes]) -> Iterator[Any]:
         yield PackedPointRecord(part, layout)
 
 
-def _check_sizes(stream: IO[bytes], name: str) -> None:
+def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
+    """Number of points, after a look at whether the file can hold them, and what is odd of it."""
     size = os.fstat(stream.fileno()).st_size
     head = stream.read(375)
     if not head:
@@ -169,8 +197,12 @@ def _check_sizes(stream: IO[bytes], name: str) -> None:
     if len(head) < (375 if with_long_count else 227):
         raise RequestError(f"point cloud {name} is truncated: it ends within its header")
     start, records, kind, width, count = struct.unpack_from("<IIBHI", head, 96)
+    end = size
     if with_long_count:
         (count,) = struct.unpack_from("<Q", head, 247)
+        waveforms, extended, extended_count = struct.unpack_from("<QQI", head, 227)
+        behind = [waveforms, extended if extended_count else 0]
+        end = min((place for place in behind if start <= place <= size and place), default=size)
     if start > size or records * 54 > start:
         raise RequestError(
             f"point cloud {name} is damaged or truncated: its header places {records} records "
@@ -189,6 +221,14 @@ def _check_sizes(stream: IO[bytes], name: str) -> None:
             f"point cloud {name} is truncated: its header promises {count} points, and the "
             f"file holds {(size - start) // width}"
         )
+    room, rest = divmod(end - start, width) if width and not compressed else (count, 0)
+    if room <= count:
+        return count, []
+    if rest:
+        message = f"has {room - count} records behind its last point that its header does not count"
+        return count, [("uncounted_points", message)]
+    message = f"holds {room} points, and its header counts {count}: all of them are read"
+    return room, [("uncounted_points", message)]
 
 
 def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
@@ -202,8 +242,14 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
         )
 
 
-def _check_compression(header: Any, stream: IO[bytes]) -> None:
-    """See that the compressed chunks fit into the file, as the decoder allocates by their table."""
+def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
+    """See that the compressed chunks fit into the file, as the decoder allocates by their table.
+
+    Returns
+    -------
+    list
+        A warning if the chunks hold more points than the header counts.
+    """
     with needs_extra("reading compressed point clouds", EXTRA):
         import lazrs
     layouts = header.vlrs.get("LasZipVlr")
@@ -216,32 +262,23 @@ def _check_compression(header: Any, stream: IO[bytes]) -> None:
     if not start < table < size or _integer_at(stream, table + 4, "<I") * 16 > size:
         raise ValueError("its table of chunks does not fit into the file")
     stream.seek(start)
-    chunks = lazrs.read_chunk_table(stream, lazrs.LazVlr(layouts[0].record_data))
+    layout = lazrs.LazVlr(layouts[0].record_data)
+    chunks = lazrs.read_chunk_table(stream, layout)
     if sum(length for _, length in chunks) > size - start:
         raise ValueError("its chunks do not fit into the file")
     stream.seek(start)
+    # Of chunks of one size the last may be filled in part.
+    held = [points for points, _ in chunks]
+    least = sum(held) if layout.uses_variable_size_chunks() else sum(held[:-1]) + 1
+    if not held or least <= header.point_count:
+        return []
+    message = (
+        f"has compressed points behind the {header.point_count} that its header counts: they are "
+        "not read"
+    )
+    return [("uncounted_points", message)]
 
 
 def _integer_at(stream: IO[bytes], position: int, layout: str) -> int:
     stream.seek(position)
     return int(struct.unpack(layout, stream.read(struct.calcsize(layout)))[0])
-
-
-def _metres_per_unit(header: Any, name: str) -> Floats:
-    """Factors for x, y and z by the file's coordinate reference system; 1 where it has none."""
-    try:
-        crs = header.parse_crs()
-    except Exception:  # noqa: BLE001  One that cannot be read, for whatever reason, states nothing.
-        crs = None
-    keys = {
-        key.id: key.value_offset
-        for record in header.vlrs.get("GeoKeyDirectoryVlr")
-        for key in record.geo_keys
-    }
-    on_a_globe = crs is not None and (crs.is_geographic or crs.is_geocentric)
-    if on_a_globe or keys.get(MODEL_KEY) in (2, 3):
-        raise not_metric(name, "its coordinate reference system is geographic or geocentric")
-    axes = [axis.unit_conversion_factor for axis in crs.axis_info] if crs is not None else []
-    across = UNIT_M.get(keys.get(UNIT_KEY, 0)) or (axes[0] if len(axes) > 1 else 1.0)
-    up = UNIT_M.get(keys.get(VERTICAL_UNIT_KEY, 0)) or (axes[2] if len(axes) > 2 else across)
-    return np.array([across, across, up])

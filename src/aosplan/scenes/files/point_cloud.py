@@ -21,7 +21,9 @@ from typing import IO, TYPE_CHECKING, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 
+from aosplan.crs import given_units
 from aosplan.errors import RequestError, SurroundingsError
+from aosplan.scenes.files import outliers
 from aosplan.scenes.files.ground import (
     MAX_VERTICES,
     filtered,
@@ -31,6 +33,7 @@ from aosplan.scenes.files.ground import (
     vertices,
 )
 from aosplan.scenes.files.las import PointFile, not_metric
+from aosplan.scenes.files.tiles import brought_together, said_of_files
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 if TYPE_CHECKING:
@@ -68,6 +71,7 @@ def read_voxels(
     voxel_m: float = 0.25,
     ground: GroundMethod = "auto",
     min_height_m: float = 2.0,
+    units: str | None = None,
     progress: Progress | None = None,
 ) -> VoxelVolume:
     """Read one or several LAS or LAZ files of one stand into voxels.
@@ -85,6 +89,9 @@ def read_voxels(
         the lowest point lies within 0.5 m of zero) and filter.
     min_height_m
         Points below this height are not occluders.
+    units
+        Units of the coordinates instead of those that the files state: ``us-ft``, or ``us-ft,m``
+        if z has another one (`aosplan.crs.parse_units`).
     progress
         Called with the work done and the work in total, in points; a point counts twice, when
         it is read and when it is placed.
@@ -92,8 +99,8 @@ def read_voxels(
     Returns
     -------
     VoxelVolume
-        Slices up to the highest occupied one; coordinates in metres, converted from feet where
-        the file's coordinate reference system says so.
+        Slices up to the highest occupied one; coordinates in metres, converted from whatever
+        unit the files state.  Warnings name what was converted or assumed.
 
     Raises
     ------
@@ -110,9 +117,12 @@ def read_voxels(
     source = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     try:
         with _Spool() as cloud:
-            read, warnings = _decode(names, source, cloud, progress)
+            given = given_units(units) if units else None
+            files = [PointFile(name, given) for name in names]
+            warnings = said_of_files(files) + brought_together(files, source)
+            read = _decode(files, source, cloud, progress)
             plot = _Plot.around(cloud, voxel_m, source)
-            method, ground_m = _find_ground(cloud, plot, ground)
+            method, ground_m, strange = _find_ground(cloud, plot, ground)
             blocks = cloud.blocks(plot.origin_m, voxel_m)
             touched = np.zeros(plot.rows * plot.columns, dtype=np.bool_)
             occupied = fill(
@@ -142,7 +152,7 @@ def read_voxels(
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
     covered = footprint(touched.reshape(plot.rows, plot.columns), squares)
     doubts = _doubts(volume, spacing_m, covered, assumed=ground == "auto")
-    return replace(volume, warnings=(*warnings, *doubts))
+    return replace(volume, warnings=(*warnings, *strange, *outliers.above(volume), *doubts))
 
 
 def _check_request(names: list[str], voxel_m: float, ground: str, min_height_m: float) -> None:
@@ -237,11 +247,8 @@ def _disk() -> Iterator[None]:
         ) from error
 
 
-def _decode(
-    names: list[str], source: str, cloud: _Spool, progress: Progress | None
-) -> tuple[int, list[Warned]]:
-    """Spool all points that are not noise; return how many there were with it, and warnings."""
-    files = [PointFile(name) for name in names]
+def _decode(files: list[PointFile], source: str, cloud: _Spool, progress: Progress | None) -> int:
+    """Spool all points that are not noise; return how many there were with it."""
     total = sum(file.count for file in files)
     done = 0
     for file in files:
@@ -263,11 +270,7 @@ def _decode(
             f"point cloud {source} holds nothing but noise: all of its {total} points are of class "
             "7 or 18 or withheld"
         )
-    return total, [
-        ("units_converted", f"{file.name} is in feet: its coordinates were converted to metres")
-        for file in files
-        if file.in_feet
-    ]
+    return total
 
 
 # --- The plot and its ground ---
@@ -313,8 +316,8 @@ class _Plot:
 
 def _find_ground(
     cloud: _Spool, plot: _Plot, method: GroundMethod
-) -> tuple[str, NDArray[np.float32]]:
-    """Decide on a method; return it and z of the ground at the corners of the columns.
+) -> tuple[str, NDArray[np.float32], list[Warned]]:
+    """Decide on a method; return it, z of the ground at the corners of the columns, and warnings.
 
     z counts from the lowest point of the cloud.
     """
@@ -324,7 +327,8 @@ def _find_ground(
         if cloud.ground_count >= fewest:
             every = max(cloud.ground_count // ENOUGH_GROUND_POINTS, 1)
             blocks = cloud.blocks(origin, ground_only=True, every=every)
-            return "class", plot.surface(vertices(blocks, cloud.ground_count // every, size))
+            points = vertices(blocks, cloud.ground_count // every, size)
+            return "class", plot.surface(points), list(outliers.of_ground(points, origin))
         if method == "class":
             raise RequestError(
                 f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",
@@ -339,8 +343,10 @@ def _find_ground(
                     f"the filter finds no ground in point cloud {plot.source}",
                     "use the ground method normalized where z is the height above ground",
                 )
-            return "filter", plot.surface(vertices([points], points.shape[1], size))
-    return "normalized", np.full((plot.rows + 1, plot.columns + 1), -origin[2], dtype=np.float32)
+            points = vertices([points], points.shape[1], size)
+            return "filter", plot.surface(points), list(outliers.of_ground(points, origin))
+    level = np.full((plot.rows + 1, plot.columns + 1), -origin[2], dtype=np.float32)
+    return "normalized", level, []
 
 
 def _followed(

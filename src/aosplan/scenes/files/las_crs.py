@@ -1,0 +1,291 @@
+"""Coordinate reference systems of LAS and LAZ files, from wherever a file may state them.
+
+A file has WKT or GeoTIFF keys, in its variable length records before the points or in the
+extended ones behind them.  The WKT bit of the header decides which of them counts if both are
+there (LAS 1.4 R15, 2.4 and 2.6.2).  Of GeoTIFF keys, x and y have the unit of key 3076 or that of
+the projected system, key 3072; z has that of key 4099 or of the vertical system, key 4096.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
+
+from aosplan import crs as reference
+from aosplan.crs import Units, are_same, unit_text
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pyproj import CRS
+
+    Warned = tuple[str, str]
+
+WKT, GEO_KEYS, GEO_DOUBLES, GEO_ASCII = 2112, 34735, 34736, 34737
+"""Record ids of the user LASF_Projection."""
+
+MODEL, GEODETIC, PROJECTED, UNIT, UNIT_SIZE, VERTICAL, VERTICAL_UNIT = (
+    1024, 2048, 3072, 3076, 3077, 4096, 4099,
+)  # fmt: skip
+"""GeoTIFF keys."""
+
+USER_DEFINED = 32767
+WITHOUT_UNIT = range(5001, 5200)
+"""Values of key 4096 that GeoTIFF 1.0 has for ellipsoids and datums, which state no unit."""
+
+MOST_BYTES = 1 << 20
+"""Longer records describe no coordinate reference system."""
+
+
+class UnclearUnitError(RequestError):
+    """What a file states of its units can be read in two ways, or not at all."""
+
+
+class Reference(NamedTuple):
+    """What a file states of its coordinates.
+
+    Attributes
+    ----------
+    units
+        Metres in the units of x and y, and of z; None if nothing states them.
+    horizontal
+        System of x and y, if there is one that can be read.
+    vertical
+        Name of the system of z, if the file names it.
+    unreadable
+        What cannot be read, going on from the name of the file, or empty.
+    warnings
+        Codes, and sentences that go on from the name of the file.
+    """
+
+    units: Units = Units(None, None)
+    horizontal: CRS | None = None
+    vertical: str | None = None
+    unreadable: str = ""
+    warnings: tuple[Warned, ...] = ()
+
+
+def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned]]:
+    """Units for every axis, and what is assumed or converted, going on from the file's name.
+
+    Parameters
+    ----------
+    found
+        What the file states.
+    given
+        What the user says, which overrides it.
+    """
+    if given is not None:
+        return given, []
+    across_m, up_m = found.units
+    doubts = list(found.warnings)
+    if found.unreadable:
+        message = f"{found.unreadable}: metres are assumed, unless --units says otherwise"
+        doubts.append(("crs_unreadable", message))
+    elif across_m is None:
+        message = "states no unit of x and y: metres are assumed, unless --units says otherwise"
+        doubts.append(("units_assumed", message))
+    across_m = across_m or 1.0
+    if up_m is None and not are_same(across_m, 1.0):
+        doubts.append(
+            (
+                "vertical_units_assumed",
+                f"does not state the unit of z: {unit_text(across_m)} are assumed, as for x and y, "
+                "unless --units says otherwise",
+            )
+        )
+    up_m = up_m or across_m
+    if not (across_m == up_m == 1.0):
+        both = f"is in {unit_text(across_m)}"
+        if up_m != across_m:
+            both = f"has x and y in {unit_text(across_m)} and z in {unit_text(up_m)}"
+        doubts.append(("units_converted", f"{both}: its coordinates were converted to metres"))
+    return Units(across_m, up_m), doubts
+
+
+def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
+    """What a file states of its coordinates, by laspy's header and the open file.
+
+    Raises
+    ------
+    RequestError
+        If the coordinates are not on a plane, the units contradict each other within one
+        statement, or the extended records lie past the end of the file.
+    """
+    records = [
+        (int(record.record_id), record.record_data_bytes())
+        for record in header.vlrs
+        if record.user_id.rstrip("\0 ") == "LASF_Projection"
+    ]
+    records += _extended(stream, name)
+    by_id: dict[int, bytes] = {}
+    for number, data in records:
+        by_id.setdefault(number, data)
+    what = f"point cloud {name}"
+    readers = {WKT: _of_wkt, GEO_KEYS: _of_keys}
+    order = (WKT, GEO_KEYS) if header.global_encoding.wkt else (GEO_KEYS, WKT)
+    stated = [
+        readers[number](by_id, what) for number in order if by_id.get(number, b"").strip(b"\0 ")
+    ]
+    if not stated:
+        return Reference()
+    first, *others = sorted(stated, key=lambda each: bool(each.unreadable))
+    for other in others:
+        if other.unreadable:
+            continue
+        for axes, one, two in zip(("x and y", "z"), first.units, other.units, strict=True):
+            if one and two and not are_same(one, two):
+                message = (
+                    f"states {axes} twice, in {unit_text(one)} and in {unit_text(two)}: the first "
+                    "counts, by the header's WKT bit"
+                )
+                first = first._replace(
+                    warnings=(*first.warnings, ("crs_contradicts_itself", message))
+                )
+    return first
+
+
+def _extended(stream: IO[bytes], name: str) -> Iterator[tuple[int, bytes]]:
+    """Records behind the points that describe coordinates; others are passed over unread."""
+    size = os.fstat(stream.fileno()).st_size
+    stream.seek(0)
+    head = stream.read(375)
+    if len(head) < 375 or head[25] < 4:
+        return
+    start, count = struct.unpack_from("<QI", head, 235)
+    for _ in range(count):
+        if not 0 < start <= size - 60:
+            raise RequestError(
+                f"point cloud {name} is truncated: its header places {count} extended records "
+                "behind its points, and not all of them are there"
+            )
+        stream.seek(start)
+        user, number, length = struct.unpack_from("<2x16sHQ", stream.read(60))
+        if user.rstrip(b"\0 ") == b"LASF_Projection" and length <= MOST_BYTES:
+            yield number, stream.read(length)
+        start += 60 + length
+
+
+def _of_wkt(records: dict[int, bytes], what: str) -> Reference:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    text = records[WKT].split(b"\0")[0].decode("utf-8", "replace").strip()
+    try:
+        crs = CRS.from_wkt(text)
+    except CRSError:
+        if reference.reads_like_feet(text):
+            raise _unknown_unit(
+                what, "its coordinate reference system cannot be read, and its text mentions feet"
+            ) from None
+        return Reference(unreadable="has a coordinate reference system whose WKT cannot be read")
+    units = reference.units_of(crs, what)
+    return Reference(units, reference.horizontal(crs), reference.vertical_name(crs))
+
+
+def _of_keys(records: dict[int, bytes], what: str) -> Reference:
+    keys = _keys(records)
+    citation = records.get(GEO_ASCII, b"").decode("ascii", "replace")
+    code = _value(keys, PROJECTED)
+    if _value(keys, MODEL) in (2, 3) or (
+        code is None and _value(keys, MODEL) is None and _value(keys, GEODETIC) is not None
+    ):
+        raise RequestError(
+            f"the coordinates of {what} are not metres on a plane: its coordinate reference system "
+            "is geographic or geocentric",
+            "reproject it to a metric system such as UTM",
+        )
+    plane = None if code is None or code == USER_DEFINED else _crs(code)
+    by_system = Units(None, None) if plane is None else reference.units_of(plane, what)
+    by_key = _unit(keys, records)
+    across_m = _agreed(by_key, by_system.across_m, "x and y", (UNIT, PROJECTED), what)
+    vertical_code, vertical = _value(keys, VERTICAL), None
+    if vertical_code and vertical_code != USER_DEFINED and vertical_code not in WITHOUT_UNIT:
+        vertical = _crs(vertical_code)
+        if vertical is None or not vertical.is_vertical:
+            raise _unknown_unit(
+                what, f"its vertical coordinate reference system, EPSG {vertical_code}, is unknown"
+            )
+    by_vertical = None if vertical is None else reference.vertical_unit_m(vertical, what)
+    up_code = _value(keys, VERTICAL_UNIT)
+    up_key = None if up_code is None else reference.unit_of_code_m(up_code)
+    up_m = _agreed(up_key, by_vertical, "z", (VERTICAL_UNIT, VERTICAL), what) or by_system.up_m
+    unreadable = ""
+    if across_m is None and (code is not None or _value(keys, MODEL) is not None):
+        if reference.reads_like_feet(citation):
+            raise _unknown_unit(
+                what, f"its GeoTIFF keys state no unit of x and y that is known, and {citation!r}"
+            )
+        unreadable = "has GeoTIFF keys that state no unit of x and y that is known"
+    return Reference(
+        Units(across_m, up_m),
+        None if plane is None else reference.horizontal(plane),
+        None if vertical is None else str(vertical.name),
+        unreadable,
+    )
+
+
+def _keys(records: dict[int, bytes]) -> dict[int, tuple[int, int]]:
+    """Place and value of each key of a directory."""
+    data = records[GEO_KEYS]
+    if len(data) < 8:
+        return {}
+    (count,) = struct.unpack_from("<H", data, 6)
+    rows = struct.iter_unpack("<4H", data[8 : 8 + 8 * min(count, (len(data) - 8) // 8)])
+    return {key: (place, value) for key, place, _, value in rows}
+
+
+def _value(keys: dict[int, tuple[int, int]], key: int) -> int | None:
+    """A short value of a key; None if it is missing or undefined."""
+    place, value = keys.get(key, (0, 0))
+    return value if place == 0 and value != 0 else None
+
+
+def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float | None:
+    """Metres in the unit of x and y by its own key: a code, or a size in metres."""
+    code = _value(keys, UNIT)
+    if code is None:
+        return None
+    place, index = keys.get(UNIT_SIZE, (0, 0))
+    doubles = records.get(GEO_DOUBLES, b"")
+    if code == USER_DEFINED and place == GEO_DOUBLES and len(doubles) >= 8 * (index + 1):
+        (size_m,) = struct.unpack_from("<d", doubles, 8 * index)
+        return size_m if 1e-6 < size_m < 1e6 else None
+    return reference.unit_of_code_m(code)
+
+
+def _agreed(
+    by_key: float | None, by_system: float | None, axes: str, keys: tuple[int, int], what: str
+) -> float | None:
+    """A unit that may be stated twice.
+
+    Raises
+    ------
+    RequestError
+        If the two statements contradict each other.
+    """
+    if by_key and by_system and not are_same(by_key, by_system):
+        raise _unknown_unit(
+            what,
+            f"{axes} are in {unit_text(by_key)} by its GeoTIFF key {keys[0]} and in "
+            f"{unit_text(by_system)} by key {keys[1]}",
+        )
+    return by_key or by_system
+
+
+def _crs(code: int) -> CRS | None:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    for authority in ("EPSG", "ESRI"):
+        try:
+            return CRS.from_authority(authority, code)
+        except CRSError:
+            continue
+    return None
+
+
+def _unknown_unit(what: str, why: str) -> UnclearUnitError:
+    return UnclearUnitError(f"the unit of {what} is not clear: {why}", reference.ASK)

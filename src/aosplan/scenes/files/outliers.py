@@ -1,0 +1,89 @@
+"""Points of a cloud that are far from all others: named, and left for the user to judge.
+
+One bird above a stand raises the canopy's top to its height, and one ground point that lies too
+deep raises every plant around it.  Both are read as they are, with a warning that says where.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Floats = NDArray[np.float64]
+
+GAP_M = 10.0
+"""Voxels above an empty space as high as this may be no vegetation."""
+
+FEW = 0.001
+"""They are outliers if they are no more than this share of all occupied voxels."""
+
+GROUND_STEP_M = 10.0
+STEEPEST = 2.0
+"""Ground farther than this from its neighbours, and beyond this slope towards them, is doubted."""
+
+NEIGHBOURS = 8
+
+
+def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
+    """Yield the warning of voxels that stand alone high above all others, if there are any."""
+    slices = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
+    gaps = np.flatnonzero(np.diff(slices) > GAP_M / volume.voxel_m)
+    if gaps.size == 0:
+        return
+    counts = np.count_nonzero(volume.occupied[slices], axis=(1, 2))
+    total = int(counts.sum())
+    for gap in gaps:
+        count = int(counts[gap + 1 :].sum())
+        if count > max(FEW * total, 1):
+            continue
+        top, low = slices[gap], slices[gap + 1]
+        _, row, column = np.argwhere(volume.occupied[low : low + 1])[0]
+        x = volume.x_min_m + (column + 0.5) * volume.voxel_m
+        y = volume.y_min_m + (row + 0.5) * volume.voxel_m
+        message = (
+            f"{count} of {total} occupied voxels are {low * volume.voxel_m:.4g} m and more above "
+            f"the ground, near x {x:.1f}, y {y:.1f}, and all others below "
+            f"{(top + 1) * volume.voxel_m:.4g} m: the canopy's top is theirs.  If they are a bird or "
+            "noise, give them class 7 or 18"
+        )
+        yield "points_far_above", message
+        return
+
+
+def of_ground(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:
+    """Yield the warning of ground points far below or above their neighbours.
+
+    Parameters
+    ----------
+    points
+        Ground points, shape (3, n), counted from the origin.
+    origin_m
+        Corner of the plot, shape (3,).
+    """
+    from scipy.spatial import cKDTree
+
+    if points.shape[1] <= NEIGHBOURS:
+        return
+    nearest = range(2, NEIGHBOURS + 2)  # the first is the point itself
+    distance, index = map(np.asarray, cKDTree(points[:2].T).query(points[:2].T, list(nearest)))
+    step = points[2] - np.median(points[2, index], axis=1)
+    found = np.flatnonzero(np.abs(step) > GROUND_STEP_M + STEEPEST * distance[:, -1])
+    if found.size == 0:
+        return
+    worst = found[np.argmax(np.abs(step[found]))]
+    x, y, z = points[:, worst] + origin_m
+    side = "below" if step[worst] < 0.0 else "above"
+    message = (
+        f"{found.size} of {points.shape[1]} ground points are far from their neighbours; the worst, "
+        f"at x {x:.1f}, y {y:.1f}, z {z:.1f}, is {abs(step[worst]):.3g} m {side} them, and heights "
+        "around it are wrong by as much.  Give them class 7, or use the ground method filter"
+    )
+    yield "ground_outliers", message

@@ -1,0 +1,124 @@
+"""Files of one point cloud: whether their coordinates go together, and what is said of them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from aosplan.crs import true_lengths, unit_text
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pyproj import CRS
+
+    from aosplan.scenes.files.las import PointFile
+
+    Warned = tuple[str, str]
+
+APART_M = 0.05
+"""Coordinate reference systems that place a point farther apart than this are different ones."""
+
+
+def said_of_files(files: Sequence[PointFile]) -> list[Warned]:
+    """The warnings of files, one for all files that share it."""
+    names: dict[Warned, list[str]] = {}
+    for file in files:
+        for warning in file.warnings:
+            names.setdefault(warning, []).append(file.name)
+    return [
+        (code, f"{having[0]}{_and_more(having)} {sentence}")
+        for (code, sentence), having in names.items()
+    ]
+
+
+def _and_more(names: Sequence[str]) -> str:
+    return f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+
+
+def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
+    """Scale x and y of files to true metres, if they have one coordinate reference system.
+
+    Returns
+    -------
+    list
+        Warnings: of a projection whose scale is not 1 here, of files that state no system.
+
+    Raises
+    ------
+    RequestError
+        If the files have different systems, or their projection distorts angles here.
+    """
+    first = next((file for file in files if file.reference.horizontal is not None), None)
+    if first is None:
+        return []
+    crs = first.reference.horizontal
+    assert crs is not None
+    doubts: list[Warned] = []
+    silent = [file.name for file in files if file.reference.horizontal is None]
+    if silent:
+        message = (
+            f"{silent[0]}{_and_more(silent)} states no coordinate reference system: that of "
+            f"{first.name}, {crs.name}, is assumed"
+        )
+        doubts.append(("crs_assumed", message))
+    for file in files:
+        _check_same(first, file)
+    across_m = first.units.across_m
+    assert across_m is not None
+    x, y, _ = first.first_m() / across_m
+    along = true_lengths(crs, across_m, float(x), float(y), f"point cloud {source}")
+    if along != (across_m, across_m):
+        by = along[0] / across_m, along[1] / across_m
+        for file in files:
+            file.stretch(*by)
+        message = (
+            f"{unit_text(across_m)} of the projection {crs.name} are {by[0]:.4g} (x) and "
+            f"{by[1]:.4g} (y) times as long on the ground here: x and y were scaled by that"
+        )
+        doubts.append(("projection_scaled", message))
+    return doubts
+
+
+def _check_same(first: PointFile, file: PointFile) -> None:
+    """Refuse a file whose system is not that of the first."""
+    one, other = first.reference, file.reference
+    if other.horizontal is not None and file is not first:
+        assert one.horizontal is not None
+        if not _are_equal(one.horizontal, other.horizontal, first, file):
+            raise RequestError(
+                f"point clouds {first.name} and {file.name} have different coordinate reference "
+                f"systems: {one.horizontal.name} and {other.horizontal.name}",
+                "reproject them to one system",
+            )
+    if one.vertical and other.vertical and _datum(one.vertical) != _datum(other.vertical):
+        raise RequestError(
+            f"heights of point clouds {first.name} and {file.name} count from different levels: "
+            f"{one.vertical} and {other.vertical}",
+            "bring them to one vertical coordinate reference system",
+        )
+
+
+def _datum(name: str) -> str:
+    """Name of a vertical system without its unit: ``NAVD88 height (ftUS)`` is NAVD88."""
+    return name.lower().split(" height")[0].split("(")[0].strip()
+
+
+def _are_equal(one: CRS, other: CRS, first: PointFile, file: PointFile) -> bool:
+    if one == other:
+        return True
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    here = file.first_m()[:2]
+    assert file.units.across_m is not None
+    assert first.units.across_m is not None
+    try:
+        there = Transformer.from_crs(other, one, always_xy=True).transform(
+            *(here / file.units.across_m).tolist()
+        )
+    except ProjError:
+        return False
+    moved = math.dist([value * first.units.across_m for value in there], here.tolist())
+    return moved <= APART_M
