@@ -9,7 +9,9 @@ import pytest
 from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.grid.spiral import Spiral
 from aosplan.models.layered import LayeredModel
-from aosplan.models.oblique_rays import predict_scattered, ray_lengths
+from aosplan.models.layered_pairs import Slices
+from aosplan.models.layered_slanted import SlantedRays
+from aosplan.models.oblique_rays import ray_lengths
 from aosplan.models.uniform import UniformModel
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
@@ -88,9 +90,8 @@ def test_samples_on_no_lattice_are_the_same_sum(kind, hold_error):
     lattice = Pattern(4, 5)
     points = 1.5 * np.array(list(lattice.offsets()))
     layered = LayeredModel(LAYERS, 20.0, rays=kind, hold_error_m=hold_error)
-    scattered = predict_scattered(
-        points, 20.0, kind, layered._log_transparency, layered._shared_pairs
-    )
+    deviation = math.sqrt(2.0) * hold_error
+    scattered = SlantedRays(Slices(LAYERS, 20.0), 20.0, kind, deviation).predict_at(points)
     assert scattered == near(layered.predict(lattice, 1.5), rel=1e-9)
     spiral = Spiral(9, 2.0)
     slab = LayeredModel([Layer(9.0, 11.0, 0.6, 0.5)], 20.0, rays=kind, hold_error_m=hold_error)

@@ -14,6 +14,7 @@ from aosplan.grid.patterns import Pattern, frame_at, pattern_for
 from aosplan.grid.spiral import Spiral
 from aosplan.models.correlogram import CorrelogramModel
 from aosplan.models.layered import LayeredModel
+from aosplan.models.layered_pairs import RayPairs, Slices
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.position_noise import blurred_overlap, blurred_shortfall, scattered_shortfall
 from aosplan.models.positions import pattern_shortfall, positions_shortfall
@@ -190,7 +191,9 @@ def test_blurred_slices_are_integrals(hold_error):
 
     assert covariance(0.0, 0.0) == pytest.approx(math.prod(1 + o for o in odds) - 1)
     offsets = np.array([0.0, 0.7, 2.1])
-    found = model._at_crossings(model._pair_covariance, 0.0, offsets, offsets[:2])
+    slices = Slices(LAYERS, 30.0)
+    pairs = RayPairs(slices.covariance, slices.reach_m, math.sqrt(2.0) * hold_error)
+    found = pairs.at_crossings(offsets, offsets[:2])
     found = found * model.density / model.transparency
     for row, y in enumerate(offsets[:2].tolist()):
         for column, x in enumerate(offsets.tolist()):

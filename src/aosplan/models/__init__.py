@@ -3,10 +3,12 @@
 - `aosplan.models.model`: the interface, and the prediction that all models share.
 - `aosplan.models.uniform`: one volume of occluders of one kind, the paper's model.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
+- `aosplan.models.layered_pairs`, `aosplan.models.layered_noise`, `aosplan.models.layered_slanted`: what
+  pairs of rays through slices share, if positions are uncertain and if rays are slanted.
 - `aosplan.models.measured`: the voxels of a stand themselves.
 - `aosplan.models.equations`: Eq. 1 to 5 of the paper.
 - `aosplan.models.positions`: the shortfall of any set of positions, on a lattice or scattered.
-- `aosplan.models.position_noise` and `aosplan.models.layered_noise`: sites that are not held.
+- `aosplan.models.position_noise`: sites that are not held exactly.
 - `aosplan.models.oblique_rays`: rays off nadir.
 - `aosplan.models.rolling`: lines that are flown on, the last N photos integrated.
 - `aosplan.models.uncertainty`: standard errors of a prediction.

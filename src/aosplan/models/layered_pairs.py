@@ -1,0 +1,162 @@
+"""Independent slices, and what two rays through them share.
+
+`Slices` has the functions of two sharp positions; `RayPairs` makes of one of them what is expected
+if the positions are uncertain.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.models.layered_noise import BlurredTable
+from aosplan.numerics import triangle
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.scene import Layer
+
+    Floats = NDArray[np.float64]
+
+TERMS_AT_ONCE = 1_000_000
+"""Offsets times slices evaluated at a time."""
+
+PAIRS_AT_ONCE = 2000
+"""Pairs of scattered samples blurred at a time."""
+
+LARGEST_LOG = 700.0
+"""Logarithm beyond which an exponential would be infinite; what it multiplies there is 0."""
+
+
+class Slices:
+    """The slices with occluders, seen from one altitude.
+
+    Parameters
+    ----------
+    layers
+        Slices with heights above the focal plane.
+    altitude_m
+        Above the focal plane and above every slice.
+    focal_length_px
+        If given, occluders count as at least one pixel large.
+
+    Attributes
+    ----------
+    density
+        D_j, share of each slice that occluders fill.
+    reach_m
+        Δ_j = o_j h/H_j, the offset at which an occluder of each slice has moved by its own size.
+    log_transparency
+        Σ log(1 - D_j).
+    """
+
+    def __init__(
+        self, layers: Sequence[Layer], altitude_m: float, focal_length_px: float | None = None
+    ) -> None:
+        filled = [layer for layer in layers if layer.density > 0.0]
+        self.density = np.array([layer.density for layer in filled])
+        height = np.array([layer.height_m for layer in filled])
+        size = np.array([layer.occluder_size_m for layer in filled])
+        if focal_length_px is not None:
+            size = np.maximum(size, (altitude_m - height) / focal_length_px)
+        with np.errstate(divide="ignore"):
+            self._odds = self.density / (1.0 - self.density)
+            self._log_q = np.log1p(-self.density)
+            self.log_transparency = float(self._log_q.sum())
+            self.reach_m = size * altitude_m / height
+
+    @property
+    def hidden(self) -> float:
+        """p, the share of the target that a nadir ray does not see."""
+        return -math.expm1(self.log_transparency)
+
+    @property
+    def transparency(self) -> float:
+        """Π q_j, the share that a nadir ray sees."""
+        if -self.log_transparency < len(self.density):
+            return math.exp(self.log_transparency)
+        # A large logarithm loses more digits than the product of all factors; q + lost is exactly
+        # 1 - D.
+        q = 1.0 - self.density
+        lost = (1.0 - q) - self.density
+        return float(q.prod()) * math.exp(float((lost / q).sum()))
+
+    def covariance(self, x: Floats, y: Floats) -> Floats:
+        """Cov/(p T) of pairs of nadir rays whose samples are (x, y) apart.
+
+        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If most of the target is hidden, this would
+        multiply the rounding errors of large logarithms, and the same value is computed as
+        (exp Σ log(1 - D_j (1 - τ_j)) - T)/p.
+        """
+        p, t = self.hidden, self.transparency
+        if p > 0.5:
+            clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
+            return np.asarray(np.maximum(clear - t, 0.0) / p)
+        scale = t / p if p > 0.0 else 0.0
+        return np.asarray(
+            scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))
+        )
+
+    def slanted_covariance(self, length: float, x: Floats, y: Floats) -> Floats:
+        """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of rays of length e."""
+        odds = np.expm1(np.minimum(-length * self._log_q, LARGEST_LOG))
+        logs = self._sums(lambda tau: np.log1p(tau * odds), x, y)
+        return np.asarray(np.expm1(np.minimum(logs, LARGEST_LOG)))
+
+    def _sums(self, term: Callable[[Floats], Floats], x: Floats, y: Floats) -> Floats:
+        """Sums over the slices of a function of τ_j, for pairs (x, y) apart."""
+        result = np.empty(len(x))
+        block = max(1, TERMS_AT_ONCE // max(len(self.density), 1))
+        for start in range(0, len(x), block):
+            part = slice(start, start + block)
+            tau = triangle(x[part, None] / self.reach_m, np)
+            tau *= triangle(y[part, None] / self.reach_m, np)
+            result[part] = term(tau).sum(axis=1)
+        return result
+
+
+class RayPairs:
+    """What pairs of rays share by the offset of their samples, expected over position noise.
+
+    Parameters
+    ----------
+    sharp
+        The function of the distances x and y along both axes [m], of equal shape (pairs,).
+    reach_m
+        Distances at which its slope jumps; beyond the largest it is 0.
+    deviation_m
+        Standard deviation of the distance of two different samples along an axis.
+    """
+
+    def __init__(
+        self, sharp: Callable[[Floats, Floats], Floats], reach_m: Floats, deviation_m: float
+    ) -> None:
+        self._sharp, self._reach_m, self._deviation_m = sharp, reach_m, deviation_m
+
+    @cached_property
+    def _table(self) -> BlurredTable | None:
+        noisy = self._deviation_m > 0.0 and self._reach_m.size
+        return BlurredTable(self._sharp, self._reach_m) if noisy else None
+
+    def at(self, x: Floats, y: Floats) -> Floats:
+        """Pairs of different samples (x, y) apart, shape (pairs,)."""
+        if self._table is None:
+            return self._sharp(x, y)
+        parts = (slice(i, i + PAIRS_AT_ONCE) for i in range(0, len(x), PAIRS_AT_ONCE))
+        blurred = [self._table.blurred_pairs(x[i], y[i], self._deviation_m) for i in parts]
+        return np.concatenate(blurred) if blurred else np.zeros(0)
+
+    def at_crossings(self, x: Floats, y: Floats) -> Floats:
+        """Every crossing of the offsets, shape (y, x); the first one is a sample and itself."""
+        if self._table is None:
+            along_y, along_x = np.meshgrid(y, x, indexing="ij")
+            return self._sharp(along_x.ravel(), along_y.ravel()).reshape(along_y.shape)
+        shared = self._table.blurred(x, y, self._deviation_m)
+        shared[0, 0] = self._sharp(np.zeros(1), np.zeros(1))[0]
+        return shared

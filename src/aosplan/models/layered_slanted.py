@@ -1,0 +1,113 @@
+"""What pairs of slanted rays through slices share: interpolated between a few lengths of rays.
+
+What two rays share grows nearly as exp(e) with the length e of the shorter one, so its logarithm is
+interpolated along e by a Chebyshev polynomial.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.models.layered_pairs import LARGEST_LOG, RayPairs, Slices
+from aosplan.models.oblique_rays import bundle, predict_scattered
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from aosplan.grid.patterns import Pattern
+    from aosplan.models.model import Prediction
+
+    Floats = NDArray[np.float64]
+
+LENGTHS = 5
+"""Lengths of rays between which the shared part is interpolated."""
+
+LARGEST_SLANT = 30.0
+"""Logarithm of the share that a slanted ray loses to a nadir ray, from which on it counts as lost."""
+
+
+class SlantedRays:
+    """Predictions from rays off nadir (`aosplan.models.oblique_rays`).
+
+    Parameters
+    ----------
+    slices
+        The slices.
+    altitude_m
+        Above the focal plane.
+    kind
+        ``oblique`` or ``cubes``.
+    deviation_m
+        Standard deviation of the distance of two samples along an axis.
+    """
+
+    def __init__(self, slices: Slices, altitude_m: float, kind: str, deviation_m: float) -> None:
+        self._slices, self._deviation_m = slices, deviation_m
+        self._rays = altitude_m, kind, slices.log_transparency
+        self._pairs: dict[float, RayPairs] = {}
+
+    def predict(
+        self, pattern: Pattern, baseline_m: float, offsets_x_m: Floats, offsets_y_m: Floats
+    ) -> Prediction:
+        """Prediction of a lattice; the offsets are those along either axis that share anything."""
+        rays = bundle(pattern, baseline_m, *self._rays)
+        shared = self._along(
+            rays.longest, lambda pairs: pairs.at_crossings(offsets_x_m, offsets_y_m)
+        )
+        reach = len(offsets_y_m) - 1, len(offsets_x_m) - 1
+        return rays.predict(reach, lambda dy, dx, lengths: shared(np.s_[:, dy, dx], lengths))
+
+    def predict_at(self, points_m: Floats) -> Prediction:
+        """Prediction of samples at any positions, shape (N, 2), from the middle."""
+
+        def shared(x: Floats, y: Floats, shorter: Floats) -> Floats:
+            longest = float(shorter.max(initial=1.0))
+            return self._along(longest, lambda pairs: pairs.at(x, y))(np.s_[:], shorter)
+
+        return predict_scattered(points_m, *self._rays, shared)
+
+    def _along(
+        self, longest: float, evaluated: Callable[[RayPairs], Floats]
+    ) -> Callable[[Any, Floats], Floats]:
+        """P(both clear)/(T_i T_k) - 1 of pairs, as a function of which pairs and of their lengths.
+
+        Parameters
+        ----------
+        longest
+            Length of the longest ray.
+        evaluated
+            The pairs at one length: any array; the result's first argument is an index into it,
+            behind the axis of the lengths.
+        """
+        # Steps of the interval's width let tables of noise serve many apertures.  Of rays much
+        # longer than the shortest one nothing is left that could matter.
+        longest = min(longest, 1.0 - LARGEST_SLANT / min(self._slices.log_transparency, -1e-9))
+        half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
+        places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
+        lengths = (1.0 + half * (1.0 + places)).tolist()
+        logs = np.array([np.log1p(evaluated(self._pairs_of(length))) for length in lengths])
+
+        def shared(which: Any, at: Floats) -> Floats:
+            series = np.polynomial.chebyshev.chebfit(places, logs[which], LENGTHS - 1)
+            place: Floats = np.minimum((at - 1.0) / half - 1.0, 1.0)
+            log = np.polynomial.chebyshev.chebval(place, series, tensor=False)
+            return np.asarray(np.expm1(np.minimum(log, LARGEST_LOG)))
+
+        return shared
+
+    def _pairs_of(self, length: float) -> RayPairs:
+        """Pairs of rays of one length, with their table of noise."""
+        if length not in self._pairs:
+            if len(self._pairs) >= LENGTHS:  # a wider aperture has other lengths
+                self._pairs.clear()
+
+            def sharp(x: Floats, y: Floats) -> Floats:
+                return self._slices.slanted_covariance(length, x, y)
+
+            self._pairs[length] = RayPairs(sharp, self._slices.reach_m, self._deviation_m)
+        return self._pairs[length]
