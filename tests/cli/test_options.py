@@ -9,6 +9,9 @@ from support.command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, ext
 
 from aosplan.planning.options import OPTIONS
 
+PERSON = ["--find", "person", "--contrast", "1", "--canopy-offset", "0", "--crown-share", "0"]
+"""A person with a signature of one's own; what comes later on the command line counts."""
+
 STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
 STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]
 
@@ -47,6 +50,31 @@ EFFECTS = {
             r["visibility"]["expected"] >= 0.6
             and r["visibility"]["target_quantity"] == "visibility"
         ),
+    ),
+    "find": (
+        ["--find", "2x1"],
+        lambda r, d: "detection" in r and r["detection"]["target_m"] == [1.0, 2.0],
+    ),
+    "signature": (
+        ["--find", "person", "--signature", "colour"],
+        lambda r, d: "detection" in r and r["detection"]["assumed"] == "colour",
+    ),
+    "contrast": (
+        [*PERSON, "--contrast", "-1"],
+        lambda r, d: "detection" in r and r["detection"]["contrast"] == -1.0,
+    ),
+    "canopy_offset": (
+        [*PERSON, "--canopy-offset", "-1.5"],
+        lambda r, d: "detection" in r and r["detection"]["canopy_offset"] == -1.5,
+    ),
+    "crown_share": (
+        [*PERSON, "--crown-share", "90%"],
+        # Clutter of the crowns' size is what hides a person.
+        lambda r, d: "detection" in r and r["detection"]["probability"] < 0.7,
+    ),
+    "false_alarms": (
+        ["--find", "person", "--false-alarms", "10"],
+        lambda r, d: "detection" in r and r["detection"]["false_alarms_per_hectare"] == 10.0,
     ),
     "scene": (["--scene", "savanna"], lambda r, d: r["scene"]["name"] == "savanna"),
     "density": (

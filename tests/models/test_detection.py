@@ -7,12 +7,15 @@ import pytest
 
 from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.models.clutter import independent_windows
-from aosplan.models.counted_detection import tail_level
+from aosplan.models.counted_detection import count_detection, tail_level
 from aosplan.models.detection import PERSON, DetectionModel, Signature
+from aosplan.models.measured import MeasuredModel
 from aosplan.models.seen_share import SeenShare
 from aosplan.models.target_window import Target, kernels, points_of, rotation
 from aosplan.models.window_pairs import WindowPairs
 from aosplan.scenes.scene import Layer
+from aosplan.scenes.voxels import VoxelVolume
+from aosplan.simulation.forests import clumped_forest, generator
 
 SLICE_OF = 1.0 - 0.1 ** (1 / 20)
 TWENTY = tuple(Layer(k - 0.01, k + 0.01, SLICE_OF, 0.25) for k in range(1, 21))
@@ -226,3 +229,28 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
     expected = 2.0 + 0.1 * math.log(20_000 / number)
     # The expected peak number n lies 1/(2 n) nearer to the top; 30 peaks make that 0.002.
     assert abs(np.mean(drawn) - expected) < 4.0 * np.std(drawn) / math.sqrt(60) + 0.002
+
+
+# --- Voxels -------------------------------------------------------------------------------------
+
+
+def test_what_is_counted_in_voxels_is_what_the_measured_model_sees():
+    volume = clumped_forest(generator(3), 0.7, 0.4, 2.0, 8.0, (24.0, 24.0))
+    sites = 1.5 * np.array(list(Pattern(3, 3).offsets()))
+    found = count_detection(volume, sites, 40.0, PERSON, Signature(8.0, 0.0, 0.0), false_alarms=1.0)
+    seen = MeasuredModel(volume, 40.0).predict_positions(sites)
+    assert found.seen.mean == pytest.approx(seen.transparency, abs=0.01)
+    # Windows spread less than points: V = 1 - E[X²] bounds the variance of s.
+    points = 1.0 - seen.expected - seen.density**2
+    assert 0.3 * points < found.seen.variance < points
+    assert 0.0 < found.probability < 1.0
+    assert 0.0 < found.standard_error < 0.2
+
+
+def test_an_empty_stand_hides_nobody():
+    volume = VoxelVolume(np.zeros((4, 60, 60), dtype=bool), 0.4)
+    found = count_detection(
+        volume, np.zeros((1, 2)), 40.0, PERSON, Signature(3.0, 0.0, 0.0), false_alarms=1.0
+    )
+    assert found.seen.mean == pytest.approx(1.0)
+    assert found.probability > 0.999

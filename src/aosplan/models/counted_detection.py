@@ -38,7 +38,7 @@ from aosplan.scenes.matched_window import MatchedWindow, peaks
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.models.detection import Signature
+    from aosplan.models.signatures import Signature
     from aosplan.models.target_window import Target
     from aosplan.scenes.voxels import VoxelVolume
 

@@ -6,10 +6,7 @@ and sd the deviation of its output (`aosplan.models.clutter`), a target of contr
     POD = E_s Φ̄((u - M (1 - β) (T - s) - η C s)/sd'(s)).
 
 η is the share of the signal that is left when the mean of the box, which holds the target, is
-subtracted, and the window lies in the nearest of its directions.  sd' has no texture of ground below the target.
-
-What a target and a canopy radiate is rarely known: `SIGNATURES` are assumed values by name, with
-ranges, and a curve over C says what another contrast would give.
+XX a curve over C says what another contrast would give.
 """
 
 from __future__ import annotations
@@ -22,7 +19,8 @@ from aosplan.grid.pair_offsets import offset_counts
 from aosplan.grid.patterns import Pattern
 from aosplan.models.clutter import Radiances, clutter_of, threshold
 from aosplan.models.seen_share import CELL_M, UNSEEN, SeenShare, atom
-from aosplan.models.target_window import PERSON_M, Target
+from aosplan.models.signatures import FALSE_ALARMS, PERSON_M, SIGNATURES, Signature
+from aosplan.models.target_window import Target
 from aosplan.models.window_pairs import TABLE, Pairs, WindowPairs
 
 if TYPE_CHECKING:
@@ -36,46 +34,10 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-CURVE = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+CURVE = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 """Contrasts of the curve, beside the signature's own."""
 
-FALSE_ALARMS = 1.0
-"""False alarms a hectare, unless told otherwise."""
-
 PERSON = Target(*PERSON_M)
-
-
-class Signature(NamedTuple):
-    """How a target and the canopy stand out, in units of the spread between occluders σ_c.
-
-    Attributes
-    ----------
-    contrast
-        C, the target's radiance over the ground's.
-    canopy_offset
-        M, the canopy's mean over the ground's.
-    crown_share
-        Share of σ_c² that whole crowns have in common.
-    """
-
-    contrast: float
-    canopy_offset: float
-    crown_share: float
-
-
-SIGNATURES = {
-    "thermal-dawn": Signature(5.0, -1.0, 0.4),
-    "thermal-noon": Signature(1.0, 2.0, 0.4),
-    "colour": Signature(2.0, 1.0, 0.4),
-}
-"""Assumed signatures by name; the middles of `RANGES`."""
-
-RANGES = {
-    "thermal-dawn": "C 2 to 8, M -2 to 0",
-    "thermal-noon": "C -2 to 2, M 2",
-    "colour": "C 1 to 3, M -1 to 1",
-}
-"""Within what the values of a signature are to be expected; assumed as well."""
 
 
 class Detection(NamedTuple):

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-PERSON_M = (0.5, 1.7)
-"""Width and length of a person lying on the ground [m]."""
-
 TURN = math.pi / DIRECTIONS
 """Angle between two of them."""
 
@@ -119,9 +116,10 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
         max(FINEST_STEP * min(resolution_m, target.width_m), NARROWEST_STEP_M),
         max(0.22 * target.width_m, target.diagonal_m / 24.0),
     )
-    coarse = _axis(
+    coarse, coarse_widths = _sinh_axis(
         target.box_m,
-        min(max(0.9 * resolution_m, target.box_m / 26.0), target.box_m / 12.0),
+        max(0.3 * min(resolution_m, target.width_m), NARROWEST_STEP_M),
+        target.box_m / 24.0,
     )
     window = np.zeros((4, len(fine), len(fine)))
     y, x = np.meshgrid(fine, fine, indexing="ij")
@@ -139,12 +137,9 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
     # Turned windows have no short formula: points of both are paired, with and without the turn.
     turned = _paired(target, fine, 0.5 * TURN) - _paired(target, fine, 0.0)
     window[3] = window[0] + turned
-    return Kernels(fine, coarse, window, _boxes(target, coarse), step, 0.5 * TURN)
-
-
-def _axis(reach: float, pitch: float) -> Floats:
-    count = math.ceil(reach / pitch)
-    return reach / count * np.arange(-count, count + 1.0)
+    boxes = _boxes(target, coarse) * np.outer(coarse_widths, coarse_widths)
+    boxes /= boxes.sum(axis=(1, 2), keepdims=True)
+    return Kernels(fine, coarse, window, boxes, step, 0.5 * TURN)
 
 
 def _sinh_axis(reach: float, closest: float, widest: float) -> tuple[Floats, Floats]:
@@ -200,7 +195,7 @@ def _paired(target: Target, axis: Floats, turn: float) -> Floats:
 
 def _boxes(target: Target, axis: Floats) -> Floats:
     """Weights of window with box, and of box with itself; the box lies along the axes."""
-    side, pitch = target.box_m, axis[1] - axis[0]
+    side, edge = target.box_m, target.box_m / 26.0
     both = _triangle(axis, side)
     # A point in the window sees the box shifted by its own place: the mean over the points.
     points = points_of(target, target.width_m / 3.0)
@@ -208,10 +203,8 @@ def _boxes(target: Target, axis: Floats) -> Floats:
     for angle in (np.arange(DIRECTIONS) + 0.5) * TURN:
         x, y = (points @ rotation(angle)).T
         inside = [
-            np.clip((0.5 * side - np.abs(axis[None] + place[:, None])) / pitch + 0.5, 0.0, 1.0)
+            np.clip((0.5 * side - np.abs(axis[None] + place[:, None])) / edge + 0.5, 0.0, 1.0)
             for place in (x, y)
         ]
         mixed += inside[1].T @ inside[0]
-    found = np.stack([mixed, np.outer(both, both)])
-    found /= found.sum(axis=(1, 2), keepdims=True)
-    return found
+    return np.stack([mixed, np.outer(both, both)])

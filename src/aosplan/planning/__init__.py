@@ -10,5 +10,6 @@
 - `aosplan.planning.planner`: `plan`, all of it in order.
 - `aosplan.planning.plan_warnings`: what the user should know of a plan.
 - `aosplan.planning.sensitivity`: what becomes of a plan if the scene is another.
+- `aosplan.planning.find`: the options of `--find`; `aosplan.planning.detection`: what they ask for.
 - `aosplan.planning.document`: the JSON document; `aosplan.planning.plan_schema` its schema.
 """

@@ -69,6 +69,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             if plan.layout.continuous is None
             else {"continuous": plan.layout.continuous.document()}
         ),
+        **({} if plan.detection is None else {"detection": plan.detection.document()}),
         "limits": [limit._asdict() for limit in plan.limits],
         "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],

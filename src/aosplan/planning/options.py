@@ -15,6 +15,8 @@ from aosplan.flight.photo_trigger import TRIGGERS
 from aosplan.grid.patterns import GRIDS
 from aosplan.mission.mission import FRAMES
 from aosplan.models.model import MODELS, RAYS
+from aosplan.models.signatures import SIGNATURES
+from aosplan.planning.find import contrast, false_alarms, radiance, target_name
 from aosplan.solver.problem import OBJECTIVES
 
 if TYPE_CHECKING:
@@ -156,6 +158,12 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "X",
             "Target absolute visibility, instead of --vhat.",
         ),
+        ("find", target_name, "text", "person|WxL", "Look for a person lying, or W x L metres."),
+        ("signature", q.one_of(SIGNATURES), "text", "NAME", f"{', '.join(SIGNATURES)}, assumed."),
+        ("contrast", contrast, "number", "C", "Target over ground, in spreads of the canopy."),
+        ("canopy_offset", radiance, "number", "M", "Canopy over ground, likewise."),
+        ("crown_share", q.share, "share", "X", "Share of that spread's square of whole crowns."),
+        ("false_alarms", false_alarms, "number", "N", "False alarms a hectare, for --find.  [1]"),
     ),
     "Scene": (
         (

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from aosplan.camera.camera import Camera
     from aosplan.camera.disparity import CoverageBaseline
     from aosplan.messages import Limit, Message
+    from aosplan.models.detection import Detection
     from aosplan.models.measured import Flown
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.request import PlanRequest
@@ -52,6 +53,8 @@ class PlanData:
         Waypoints in flight order, how they are flown, and the flights of each battery.
     layout
         The sites, and what they show of an area, or along a line.
+    detection
+        How likely what is looked for is found, or None.
     notices
         Messages of the readers of the scene, and of its model.
     warnings
@@ -88,6 +91,7 @@ class PlanData:
     uncertainty_reason: str = ""
     flown: Flown | None = None
     sensitivity: tuple[Change, ...] = ()
+    detection: Detection | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
 

@@ -215,6 +215,33 @@ class ContinuousDocument(OpenDocument):
     by_speed: list[LineIntegralDocument]
 
 
+class SeenShareDocument(OpenDocument):
+    """How the share of a target that the integral keeps is distributed over places and directions."""
+
+    mean: Finite
+    p05: Finite
+    median: Finite
+    p95: Finite
+    at_least: dict[str, Finite]
+
+
+class DetectionDocument(OpenDocument):
+    """What of a target is seen, and how likely it is found (`aosplan.models.detection`)."""
+
+    target_m: Pair
+    probability: Finite
+    probability_by_contrast: list[Pair]
+    seen_share: SeenShareDocument
+    contrast: Finite
+    canopy_offset: Finite
+    crown_share: Finite
+    false_alarms_per_hectare: Finite
+    threshold: Finite
+    clutter: Finite
+    assumed: str | None
+    uncertainty: Finite | None
+
+
 class PlanDocument(OpenDocument):
     """What `aosplan plan --json` prints."""
 
@@ -235,6 +262,7 @@ class PlanDocument(OpenDocument):
     height: dict[str, Any] | None = None
     area: AreaDocument | None = None
     continuous: ContinuousDocument | None = None
+    detection: DetectionDocument | None = None
     limits: list[LimitDocument]
     sensitivity: list[ChangeDocument] | None = None
     warnings: list[MessageDocument]

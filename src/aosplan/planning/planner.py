@@ -83,6 +83,15 @@ def plan(
     layout = layout_of(headed, draft.area, solution, problem, task.camera, altitude)
     route = route_of(draft, layout, folder)
     notices += layout.notices + tuple(ways_in_zones(headed, draft.area, route))
+    detection = None
+    if headed.find is not None:
+        from aosplan.planning.detection import detection_of, detection_warnings
+
+        grid = solution.pattern, solution.baseline_m, draft.heading_deg
+        detection = detection_of(headed, found, task.model, altitude, *grid)
+        notices += tuple(
+            detection_warnings(detection, headed, solution.pattern.samples, task.gsd_m)
+        )
     planned = Plan(
         request=_completed(draft.request, task.model, found),
         scene=found.scene,
@@ -99,6 +108,7 @@ def plan(
         volume=found.volume,
         approximation="correlogram" if task.model == "measured" and found.volume is None else None,
         **doubts._asdict(),
+        detection=detection,
         notices=notices,
     )
     return with_warnings(planned)

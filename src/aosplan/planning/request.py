@@ -15,6 +15,7 @@ from aosplan.flight.drones import find_drone
 from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled
+from aosplan.planning.find import completed
 from aosplan.planning.options import BY_NAME, OPTIONS
 
 if TYPE_CHECKING:
@@ -81,6 +82,12 @@ class PlanRequest:
     focal_height: float = 0.0
     vhat: float | str | None = None
     visibility: float | str | None = None
+    find: str | None = None
+    signature: str | None = None
+    contrast: float | None = None
+    canopy_offset: float | None = None
+    crown_share: float | None = None
+    false_alarms: float | None = None
     scene: str | None = None
     density: float | None = None
     integrated_density: float | None = None
@@ -157,6 +164,8 @@ class PlanRequest:
             self._check_alternatives(alternatives)
         if self.vhat is None and self.visibility is None:
             object.__setattr__(self, "vhat", 0.98)
+        for name, value in completed(vars(self)).items():
+            object.__setattr__(self, name, value)
         self._check_altitude()
         self._check_scene()
         self._check_flight()

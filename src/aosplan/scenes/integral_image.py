@@ -36,6 +36,10 @@ PIXEL_M = 0.1
 """Pixels of an integral on the ground, about."""
 
 
+SPREAD = (0.7548776662466927, 0.5698402909980532)
+"""Parts of a pixel that successive photos move on by: they fill it evenly (Roberts' R2 sequence)."""
+
+
 class Canopy(NamedTuple):
     """What occluders radiate: mean M over the ground's, and the share of the variance of crowns."""
 
@@ -177,14 +181,20 @@ def integrate_planes(
     ]
     seen = np.zeros((counts[1], counts[0]))
     canopy = np.zeros_like(seen)
-    for site in np.asarray(sites_m, dtype=np.float64):
+    steps = [length / count for count, length in zip(counts, size_m, strict=True)]
+    for index, site in enumerate(np.asarray(sites_m, dtype=np.float64)):
+        # Each photo has its rays elsewhere in the pixels, as pixels see all of their area.
+        within = [
+            ((index + 0.5) * part % 1.0 - 0.5) * step
+            for part, step in zip(SPREAD, steps, strict=True)
+        ]
         photo = np.full(seen.shape, np.nan, dtype=np.float32)
         for plane in planes:
             ratio = plane.height_m / altitude_m
             near = 1.0 if parallel else 1.0 - ratio
             x, y = (
-                np.floor((axis * near + at * ratio - start) / plane.cell_m).astype(np.intp)
-                for axis, at, start in zip(ground, site, plane.origin_m, strict=True)
+                np.floor(((axis + off) * near + at * ratio - start) / plane.cell_m).astype(np.intp)
+                for axis, off, at, start in zip(ground, within, site, plane.origin_m, strict=True)
             )
             rows, columns = plane.radiance.shape
             met = plane.radiance.take(y % rows, axis=0).take(x % columns, axis=1)
@@ -192,5 +202,4 @@ def integrate_planes(
         clear = np.isnan(photo)
         seen += clear
         canopy += np.where(clear, np.float32(0.0), photo)
-    pitch = size_m[0] / counts[0], size_m[1] / counts[1]
-    return Integral(seen / len(sites_m), canopy / len(sites_m), pitch)
+    return Integral(seen / len(sites_m), canopy / len(sites_m), (steps[0], steps[1]))

@@ -41,8 +41,8 @@ class MatchedWindow:
         self.box_m = max(BOX_M, 2.0 * math.hypot(*target_m))
         angles = np.arange(DIRECTIONS) * (math.pi / DIRECTIONS)
         self._windows = [self._spectrum(self.cover(angle)) for angle in angles.tolist()]
-        sides = [round(self.box_m / pitch) | 1 for pitch in pitch_m]
-        self._box = self._spectrum(np.ones((sides[1], sides[0])))
+        along, across = (_covered(self.box_m / pitch) for pitch in pitch_m)
+        self._box = self._spectrum(np.outer(across, along))
 
     def cover(self, angle: float, x: float = 0.0, y: float = 0.0) -> Floats:
         """Share of each pixel that a target covers whose middle is (x, y) pixels off the middle one."""
@@ -89,6 +89,13 @@ class MatchedWindow:
         )
         spectrum: Spectrum = np.fft.rfft2(whole)
         return spectrum
+
+
+def _covered(side: float) -> Floats:
+    """Share of each pixel that a line covers, `side` pixels long, around the middle one."""
+    half = math.ceil(0.5 * side)
+    share: Floats = np.clip(0.5 * side - np.abs(np.arange(-half, half + 1)) + 0.5, 0.0, 1.0)
+    return share
 
 
 def peaks(output: Floats, pitch_m: tuple[float, float]) -> Floats:

@@ -69,6 +69,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
 
     from aosplan.show.figures.grid import grid_of
     from aosplan.show.page.charts import charts_of
+    from aosplan.show.page.detection_curve import detection_curve
     from aosplan.show.page.height_profile import profile_of
     from aosplan.show.page.map_data import columns_of, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
@@ -106,6 +107,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         still=static_map_of(plan, grid),
         most_sites=MOST_SITES,
         charts=charts_of(plan),
+        detection=detection_curve(plan),
         profile=profile_of(plan),
         views=views_of(plan, seed),
         camera=plan.camera.title or plan.camera.name,

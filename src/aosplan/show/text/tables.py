@@ -55,6 +55,9 @@ BANDS = 20
 MOST_NAMED = 60
 """Characters of a name that are shown."""
 
+CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
+"""Contrasts, whatever their sign, at which a detection is shown."""
+
 HEADLINES = ("Baseline", "Samples", "Visibility")
 """Rows of a plan that are what was asked for: in colour, where there are colours."""
 
@@ -140,6 +143,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         )
     else:
         yield "Visibility", "V = 100 %: nothing is hidden"
+    if plan.detection is not None:
+        yield from _detection_rows(plan)
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:
@@ -147,6 +152,20 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if plan.sensitivity:
         yield "", ""
         yield from _sensitivity_rows(plan.sensitivity)
+
+
+def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    """How likely what is looked for is found, in the words of a search, and by contrast."""
+    from aosplan.planning.detection import sentence
+
+    found = plan.detection
+    assert found is not None
+    yield "Detection", sentence(found, plan.request)
+    contrast, offset, crowns = found.signature
+    assumed = f"{found.assumed}, assumed: " if found.assumed else ""
+    yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
+    curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
+    yield "", "by contrast " + ", ".join(curve)
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:

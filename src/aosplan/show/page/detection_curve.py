@@ -1,0 +1,62 @@
+"""The page's curve of the probability of detection over the contrast of the target."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.show.page.charts import BOTTOM, LEFT, RIGHT, TICKS_Y, TOP, Tick, scale, ticks
+
+if TYPE_CHECKING:
+    from aosplan.planning.result import Plan
+
+
+class DetectionCurve(NamedTuple):
+    """A picture ready to be drawn, and what it says in words.
+
+    Attributes
+    ----------
+    text
+        The detection in the words of a search.
+    summary
+        What the picture shows, in a sentence.
+    x_ticks, y_ticks
+        Places along the axes.
+    points
+        The curve, as SVG has points.
+    chosen
+        Place of the plan's own contrast.
+    """
+
+    text: str
+    summary: str
+    x_ticks: list[Tick]
+    y_ticks: list[Tick]
+    points: str
+    chosen: tuple[float, float]
+
+
+def detection_curve(plan: Plan) -> DetectionCurve | None:
+    """The curve of a plan that looks for something; None for another."""
+    found = plan.detection
+    if found is None:
+        return None
+    from aosplan.planning.detection import sentence
+
+    # A negative contrast is found as a positive one is: the axis has its amount.
+    curve = sorted((abs(contrast), share) for contrast, share in found.curve)
+    x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
+    own = abs(found.signature.contrast)
+    some = next((at for at, share in curve if share >= 0.5), None)
+    half = "no contrast shown reaches one half" if some is None else f"one half by {some:g}"
+    return DetectionCurve(
+        text=sentence(found, plan.request),
+        summary=(
+            f"Probability of detection from {curve[0][1]:.1%} at contrast {curve[0][0]:g} to "
+            f"{curve[-1][1]:.1%} at {curve[-1][0]:g}, {half}; this plan's signature has "
+            f"{own:g} and {found.probability:.1%}."
+        ),
+        x_ticks=[Tick(x(value), f"{value:g}") for value in ticks(0.0, curve[-1][0])],
+        y_ticks=[Tick(y(value), f"{value:.0%}") for value in TICKS_Y],
+        points=" ".join(f"{x(at):.2f},{y(share):.2f}" for at, share in curve),
+        chosen=(x(own), y(found.probability)),
+    )
