@@ -166,7 +166,7 @@ def _box(text, x, y, width, height, kind="box"):
     return (
         f'<rect class="{kind}" x="{x - 0.5 * width:g}" y="{y - 0.5 * height:g}" '
         f'width="{width:g}" height="{height:g}" rx="6"/>'
-        f'<text x="{x:g}" y="{y + 5:g}" text-anchor="middle">{escape(text)}</text>'
+        f'<text class="{kind}" x="{x:g}" y="{y + 5:g}" text-anchor="middle">{escape(text)}</text>'
     )
 
 

@@ -1,5 +1,7 @@
 """The README's pictures: small enough, and a photo hides what a count of rays says it hides."""
 
+import runpy
+import shutil
 import sys
 
 import numpy as np
@@ -26,6 +28,21 @@ def beneath(monkeypatch):
 @pytest.mark.parametrize("name", ["beneath.png", "agreement.png"])
 def test_pictures_are_small(name):
     assert 20_000 < (FOLDER / name).stat().st_size < 300_000
+
+
+@pytest.mark.slow
+def test_pictures_are_drawn_by_one_command(tmp_path, monkeypatch, capsys):
+    shutil.copytree(FOLDER.parent, tmp_path / "examples")
+    scripts = tmp_path / "examples" / "readme"
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    for name in ("beneath", "agreement"):
+        (scripts / f"{name}.png").unlink()
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    runpy.run_path(str(scripts / "run.py"), run_name="__main__")
+    for name in ("beneath", "agreement"):
+        assert (scripts / f"{name}.png").stat().st_size > 20_000
+        del sys.modules[name]
+    assert capsys.readouterr().out.count("within 2 standard errors") == 3
 
 
 @pytest.mark.parametrize("site", [(0.0, 0.0), (5.0, -3.0), (-8.0, 8.0)])

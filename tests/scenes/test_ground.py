@@ -130,7 +130,7 @@ def test_triangles_agree_with_interpolation_point_by_point():
         nearest = interpolate.NearestNDInterpolator(points[:2].T, points[2])(x, y)
         outside = np.isnan(expected)
         found = surface(points, rows, columns, 1.0)
-        assert found[~outside] == pytest.approx(expected[~outside], abs=1e-5)
+        np.testing.assert_allclose(found[~outside], expected[~outside], rtol=0.0, atol=1e-5)
         # Two nearest vertices may be as near as each other.
         assert (np.abs(found - nearest)[outside] > 1e-5).sum() <= 0.1 * outside.sum()
 

@@ -178,6 +178,7 @@ CLOUD = CLOUDS / "UAS_Clip.laz"
 
 
 @pytest.mark.skipif(not CLOUD.exists(), reason="the cloud is not at hand")
+@pytest.mark.slow
 def test_a_cloud_is_simulated_as_it_stands(capsys):
     line = ["simulate", "--altitude", "50", "--scene", str(CLOUD), "--samples", "49"]
     line += ["--baseline", "3.5", "--min-height", "0.5", "--json"]
