@@ -4,13 +4,14 @@ import errno
 import io
 import os
 import sys
+import warnings
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError
-from aosplan.files import check_input, read_bytes, read_table
+from aosplan.files import check_input, decoding, read_bytes, read_table
 from aosplan.scenes.files.canopy_raster import read_canopy
 
 
@@ -247,3 +248,36 @@ def test_any_bytes_make_a_table_or_an_error(tmp_path_factory, content, suffix):
     except RequestError:
         return
     assert isinstance(table, dict)
+
+
+class PanicException(BaseException):
+    """No `Exception`."""
+
+
+@pytest.mark.parametrize(
+    "error", [PanicException("a\nb"), ValueError("a\nb"), KeyError(), ArithmeticError()]
+)
+def test_whatever_a_library_raises_is_one_error(error, capfd):
+    def decode():
+        os.write(2, b"thread 'main' panicked at frame.rs\n")
+        warnings.warn("of a library", stacklevel=1)
+        raise error
+
+    with pytest.raises(RequestError) as caught, decoding("table", "a.x"):
+        decode()
+    assert caught.value.message.startswith("'a.x' is not a table that can be read")
+    assert "\n" not in caught.value.message
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, MemoryError, SystemExit, RequestError("a")])
+def test_what_is_not_the_file_s_fault_goes_on(error):
+    with pytest.raises(error if isinstance(error, type) else type(error)), decoding("table", "a.x"):
+        raise error
+
+
+def test_stderr_is_there_again_after_a_library(capfd):
+    with decoding("table", "a.x"):
+        os.write(2, b"of the library")
+    os.write(2, b"ours")
+    assert capfd.readouterr().err == "ours"

@@ -247,9 +247,10 @@ def decoding(what: str, path: str) -> Iterator[None]:
     except BaseException as error:  # noqa: BLE001 (a panic is no Exception)
         if isinstance(error, OSError) and error.errno is not None:
             raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
-        lines = str(error).strip().splitlines()
+        # What a panic says is about the library's own code.
+        lines = str(error).strip().splitlines() if isinstance(error, Exception) else []
         reason = f": {lines[0].strip()}" if lines else ""
-        raise RequestError(f"{what} '{path}' is damaged, or is something else{reason}") from None
+        raise RequestError(f"'{path}' is not a {what} that can be read{reason}") from None
 
 
 @contextmanager

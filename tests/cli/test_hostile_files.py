@@ -3,9 +3,14 @@
 What each of them once did (minutes, gigabytes, a traceback, words of a library) stands beside it.
 """
 
+import io
 import json
 import math
+import os
+import struct
+import zipfile
 
+import numpy as np
 import pytest
 from support.command_line import check_refusal
 
@@ -151,3 +156,172 @@ def test_a_number_that_no_float_can_hold(refused, number, suffix):
 def test_an_xml_encoding_that_nobody_knows(refused, encoding):  # LookupError
     text = f'<?xml version="1.0" encoding="{encoding}"?><kml/>'
     refused("area.kml", text, *AREA, "area.kml")
+
+
+@pytest.mark.parametrize("value", [1e308, 1e-300])
+@pytest.mark.parametrize("name", ["focal_length_mm", "sensor_width_mm"])
+def test_a_camera_whose_numbers_overflow(refused, name, value):  # inf in JSON
+    message = refused(
+        "core.json", {**CAMERA, name: value}, *PLAN, "--camera", "core.json", "--json"
+    )
+    assert f"{name} {value:g} is not between" in message
+
+
+def test_a_geometry_whose_type_is_a_list(refused):  # TypeError
+    point = {"type": ["Point"], "coordinates": [14.0, 48.0]}
+    points = {"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": point}]}
+    arguments = ("--positions", "points.geojson", "--density", 0.5, "--spacing", 2)
+    message = refused("points.geojson", points, "visibility", *arguments)
+    assert "feature 1: geometry type '['Point']' is not a name" in message
+
+
+def voxels(about, occupied=None, **members):
+    """The bytes of a voxel file of a small stand, with some of it replaced."""
+    packed = np.full((10, 8, 1), 255, np.uint8) if occupied is None else occupied
+    slices, rows, octets = packed.shape
+    plain = {
+        "version": 1, "voxel_m": 0.5, "x_min_m": 0.0, "y_min_m": 0.0, "min_height_m": 2.0,
+        "points": 1000, "ground": "classified", "warnings": [], "source": "a", "assumed": "",
+        "shape": [slices, rows, 8 * octets], "layers": [[2.0, 2.5, 0.1, 0.3]],
+    }  # fmt: skip
+    text = np.frombuffer(json.dumps({**plain, **about}).encode(), np.uint8)
+    content = io.BytesIO()
+    np.savez_compressed(content, about=text, occupied=packed)
+    with zipfile.ZipFile(content, "a") as archive:
+        for name, member in members.items():
+            archive.writestr(name, member)
+    return content.getvalue()
+
+
+HUGE = [10**400, 10**20, -1, "many"]
+
+
+@pytest.mark.parametrize("points", HUGE, ids=["overflow", "large", "negative", "text"])
+def test_a_voxel_file_with_a_count_that_is_none(refused, points):  # OverflowError
+    refused("stand.npz", voxels({"points": points}), "scene", "stand.npz")
+
+
+def test_a_voxel_file_of_bytes_in_place_of_arrays(refused):  # AttributeError
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        archive.writestr("about", b"{}")
+        archive.writestr("occupied", b"\0")
+    assert "are not arrays" in refused("a.npz", content.getvalue(), "scene", "a.npz")
+
+
+def test_a_voxel_file_that_unpacks_to_much_more(refused):  # 4.1 GB
+    content = voxels({}, np.zeros((1, 5000, 5000), np.uint8))
+    assert len(content) < 100_000
+    message = refused("bomb.npz", content, "scene", "bomb.npz")
+    assert "do not hold a stand of" in message
+
+
+def test_a_voxel_file_as_it_should_be(folder, command):
+    (folder / "stand.npz").write_bytes(voxels({}))
+    assert command("scene", "stand.npz", "--quiet")[0] == 0
+
+
+def test_a_table_that_declares_more_rows_than_it_holds(folder, command):  # 3.5 GB and > 60 s
+    polars = pytest.importorskip("polars")
+    polars.DataFrame({"altitude": np.full(2_100_000, 40.0)}).write_parquet("rows.parquet")
+    status, out, err = command("sweep", "rows.parquet", "--summary")
+    check_refusal(status, out, err)
+    assert "declares 2100000 rows, more than its" in err
+
+
+def test_a_library_that_panics(command, monkeypatch):  # a traceback
+    polars = pytest.importorskip("polars")
+
+    class PanicException(BaseException):
+        """What Rust's panics are in Python."""
+
+    def panic(*_arguments, **_options):
+        raise PanicException("assertion failed")
+
+    polars.DataFrame({"altitude": [40.0]}).write_parquet("rows.parquet")
+    monkeypatch.setattr(polars, "read_parquet", panic)
+    status, out, err = command("sweep", "rows.parquet", "--out", "a.csv")
+    check_refusal(status, out, err)
+    assert "'rows.parquet' is not a table of scenarios" in err
+    assert sorted(os.listdir()) == ["rows.parquet"]
+
+
+def geotiff(path, values, crs, cell, **options):
+    rasterio = pytest.importorskip("rasterio")
+    profile = {
+        "driver": "GTiff", "height": 20, "width": 20, "count": 1, "dtype": "float32", "crs": crs,
+        "transform": rasterio.Affine(cell, 0.0, options.pop("left"), 0.0, -cell, options.pop("top")),
+    }  # fmt: skip
+    with rasterio.open(path, "w", **profile) as raster:
+        raster.write(values.astype(np.float32), 1)
+        raster.scales = [options.get("scale", 1.0)]
+    return path
+
+
+ECKERT = (
+    'PROJCS["a",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],'
+    'PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Lambert_Conformal_Conic'
+    '_2SP"],PARAMETER["standard_parallel_1",0],PARAMETER["standard_parallel_2",0],UNIT["metre",1]]'
+)
+
+
+def test_a_terrain_in_a_projection_that_cannot_be(folder, command):  # ProjError
+    geotiff("dem.tif", np.full((20, 20), 100.0), ECKERT, 10.0, left=0.0, top=0.0)
+    arguments = ("--samples", 9, "--baseline", 8, "--origin", "48.3,14.3", "--terrain", "dem.tif")
+    status, out, err = command(*PLAN, *arguments, "--out", "a.csv")
+    assert status == 2
+    assert out == ""
+    assert "unexpected" not in err
+    assert "error: 'dem.tif' is not a terrain" in err
+    assert sorted(os.listdir()) == ["dem.tif"]
+
+
+def test_canopy_heights_that_overflow(folder, command):  # a RuntimeWarning of numpy
+    heights = np.full((20, 20), 3e38)
+    geotiff("chm.tif", heights, "EPSG:32633", 1.0, left=5e5, top=5e6, scale=1e30)
+    status, out, err = command("scene", "chm.tif")
+    check_refusal(status, out, err)
+
+
+def jpeg(width, height):
+    """A JPEG that declares its size, and holds nothing else."""
+    frame = struct.pack(">BHBHHB", 0xC0, 11, 8, height, width, 1) + b"\1\x11\0"
+    return b"\xff\xd8\xff" + frame + b"\xff\xd9"
+
+
+@pytest.mark.parametrize("side", [12_000, 40_000])
+def test_photos_that_declare_very_many_pixels(folder, command, side):  # a warning; an error
+    pytest.importorskip("PIL")
+    (folder / "photos").mkdir()
+    (folder / "photos" / "a.jpg").write_bytes(jpeg(side, side))
+    status, out, _ = command(*PLAN, "--origin", "48.3,14.3", "--json")
+    assert status == 0
+    (folder / "plan.json").write_text(out, encoding="utf-8")
+    status, out, err = command("review", "photos", "plan.json")
+    check_refusal(status, out, err)
+    assert "has no photo with a position" in err
+
+
+LENSES = {"singular": (80.0, 1e15), "overflow": (1e308, 60.0)}
+
+
+@pytest.mark.parametrize("kind", LENSES)
+def test_a_lens_whose_numbers_overflow(folder, command, kind):  # LinAlgError; RuntimeWarning
+    cx, cy = LENSES[kind]
+    (folder / "images").mkdir()
+    (folder / "model").mkdir()
+    camera = f"1 OPENCV 160 120 150 150 {cx} {cy} 0.01 0.001 0 0\n"
+    (folder / "model" / "cameras.txt").write_text(camera, encoding="utf-8")
+    (folder / "model" / "images.txt").write_text("1 1 0 0 0 0 0 30 1 a.tif\n\n", encoding="utf-8")
+    status, out, err = command("integrate", "model", "images", "--out", "a.png")
+    check_refusal(status, out, err)
+    assert "cameras.txt', line 1: c" in err
+
+
+def test_a_rotation_that_overflows(folder, command):  # RuntimeWarning
+    (folder / "images").mkdir()
+    pose = {"imagefile": "a.tif", "M3x4": [[1e300, 0, 0, 0], [0, 1e300, 0, 0], [0, 0, 1, 0]]}
+    (folder / "poses.json").write_text(json.dumps({"images": [pose]}), encoding="utf-8")
+    status, out, err = command("integrate", "poses.json", "images", "--fov", 60, "--out", "a.png")
+    check_refusal(status, out, err)
+    assert "is no rotation" in err

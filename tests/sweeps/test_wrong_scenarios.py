@@ -84,14 +84,14 @@ TABLES = [
     (b"altitude,max-samples\n40,9\n", ["'max-samples'", "did you mean max_samples?"]),
     (b"altitude,\n40,1\n", ["column ''"]),
     (b"40,0.9\n50,0.8\n", ["column '40' is no option"]),
-    (b"altitude,vhat\n40,0.9,7\n", ["no table", "more fields"]),
+    (b"altitude,vhat\n40,0.9,7\n", ["not a table", "more fields"]),
     (b"altitude\n40\nnan\n", ["'nan'", "(row 2)"]),
     (b"altitude\ninf\n", ["'inf'", "(row 1)"]),
     (b"altitude\ntrue\n", ["'true'", "(row 1)"]),
     (b"altitude\n2020-01-01\n", ["'2020-01-01'"]),
-    (b"altitude,scene\n40,\xe9\n", ["no table", "utf-8"]),
+    (b"altitude,scene\n40,\xe9\n", ["not a table", "utf-8"]),
     ("altitude\n40\n".encode("utf-16"), ["UTF-16"]),
-    (b'altitude,vhat\n"40,0.9\n50,0.8\n', ["no table"]),
+    (b'altitude,vhat\n"40,0.9\n50,0.8\n', ["not a table"]),
     (b"PK\x03\x04" + bytes(100), ["is a spreadsheet", "CSV or Parquet"]),
 ]
 
@@ -125,7 +125,7 @@ def test_spreadsheets_are_called_so(folder, refused, name):
 @pytest.mark.parametrize("content", [b"", b"PAR1 not really", b"PAR1" + bytes(20) + b"PAR1"])
 def test_a_parquet_that_is_none_is_an_error(folder, refused, content):
     (folder / "s.parquet").write_bytes(content)
-    assert "is no table of scenarios" in refused("s.parquet")
+    assert "is not a table of scenarios" in refused("s.parquet")
 
 
 def frames():

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from aosplan.errors import RequestError
 
+SMALLEST, LARGEST = 1e-6, 1e9
+"""Bounds of a camera's lengths [mm] and numbers of pixels."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -53,6 +56,11 @@ class Camera:
             if not (math.isfinite(value) and value > 0):
                 raise RequestError(
                     f"camera '{self.name}': {field} {value:g} is not a positive number"
+                )
+            if not SMALLEST <= value <= LARGEST:
+                raise RequestError(
+                    f"camera '{self.name}': {field} {value:g} is not between {SMALLEST:g} and "
+                    f"{LARGEST:g}"
                 )
 
     @classmethod

@@ -25,7 +25,12 @@ def print_json(document: Any) -> None:
     """One JSON document on stdout."""
     import json
 
-    text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
+    try:
+        text = json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1)
+    except ValueError:
+        raise RequestError(
+            "a result is too large for a number", "some input is too large"
+        ) from None
     sys.stdout.buffer.write(text.encode() + b"\n")
     sys.stdout.buffer.flush()
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from aosplan.crs import Units, crs_of_wkt, ground_scale, height_unit_m, unit_m, vertical_unit_m
 from aosplan.errors import RequestError, needs_extra
-from aosplan.files import check_input
+from aosplan.files import check_input, decoding
 from aosplan.flight.photo_trigger import Ground, Sites
 from aosplan.geodesy import to_wgs84
 
@@ -77,9 +77,10 @@ class Terrain:
                 "a raster of ground heights is meant",
             ) from None
         try:
-            crs = self._coordinate_system()
-            self._unit_m = self._height_unit_m(crs, units)
-            self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+            with decoding("terrain", path):
+                crs = self._coordinate_system()
+                self._unit_m = self._height_unit_m(crs, units)
+                self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
             self._transform = self._raster.transform[:6]
             a, b, left, d, e, _ = self._transform
             self._turn = 360.0 if crs.is_geographic else 0.0
@@ -194,7 +195,6 @@ class Terrain:
     ) -> None:
         """Heights of a part of the points; parts that spread too far are halved."""
         import numpy as np
-        from rasterio.errors import RasterioError, RasterioIOError
         from rasterio.windows import Window
 
         x = np.clip(columns[part], 0, self._raster.width - 1)
@@ -207,12 +207,11 @@ class Terrain:
             self._read(columns, rows, found, slice(part.start, middle))
             self._read(columns, rows, found, slice(middle, part.stop))
             return
-        try:
+        with decoding("terrain", self.path):
             band = self._raster.read(1, window=Window(left, top, width, height), masked=True)
-        except (RasterioError, RasterioIOError):
-            raise RequestError(f"terrain '{self.path}' is damaged") from None
         pixels = np.ma.filled(band.astype(float), np.nan)
-        pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
+        with np.errstate(over="ignore", invalid="ignore"):
+            pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
         # No ground is as low or as high as the values that mark pixels without data.
         low, high = (limit_m / self._unit_m for limit_m in GROUND_M)
         pixels[~((pixels >= low) & (pixels <= high))] = np.nan

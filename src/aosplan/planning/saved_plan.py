@@ -10,6 +10,9 @@ from aosplan.mission.mission import FlightSettings, Mission, Waypoint, Waypoints
 from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
+MOST_BYTES = 1024 * 1024 * 1024
+"""A plan of the most waypoints that there may be takes a fifth of it."""
+
 
 def read_mission(path: str) -> Mission:
     """The mission of a saved plan, all flights in one."""
@@ -30,7 +33,7 @@ def read_missions(path: str) -> tuple[Mission, ...]:
 
 
 def _saved_plan(path: str) -> tuple[dict[str, Any], PlanDocument]:
-    table = read_table(path)
+    table = read_table(path, most=MOST_BYTES)
     document = checked(PlanDocument, table, path)
     assert isinstance(document, PlanDocument)
     return table, document

@@ -6,11 +6,13 @@ take-off.  Neither the pictures nor anything else of the files is decoded.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError, needs_extra
+from aosplan.files import decoding
 from aosplan.postflight.positions import Place
 
 if TYPE_CHECKING:
@@ -82,10 +84,11 @@ def _exif_place(path: str) -> tuple[float, float] | None:
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
     try:
-        with Image.open(path) as image:
+        with decoding("photo", path), _of_any_size(Image), Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)
         return next(_degrees(tags, 1)), next(_degrees(tags, 3))
     except (
+        RequestError,
         OSError,
         ValueError,
         TypeError,
@@ -95,6 +98,16 @@ def _exif_place(path: str) -> tuple[float, float] | None:
         KeyError,
     ):
         return None  # damaged metadata are none
+
+
+@contextlib.contextmanager
+def _of_any_size(pillow: Any) -> Iterator[None]:
+    """Let Pillow open images of any size: of these nothing is decoded but the metadata."""
+    kept, pillow.MAX_IMAGE_PIXELS = pillow.MAX_IMAGE_PIXELS, None
+    try:
+        yield
+    finally:
+        pillow.MAX_IMAGE_PIXELS = kept
 
 
 def _degrees(tags: dict[int, object], reference: int) -> Iterator[float]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes, read_table
 from aosplan.mission import mavlink as mav
-from aosplan.units import number
+from aosplan.units import number, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -181,6 +181,8 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
         geometry = feature.get("geometry") if isinstance(feature, dict) else None
         properties = feature.get("properties") if isinstance(feature, dict) else None
         kind = geometry.get("type") if isinstance(geometry, dict) else None
+        if not isinstance(kind, (str, type(None))):
+            raise RequestError(f"{where} geometry type {shown(kind)} is not a name")
         if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
             continue
         assert isinstance(geometry, dict)  # it has a kind

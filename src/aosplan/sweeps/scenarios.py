@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
-from aosplan.files import read_table
+from aosplan.files import decoding, read_table
 from aosplan.planning.options import BY_NAME
 from aosplan.sweeps.block import Block
 from aosplan.units import nearest_hint, number, shown, whole
@@ -36,6 +36,12 @@ SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 MOST_HEADER = 1 << 16
 """Bytes that the header of a CSV may have; all options take a fiftieth of it."""
+
+PLAIN_CELLS = 2_000_000
+"""A Parquet file may always have so many cells,"""
+
+CELLS_A_BYTE = 100
+"""and a larger one so many for each of its bytes."""
 
 MOST_VALUES = 10_000_000
 """Values that one range or list may have."""
@@ -214,16 +220,13 @@ def read_rows(path: str) -> Table:
     pl = polars()
     as_text = path.lower().endswith(".csv")
     _check_start(path, as_text=as_text)
-    try:
+    with decoding("table of scenarios", path):
         # A name with brackets is no pattern of other names.
-        frame = (
-            pl.read_csv(path, infer_schema=False, glob=False)
-            if as_text
-            else pl.read_parquet(path, glob=False)
-        )
-    except (pl.exceptions.PolarsError, OSError) as error:
-        reason = str(error).strip().splitlines()[0]
-        raise RequestError(f"'{path}' is no table of scenarios: {reason}") from None
+        if as_text:
+            frame = pl.read_csv(path, infer_schema=False, glob=False)
+        else:
+            _check_size(pl.scan_parquet(path, glob=False), path)
+            frame = pl.read_parquet(path, glob=False)
     if not frame.height or not frame.width:
         raise RequestError(f"'{path}' has no rows, so there are no scenarios")
     _check_names(frame.columns, path)
@@ -261,6 +264,18 @@ def _check_start(path: str, *, as_text: bool) -> None:
                 "save it with commas between columns, and points in numbers",
             )
     _check_names(header, path)
+
+
+def _check_size(frame: Any, path: str) -> None:
+    """Refuse a Parquet file that declares more than its size can hold: runs of one value are short."""
+    columns = len(frame.collect_schema())
+    rows = frame.select(polars().len()).collect().item()
+    stored = os.path.getsize(path)
+    if rows * columns > max(PLAIN_CELLS, CELLS_A_BYTE * stored):
+        raise RequestError(
+            f"'{path}' declares {rows} rows, more than its {stored} bytes hold",
+            "options that repeat cost less as a crossing: a TOML file with a table [sweep]",
+        )
 
 
 def _check_names(names: Sequence[str], path: str) -> None:

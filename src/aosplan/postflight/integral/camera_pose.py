@@ -80,7 +80,10 @@ class Intrinsics(NamedTuple):
                 break
             if np.abs(error).max() < 1e-13:
                 return float(guess[0]), float(guess[1])
-            guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
+            try:
+                guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
+            except np.linalg.LinAlgError:  # the lens folds here
+                break
         there = np.stack(self.distorted(guess[:1], guess[1:]))[:, 0]
         close = np.abs(there - (x, y)).max() < 1e-9
         return (float(guess[0]), float(guess[1])) if close else (math.nan, math.nan)
@@ -136,7 +139,8 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
         raise RequestError(f"{place}: M3x4 is not 3 rows of 4 numbers")
     numbers = np.array([[number(value, f"{place}: M3x4") for value in row] for row in rows])
     rotation, translation = numbers[:, :3], numbers[:, 3]
-    off = np.abs(rotation @ rotation.T - np.eye(3)).max()
+    within = np.clip(rotation, -2.0, 2.0)  # what is larger is not a rotation either
+    off = np.abs(within @ within.T - np.eye(3)).max()
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise RequestError(
             f"{place}: the left 3 x 3 of M3x4 is no rotation",
@@ -145,6 +149,10 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
     if np.abs(translation).max() > FARTHEST_M:
         raise RequestError(f"{place}: the camera is farther than {FARTHEST_M:g} m")
     return rotation, translation
+
+
+LENS = {"fx": 1e7, "fy": 1e7, "cx": 1e6, "cy": 1e6, "k1": 1e6, "k2": 1e6, "p1": 1e3, "p2": 1e3}
+"""How large the numbers of a lens may be: fx to cy [px], the others of distortion."""
 
 
 def checked_intrinsics(width: int, height: int, values: list[float], place: str) -> Intrinsics:
@@ -157,6 +165,9 @@ def checked_intrinsics(width: int, height: int, values: list[float], place: str)
     """
     if not (values[0] > 0.0 and values[1] > 0.0):
         raise RequestError(f"{place}: focal length {min(values[:2]):g} px is not above zero")
+    for name, value in zip(LENS, values, strict=False):
+        if abs(value) > LENS[name]:
+            raise RequestError(f"{place}: {name} {value:g} is not within {LENS[name]:g}")
     return Intrinsics(width, height, *values)
 
 

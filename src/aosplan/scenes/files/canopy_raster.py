@@ -295,7 +295,8 @@ def _heights(raster: Any, row: NDArray[np.intp], column: NDArray[np.intp], up_m:
             cells = raster.read(1, window=((top, bottom), (west, east)), masked=True)
             inside = np.flatnonzero((wanted >= top) & (wanted < bottom))
             picked = cells[wanted[inside] - top][:, column - west].astype(np.float32)
-            tops[start + inside] = picked.filled(np.nan) * np.float32(scale) + np.float32(shift)
+            with np.errstate(over="ignore", invalid="ignore"):
+                tops[start + inside] = picked.filled(np.nan) * np.float32(scale) + np.float32(shift)
     tops[~np.isfinite(tops)] = np.nan
     return tops
 

@@ -147,7 +147,9 @@ def _faults(name: str) -> Iterator[None]:
         raise SurroundingsError(
             f"cannot read point cloud {name}: {error.strerror or error}"
         ) from error
-    except Exception as error:
+    except (MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:
         # laspy, its decoder, struct and numpy each complain about damage in their own way.
         raise RequestError(
             f"point cloud {name} is damaged or truncated: {' '.join(str(error).split())}"

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.files import read_bytes
+from aosplan.files import parse_table, read_bytes
 from aosplan.scenes.files.correlogram_table import correlogram_from, correlogram_table
 from aosplan.scenes.scene import Layer, LayeredScene
 from aosplan.scenes.voxels import MAX_VOXELS, VoxelVolume
@@ -32,6 +32,12 @@ if TYPE_CHECKING:
 VERSION = 1
 MOST_OCTETS = MAX_VOXELS // 4
 """Size that a file, or an array in it, may have: eight voxels to an octet, and half as much again."""
+
+PLAIN_OCTETS = 16 * 1024 * 1024
+"""A file may always unpack to this much,"""
+
+MOST_RATIO = 200
+"""and a larger one to so many times its size: the voxels of trees pack to a tenth or so."""
 
 DAMAGE = (
     ArithmeticError,
@@ -118,14 +124,19 @@ def read_stand(path: str) -> Stand:
     RequestError
         Where the file is something else, is damaged, or would not fit in memory.
     """
-    content = io.BytesIO(read_bytes(path, most=MOST_OCTETS))
+    stored = read_bytes(path, most=MOST_OCTETS)
+    content = io.BytesIO(stored)
     try:
         with zipfile.ZipFile(content) as archive:
-            largest = max((entry.file_size for entry in archive.infolist()), default=0)
-        if largest <= MOST_OCTETS:
+            declared = sum(entry.file_size for entry in archive.infolist())
+        if declared <= MOST_OCTETS:
+            if declared > max(PLAIN_OCTETS, MOST_RATIO * len(stored)):
+                raise ValueError(f"{len(stored)} bytes do not hold a stand of {declared} bytes")
             with np.load(content, allow_pickle=False) as arrays:
-                about = json.loads(arrays["about"].tobytes())
-                return _stand(about, arrays["occupied"], path)
+                about, packed = arrays["about"], arrays["occupied"]
+                if not (isinstance(about, np.ndarray) and isinstance(packed, np.ndarray)):
+                    raise TypeError("its members are not arrays")
+                return _stand(parse_table(about.tobytes(), path), packed, path)
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
@@ -141,6 +152,12 @@ def _stand(about: dict[str, Any], packed: NDArray[np.uint8], path: str) -> Stand
     return Stand(volume, layers, None if table is None else correlogram_from(table, path))
 
 
+def _count(value: Any) -> int:
+    if not 0 <= value < 2**53:
+        raise ValueError("its number of points is not one")
+    return int(value)
+
+
 def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
     if about["version"] != VERSION:
         raise ValueError(f"its version is {about['version']}, not {VERSION}")
@@ -153,7 +170,7 @@ def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
         x_min_m=float(about["x_min_m"]),
         y_min_m=float(about["y_min_m"]),
         min_height_m=float(about["min_height_m"]),
-        points=int(about["points"]),
+        points=_count(about["points"]),
         ground=str(about["ground"]),
         warnings=tuple((str(code), str(message)) for code, message in about["warnings"]),
         source=str(about["source"]),
