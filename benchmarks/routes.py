@@ -27,7 +27,8 @@ from rasterio.transform import from_origin
 from aosplan.flight.photo_trigger import Sites
 from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.planning.request import PlanRequest
-from aosplan.planning.route import lay
+from aosplan.planning.resolve import resolve_inputs
+from aosplan.planning.route import build_route
 
 RESULTS = Path(__file__).parent / "results" / "routes.csv"
 ORIGIN = (48.3358, 14.3261)
@@ -83,16 +84,16 @@ def rows_for(counts: list[int], folder: str):
         sites = Sites(east, north, [True] * len(east))
         for kind, options in KINDS.items():
             request = PlanRequest(altitude=40, heading=30, **options)
+            inputs = resolve_inputs(request, folder=folder)
 
             def work():
-                lay(
-                    request,  # noqa: B023
+                build_route(
+                    inputs.flight,  # noqa: B023
                     sites,  # noqa: B023
-                    origin=request.origin,  # noqa: B023
+                    heading_deg=30.0,
+                    origin=inputs.origin,  # noqa: B023
                     altitude_m=40.0,
-                    gsd_m=0.05,
                     baseline_m=BASELINE_M,
-                    folder=folder,
                 )
 
             work()  # imports

@@ -11,7 +11,7 @@ from PIL import Image
 
 from aosplan import PlanRequest, plan
 from aosplan.grid.patterns import local_sites
-from aosplan.planning.inputs import ResolvedScene
+from aosplan.planning.loaded_scene import LoadedScene
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occluder_statistics import layered_scene
 from aosplan.show.figures.style import LIGHT, LINES, MARKERS, rules
@@ -61,7 +61,7 @@ def panels():
     """Title, what plans so many samples so far apart, and what simulates that plan."""
     volume = trees(0)
     layers = layered_scene(volume, "clumped trees")
-    stand = ResolvedScene(layers, "cloud", volume=volume, correlogram=correlogram(volume))
+    stand = LoadedScene(layers, "cloud", volume=volume, correlogram=correlogram(volume))
     return (
         (
             "uniform, on noise patterns",

@@ -12,7 +12,7 @@ from pathlib import Path
 import matplotlib as mpl
 from PIL import Image
 
-from aosplan.planning.inputs import ResolvedScene, scene_of
+from aosplan.planning.loaded_scene import LoadedScene, load_scene
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.occluder_statistics import layered_scene
@@ -40,7 +40,7 @@ def planned(**changed):
 
 @cache
 def paper_forest():
-    return scene_of(PlanRequest(altitude=40.0, scene="paper-forest"))
+    return load_scene(PlanRequest(altitude=40.0, scene="paper-forest"))
 
 
 @cache
@@ -50,7 +50,7 @@ def stand():
     from support.forests import STANDS, clumped_forest
 
     volume = clumped_forest(STANDS["spruce"])
-    return ResolvedScene(layered_scene(volume, "a stand"), "cloud", volume=volume)
+    return LoadedScene(layered_scene(volume, "a stand"), "cloud", volume=volume)
 
 
 FIGURES = {

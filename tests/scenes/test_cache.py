@@ -2,13 +2,14 @@
 
 import os
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import scene_of
+from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.files import cache
@@ -53,7 +54,7 @@ def cloud(tmp_path):
 
 
 def resolved(scene, **given):
-    return scene_of(PlanRequest(altitude=40, scene=str(scene), **given))
+    return load_scene(PlanRequest(altitude=40, scene=str(scene), **given))
 
 
 def entries(place):
@@ -65,13 +66,14 @@ def same(one, other):
     return (
         np.array_equal(one.volume.occupied, other.volume.occupied)
         and all(getattr(one.volume, n) == getattr(other.volume, n) for n in names)
-        and one._replace(volume=None, kept=False) == other._replace(volume=None, kept=False)
+        and one.correlogram is other.correlogram is None
+        and replace(one, from_cache=False) == replace(other, from_cache=False)
     )
 
 
 def test_a_cloud_is_read_once_and_is_the_same_afterwards(place, cloud, readings, monkeypatch):
     first, second = resolved(cloud), resolved(cloud)
-    assert (first.kept, second.kept) == (False, True)
+    assert (first.from_cache, second.from_cache) == (False, True)
     assert len(readings) == 1
     monkeypatch.setenv("AOSPLAN_CACHE", "0")
     without = resolved(cloud)
@@ -90,9 +92,9 @@ def test_a_plan_is_the_same_with_and_without(place, cloud, monkeypatch):
 @pytest.mark.parametrize("change", [{"voxel": 0.5}, {"ground": "class"}, {"min_height": 3.5}])
 def test_other_options_are_another_reading(place, cloud, readings, change):
     resolved(cloud)
-    assert not resolved(cloud, **change).kept
-    assert resolved(cloud, **change).kept
-    assert resolved(cloud).kept
+    assert not resolved(cloud, **change).from_cache
+    assert resolved(cloud, **change).from_cache
+    assert resolved(cloud).from_cache
     assert len(readings) == 2
 
 
@@ -100,10 +102,10 @@ def test_a_file_that_changed_is_read_again(place, cloud, readings):
     resolved(cloud)
     write_cloud(cloud, seed=1)
     fresh = resolved(cloud)
-    assert not fresh.kept
+    assert not fresh.from_cache
     status = os.stat(cloud)
     os.utime(cloud, ns=(status.st_atime_ns, status.st_mtime_ns + 1))
-    assert not resolved(cloud).kept
+    assert not resolved(cloud).from_cache
     assert len(readings) == 3
 
 
@@ -112,18 +114,18 @@ def test_files_of_one_stand_are_one_entry(place, tmp_path, readings):
     tiles.mkdir()
     write_cloud(tiles / "a.laz")
     write_cloud(tiles / "b.laz", seed=1)
-    assert not resolved(tiles).kept
-    assert resolved(tiles).kept
+    assert not resolved(tiles).from_cache
+    assert resolved(tiles).from_cache
     write_cloud(tiles / "b.laz", seed=2)
-    assert not resolved(tiles).kept
+    assert not resolved(tiles).from_cache
     (tiles / "a.laz").unlink()
-    assert not resolved(tiles).kept
+    assert not resolved(tiles).from_cache
 
 
 def test_a_version_of_the_reading_has_its_own_entries(place, cloud, monkeypatch):
     resolved(cloud)
     monkeypatch.setattr(cache, "READING", cache.READING + 1)
-    assert not resolved(cloud).kept
+    assert not resolved(cloud).from_cache
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "other", "folder"])
@@ -139,10 +141,10 @@ def test_a_damaged_entry_is_ignored_and_written_again(place, cloud, readings, da
         entry.write_bytes({"cut": content[:100], "empty": b"", "other": b"PK nonsense"}[damage])
     again = resolved(cloud)
     assert same(again, whole)
-    assert not again.kept
+    assert not again.from_cache
     if damage != "folder":
         assert entry.read_bytes() == content
-        assert resolved(cloud).kept
+        assert resolved(cloud).from_cache
 
 
 def test_a_file_that_changes_while_it_is_read_is_not_kept(place, cloud, monkeypatch):
@@ -171,26 +173,26 @@ def test_the_oldest_entries_are_dropped_and_nothing_else(place, tmp_path, monkey
     os.utime(place / first, ns=(2, 2))
     resolved(clouds[1])
     resolved(clouds[2])
-    assert resolved(clouds[0]).kept  # used again: no longer the oldest
+    assert resolved(clouds[0]).from_cache  # used again: no longer the oldest
     assert ".aosplan-cutshort" not in entries(place)
     resolved(clouds[3])
     assert len(entries(place)) == 4
     assert "holiday.npz" in entries(place)
-    assert resolved(clouds[0]).kept
-    assert not resolved(clouds[1]).kept
+    assert resolved(clouds[0]).from_cache
+    assert not resolved(clouds[1]).from_cache
 
 
 def test_an_entry_that_would_fill_the_cache_is_not_kept(place, cloud, monkeypatch):
     monkeypatch.setattr(cache, "MOST_OCTETS", 800)
     resolved(cloud)
-    assert not resolved(cloud).kept
+    assert not resolved(cloud).from_cache
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, cloud, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "file"))
-    assert not resolved(cloud).kept
-    assert not resolved(cloud).kept
+    assert not resolved(cloud).from_cache
+    assert not resolved(cloud).from_cache
 
 
 def test_a_missing_cloud_is_an_error_as_ever(place, tmp_path):

@@ -10,7 +10,7 @@ from support.clouds import stand, write_cloud
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import cloud_files, scene_of
+from aosplan.planning.loaded_scene import cloud_files, load_scene
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.correlogram import correlogram
@@ -23,7 +23,9 @@ pytest.importorskip("lazrs")
 
 
 def resolved(scene, *also, folder=""):
-    return scene_of(PlanRequest(altitude=40, scene=str(scene)), folder=folder, also=map(str, also))
+    return load_scene(
+        PlanRequest(altitude=40, scene=str(scene)), folder=folder, also=map(str, also)
+    )
 
 
 def refusal(*arguments, **given):

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from approved.make import paper_forest, planned, shown, stand
 
 from aosplan import PlanRequest, plan
 from aosplan.camera.disparity import coverage_share
-from aosplan.planning.inputs import ResolvedScene
+from aosplan.planning.loaded_scene import LoadedScene
 from aosplan.scenes.scene import Layer, LayeredScene
 from aosplan.scenes.voxels import VoxelVolume
 from aosplan.show.figures.canvas import Look, drawn
@@ -62,7 +63,7 @@ def test_the_hidden_share_is_counted_ray_by_ray():
     volume = VoxelVolume(occupied, 0.5)
     from aosplan.scenes.occluder_statistics import layered_scene
 
-    found = density_of(ResolvedScene(layered_scene(volume, "x"), "cloud", volume=volume))
+    found = density_of(LoadedScene(layered_scene(volume, "x"), "cloud", volume=volume))
     assert found.bottom_m == (0.5, 1.0, 1.5)
     assert found.density == pytest.approx((1 / 6, 1 / 6, 1 / 6))
     assert found.measured == pytest.approx((2 / 6, 2 / 6, 1 / 6))
@@ -105,7 +106,7 @@ def test_a_correlogram_is_the_scenes_own_or_that_of_its_voxels():
     table = correlogram(stand().volume)
     told = shown("correlogram")
     assert told.rho == tuple(map(tuple, table.rho.tolist()))
-    kept = stand()._replace(volume=None, correlogram=table)
+    kept = replace(stand(), volume=None, correlogram=table)
     assert correlations_of(kept) == told
 
 

@@ -272,8 +272,8 @@ def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatc
     )
     rows.forget_scenes()
     read, made = [], []
-    scene_of, correlogram = rows.scene_of, correlogram_module.correlogram
-    monkeypatch.setattr(rows, "scene_of", lambda *a, **k: read.append(a) or scene_of(*a, **k))
+    load_scene, correlogram = rows.load_scene, correlogram_module.correlogram
+    monkeypatch.setattr(rows, "load_scene", lambda *a, **k: read.append(a) or load_scene(*a, **k))
     monkeypatch.setattr(
         correlogram_module, "correlogram", lambda *a, **k: made.append(a) or correlogram(*a, **k)
     )

@@ -126,15 +126,14 @@ def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Sh
         from aosplan.show.figures.tradeoff import tradeoff_of
 
         return tradeoff_of(result)
-    from aosplan.planning.sites import over_area
     from aosplan.show.figures.grid import grid_of
 
-    return grid_of(result, over_area(result.request, folder)[1])
+    return grid_of(result, result.inputs.area)
 
 
 def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
     """The numbers of a figure of a scene: one that is named, or that of a request."""
-    from aosplan.planning.inputs import scene_of
+    from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
 
     given = {name: value for name, value in flags.items() if value is not None}
@@ -154,7 +153,7 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
     high = any(name in given for name in ways)
     request = request_from(given if high else given | {"altitude": 1.0})
     with progress_bar(quiet=quiet) as bar:
-        found = scene_of(request, folder=folder, progress=bar)
+        found = load_scene(request, folder=folder, progress=bar)
     print_warnings(found.warnings, quiet=quiet)
     if kind.name == "density":
         from aosplan.show.figures.density import density_of
@@ -164,7 +163,7 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
         from aosplan.show.figures.correlogram import correlations_of
 
         return correlations_of(found)
-    from aosplan.planning.inputs import altitude_of, camera_of
+    from aosplan.planning.resolve import altitude_of, camera_of
     from aosplan.show.figures.coverage_curve import curve_of
 
     altitude = altitude_of(request, camera_of(request, folder=folder)) if high else None

@@ -9,11 +9,11 @@ from typer.core import TyperArgument, TyperOption
 from aosplan.cli.options import command, flag_option, json_option, request_options
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import VOXEL_SUFFIX
+from aosplan.planning.loaded_scene import VOXEL_SUFFIX
 from aosplan.show.text.terminal import print_notice
 
 if TYPE_CHECKING:
-    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.scenes.correlogram import Correlogram
 
 
@@ -28,7 +28,7 @@ def run(
 ) -> None:
     """Show the occluder statistics of a scene, and save them."""
     from aosplan.files import check_output, write_all
-    from aosplan.planning.inputs import scene_of
+    from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
     from aosplan.scenes.summary import statistics_document
 
@@ -47,42 +47,42 @@ def run(
     # A request needs an altitude; the statistics do not depend on it.
     request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
     with progress_bar(quiet=quiet) as bar:
-        resolved = scene_of(request, progress=bar, also=more)
-    print_warnings(resolved.warnings, quiet=quiet)
-    if resolved.kept and not quiet:
+        loaded = load_scene(request, progress=bar, also=more)
+    print_warnings(loaded.warnings, quiet=quiet)
+    if loaded.from_cache and not quiet:
         print_notice("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
-    table = resolved.correlogram
-    if table is None and resolved.volume is not None and (as_json or saved):
+    table = loaded.correlogram
+    if table is None and loaded.volume is not None and (as_json or saved):
         from aosplan.scenes.correlogram import correlogram
 
-        table = correlogram(resolved.volume)
-    write_all({path: _scene_bytes(resolved, table, path) for path in saved}, force=force)
-    document = statistics_document(resolved.scene, resolved.warnings, resolved.volume, table)
+        table = correlogram(loaded.volume)
+    write_all({path: _scene_bytes(loaded, table, path) for path in saved}, force=force)
+    document = statistics_document(loaded.scene, loaded.warnings, loaded.volume, table)
     if as_json:
         print_json(document)
     elif not quiet:
         from aosplan.show.text.tables import print_scene
 
-        if resolved.volume is not None and table is None:
+        if loaded.volume is not None and table is None:
             from aosplan.scenes.occluder_statistics import densities_off_nadir
 
-            document["density_by_angle"] = densities_off_nadir(resolved.volume)
+            document["density_by_angle"] = densities_off_nadir(loaded.volume)
 
         print_scene(document)
 
 
-def _scene_bytes(resolved: ResolvedScene, table: Correlogram | None, path: str) -> bytes:
+def _scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> bytes:
     if not path.lower().endswith(VOXEL_SUFFIX):
         from aosplan.scenes.files.toml_file import scene_toml
 
-        return scene_toml(resolved.scene, table)
-    if resolved.volume is None:
+        return scene_toml(loaded.scene, table)
+    if loaded.volume is None:
         raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
     from aosplan.scenes.files.voxel_file import Stand, stand_npz
     from aosplan.scenes.scene import LayeredScene
 
-    assert isinstance(resolved.scene, LayeredScene)  # voxels have layers
-    return stand_npz(Stand(resolved.volume, resolved.scene.layers, table))
+    assert isinstance(loaded.scene, LayeredScene)  # voxels have layers
+    return stand_npz(Stand(loaded.volume, loaded.scene.layers, table))
 
 
 COMMAND = command(

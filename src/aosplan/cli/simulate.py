@@ -18,7 +18,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
 from aosplan.errors import RequestError
-from aosplan.planning.inputs import CLOUD_SUFFIXES, VOXEL_SUFFIX
+from aosplan.planning.loaded_scene import CLOUD_SUFFIXES, VOXEL_SUFFIX
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 

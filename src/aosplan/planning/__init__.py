@@ -3,8 +3,9 @@
 - `aosplan.planning.request`: the request; `aosplan.planning.options` its options and defaults.
 - `aosplan.planning.request_file`: requests and saved plans from files.
 - `aosplan.planning.user_defaults`: the user's own defaults.
-- `aosplan.planning.inputs`: from names and files to camera, scene and altitude.
-- `aosplan.planning.setup`: the problem to be solved.
+- `aosplan.planning.loaded_scene`: the scene of a request, read from its file or made of numbers.
+- `aosplan.planning.resolve`: from a request to `PlanInputs`, which all later stages take.
+- `aosplan.planning.solved_plan`: from the inputs to a problem, and to its solution.
 - `aosplan.planning.sites`: the sites over an area or along a line.
 - `aosplan.planning.route`: waypoints, speeds and flights.
 - `aosplan.planning.planner`: `plan`, all of it in order.

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from aosplan.grid.patterns import Sites
     from aosplan.models.detection import Detection
-    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.scene import Scene
 
@@ -76,7 +76,7 @@ def detection_model(scene: Scene, request: PlanRequest, altitude_m: float) -> De
 
 def detection_of(
     request: PlanRequest,
-    found: ResolvedScene,
+    found: LoadedScene,
     model: str,
     altitude_m: float,
     pattern: Sites,

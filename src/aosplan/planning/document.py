@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 def plan_document(plan: PlanData) -> dict[str, Any]:
     """Everything of a plan as dicts, lists, text and finite numbers."""
-    from aosplan.planning.setup import requirement_of
-
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
-    requirement = requirement_of(plan.request)
+    requirement, inputs = plan.requirement, plan.inputs
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -46,9 +44,9 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             "target": float(requirement.target),
             "target_quantity": requirement.quantity,
             "model": plan.model,
-            "view": plan.request.view,
+            "view": inputs.view,
             "approximation": plan.approximation,
-            "rays": plan.request.rays,
+            "rays": inputs.rays,
             "edges": "wrapped" if plan.model == "measured" else None,
             "uncertainty": None if plan.uncertainty is None else plan.uncertainty._asdict(),
             "uncertainty_reason": plan.uncertainty_reason or None,
@@ -99,10 +97,10 @@ def height_document(plan: PlanData) -> dict[str, Any]:
     """What every height of the plan is above."""
     route = plan.route
     document: dict[str, Any] = {
-        "altitude_m": f"above the focal plane, {plan.request.focal_height:g} m above ground",
+        "altitude_m": f"above the focal plane, {plan.inputs.focal_height_m:g} m above ground",
         "waypoints.altitude_m": "above the ground below the waypoint",
         "canopy_top_m": "above ground",
-        "clearance_m": plan.altitude_m + plan.request.focal_height - plan.scene.canopy_top_m,
+        "clearance_m": plan.altitude_m + plan.inputs.focal_height_m - plan.scene.canopy_top_m,
     }
     if route.datum is None:
         return document | {"ground": "taken to be level, as high as the take-off"}
@@ -110,8 +108,8 @@ def height_document(plan: PlanData) -> dict[str, Any]:
         "ground": "from the terrain file",
         "waypoints.ground_m": f"above {route.datum}",
         "flight.takeoff_ground_m": f"above {route.datum}",
-        "nearest_m": plan.altitude_m + plan.request.focal_height - route.closer_by_m,
-        "farthest_m": plan.altitude_m + plan.request.focal_height + route.farther_by_m,
+        "nearest_m": plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m,
+        "farthest_m": plan.altitude_m + plan.inputs.focal_height_m + route.farther_by_m,
     }
 
 

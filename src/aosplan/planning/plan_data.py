@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from aosplan.flight.drones import find_drone
 from aosplan.mission.mission import FlightSettings, Waypoints
 from aosplan.models.equations import aperture
 
@@ -17,12 +16,13 @@ if TYPE_CHECKING:
     from aosplan.models.measured import Flown
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.route import Route
-    from aosplan.planning.sensitivity import Change
+    from aosplan.planning.sensitivity import Change, Confidence
     from aosplan.planning.sites import Layout
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
-    from aosplan.solver.problem import GridKind, Problem
+    from aosplan.solver.problem import GridKind, Problem, Requirement
     from aosplan.solver.solution import Solution
 
 
@@ -32,19 +32,12 @@ class PlanData:
 
     Attributes
     ----------
-    request
-        Everything that decided the plan.
-    scene, camera
-        What the request's names stand for; heights of the scene above ground.
-    altitude_m
-        Above the focal plane.
-    model
-        Name of the visibility model.
+    inputs
+        What the request stands for, at the heading that is flown.
     solution
         Pattern, baseline, prediction and what bound them.
-    grid, heading_deg
-        Kind of the grid, and direction of its flight lines clockwise from true north: those that
-        were asked for, or the best.
+    grid
+        Kind of the grid: the one that was asked for, or the best.
     problem
         What was solved; None for a scene without occluders.
     coverage
@@ -53,47 +46,92 @@ class PlanData:
         Waypoints in flight order, how they are flown, and the flights of each battery.
     layout
         The sites, and what they show of an area, or along a line.
+    confidence
+        How far the prediction can be trusted.
     detection
         How likely what is looked for is found, or None.
     notices
         Messages of the readers of the scene, and of its model.
     warnings
         All that the user should know: the notices, and what will not work as wished.
-    volume
-        The voxels of a scene that is a point cloud, heights above ground.
-    approximation
-        What stands in for the model's exact prediction (``correlogram``), or None.
-    uncertainty
-        Standard errors of the prediction; None where nothing is known of them.
-    uncertainty_reason
-        Why nothing is known of them, or empty.
-    flown
-        The expectation over position noise of the measured model, or None.
-    sensitivity
-        What becomes of the plan where the scene is not as it was thought to be, if asked for.
     """
 
-    request: PlanRequest
-    scene: Scene
-    camera: Camera
-    altitude_m: float
-    model: str
+    inputs: PlanInputs
     solution: Solution
     grid: GridKind
-    heading_deg: float
     problem: Problem | None
     coverage: CoverageBaseline | None
     route: Route
     layout: Layout
-    volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
-    approximation: str | None = None
-    uncertainty: Uncertainty | None = None
-    uncertainty_reason: str = ""
-    flown: Flown | None = None
-    sensitivity: tuple[Change, ...] = ()
+    confidence: Confidence
     detection: Detection | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
+
+    @property
+    def request(self) -> PlanRequest:
+        """Everything that decided the plan."""
+        return self.inputs.request
+
+    @property
+    def scene(self) -> Scene:
+        """The scene; heights above ground."""
+        return self.inputs.loaded.scene
+
+    @property
+    def volume(self) -> VoxelVolume | None:
+        """The voxels of a scene that is a point cloud, heights above ground."""
+        return self.inputs.loaded.volume
+
+    @property
+    def camera(self) -> Camera:
+        """The camera."""
+        return self.inputs.camera
+
+    @property
+    def altitude_m(self) -> float:
+        """Above the focal plane."""
+        return self.inputs.altitude_m
+
+    @property
+    def model(self) -> str:
+        """Name of the visibility model."""
+        return self.inputs.model
+
+    @property
+    def requirement(self) -> Requirement:
+        """The target."""
+        return self.inputs.requirement
+
+    @property
+    def heading_deg(self) -> float:
+        """Direction of the flight lines, clockwise from true north: as asked for, or the best."""
+        return self.inputs.heading_deg
+
+    @property
+    def approximation(self) -> str | None:
+        """What is used instead of the model's exact prediction (``correlogram``), or None."""
+        return "correlogram" if self.model == "measured" and self.volume is None else None
+
+    @property
+    def uncertainty(self) -> Uncertainty | None:
+        """Standard errors of the prediction; None if nothing is known of them."""
+        return self.confidence.uncertainty
+
+    @property
+    def uncertainty_reason(self) -> str:
+        """Why nothing is known of the standard errors, or empty."""
+        return self.confidence.uncertainty_reason
+
+    @property
+    def flown(self) -> Flown | None:
+        """The expectation over position noise of the measured model, or None."""
+        return self.confidence.flown
+
+    @property
+    def sensitivity(self) -> tuple[Change, ...]:
+        """How the plan changes if the scene differs from what was assumed, if asked for."""
+        return self.confidence.sensitivity
 
     @property
     def origin(self) -> tuple[float, float] | None:
@@ -130,20 +168,20 @@ class PlanData:
     @property
     def settings(self) -> FlightSettings:
         """How the waypoints are flown."""
-        request, timing = self.request, self.route.timing
-        drone = None if request.drone is None else find_drone(request.drone)
+        flight, timing = self.inputs.flight, self.route.timing
+        drone = flight.drone
         latitude, longitude = self.route.takeoff or (None, None)
         return FlightSettings(
-            trigger=request.trigger,
+            trigger=flight.trigger,
             speed_mps=timing.speed_mps,
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
             yaw_deg=self.heading_deg % 360.0,
-            altitude_frame=request.altitude_frame,
-            autopilot=request.autopilot or (drone.autopilot if drone else None),
-            camera_control=request.camera_control,
-            drone=request.drone,
-            payload=request.payload,
+            altitude_frame=flight.altitude_frame,
+            autopilot=flight.autopilot or (drone.autopilot if drone else None),
+            camera_control=flight.camera_control,
+            drone=flight.drone_name,
+            payload=flight.payload,
             takeoff_latitude=latitude,
             takeoff_longitude=longitude,
             takeoff_ground_m=self.route.takeoff_ground_m,

@@ -8,10 +8,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
 from aosplan.camera.disparity import baseline_for_disparity_px, disparity_px
-from aosplan.flight.drones import find_drone
 from aosplan.messages import Message
 from aosplan.planning.aircraft import aircraft_warnings
-from aosplan.planning.setup import requirement_of
 from aosplan.solver.solution import BEST
 
 if TYPE_CHECKING:
@@ -41,7 +39,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         yield Message(
             "no_occluders", "nothing stands above the focal plane: a single photo shows everything"
         )
-    if not plan.solution.met and plan.request.optimize not in BEST:
+    if not plan.solution.met and plan.inputs.objective not in BEST:
         yield _missed(plan)
     if min(plan.common_footprint_m) <= 0.0:
         yield _no_common_ground(plan)
@@ -61,7 +59,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
 
 
 def _missed(plan: PlanData) -> Message:
-    requirement = requirement_of(plan.request)
+    requirement = plan.requirement
     prediction = plan.solution.prediction
     reached = requirement.value_of(prediction)
     required = plan.solution.samples_required
@@ -120,7 +118,7 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
 
 def _oblique_rays(plan: PlanData) -> Iterator[Message]:
     """Rays taken for nadir ones that pass clearly more wood."""
-    if plan.request.rays != "nadir" or plan.coverage is None:
+    if plan.inputs.rays != "nadir" or plan.coverage is None:
         return
     # Of sites spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
     x, y = plan.extent_m
@@ -152,8 +150,8 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
 
 def _flying(plan: PlanData) -> Iterator[Message]:
     """Warnings on the flight: the camera's pace, the battery, the law, and the ways there."""
-    route, request = plan.route, plan.request
-    timing, interval = route.timing, request.photo_interval
+    route, flight = plan.route, plan.inputs.flight
+    timing, interval = route.timing, flight.photo_interval_s
     pace = timing.hold_s + timing.leg_s(plan.solution.baseline_m)
     if (
         interval
@@ -173,7 +171,7 @@ def _flying(plan: PlanData) -> Iterator[Message]:
             "no two sites lie on one line along the heading, so each photo in passing takes a "
             "run-in and a run-out of its own: --trigger stop suits this grid",
         )
-    endurance = find_drone(request.drone).endurance_min if request.drone else None
+    endurance = flight.drone.endurance_min if flight.drone else None
     longest = max(flight.time_s for flight in route.flights) / 60.0
     if endurance is not None and longest > endurance:
         yield Message(
@@ -181,20 +179,20 @@ def _flying(plan: PlanData) -> Iterator[Message]:
             f"a flight takes {longest:.3g} min, and a new battery of this drone lasts "
             f"{endurance:g} min in still air: --flight-time MIN splits it",
         )
-    if route.takeoff_ground_m is not None and request.takeoff is None:
+    if route.takeoff_ground_m is not None and flight.takeoff is None:
         yield Message(
             "takeoff_assumed",
             "heights count from the take-off, taken to lie below the first waypoint, on ground "
             f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
         )
-    highest = plan.altitude_m + request.focal_height + route.farther_by_m
+    highest = plan.altitude_m + plan.inputs.focal_height_m + route.farther_by_m
     if highest > HIGHEST_M:
         yield Message(
             "above_120_m",
             f"the flight reaches {highest:.4g} m above ground, and many countries allow "
             f"{HIGHEST_M:g} m",
         )
-    least = plan.scene.canopy_top_m + request.clearance
+    least = plan.scene.canopy_top_m + flight.clearance_m
     if route.lowest_way_m is not None and route.lowest_way_m < least:
         yield Message(
             "low_way",

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 from aosplan.mission.mission import Mission, split
 from aosplan.planning.plan_data import PlanData
-from aosplan.planning.setup import kinds_of
 
 if TYPE_CHECKING:
     from aosplan.solver.tradeoff import Row
@@ -39,7 +38,7 @@ class Plan(PlanData):
 
         if self.problem is None:
             raise RequestError("nothing stands above the focal plane: one photo shows everything")
-        problems = [self.problem._replace(grid=kind) for kind in kinds_of(self.request)]
+        problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]
         return tradeoff(problems, self.problem, self.solution)
 
     def mission(self) -> Mission:

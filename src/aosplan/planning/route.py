@@ -12,9 +12,7 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
-from aosplan.files import located
 from aosplan.flight.batteries import Flight, Home, flights_of
-from aosplan.flight.drones import find_drone
 from aosplan.flight.kinematics import Timing, steady, wind_mps
 from aosplan.flight.photo_trigger import Bound, Ground, Sites, blur_speed_mps, ruling, with_turns
 from aosplan.flight.track import Track
@@ -25,8 +23,8 @@ from aosplan.mission.mission import Waypoints, placed
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from aosplan.flight.drones import DronePreset
     from aosplan.flight.terrain import Terrain
-    from aosplan.planning.request import PlanRequest
 
 T = TypeVar("T")
 
@@ -66,56 +64,103 @@ class Route(NamedTuple):
         return math.fsum(flight.time_s for flight in self.flights)
 
 
-def timing_of(request: PlanRequest, gsd_m: float) -> tuple[Timing, Bound | None]:
-    """How a request is flown, and what bound its speed before the baseline is known.
+class Wind(NamedTuple):
+    """Wind speed, the direction it comes from, and the drone's fastest speed through the air."""
 
-    The axes are along the heading and to its right.
+    speed_mps: float
+    from_deg: float
+    airspeed_mps: float
+
+
+class FlightInputs(NamedTuple):
+    """How to fly, with all defaults filled in.
+
+    `speed_mps` is the speed that was asked for, `speed_bounds` what bounds it whatever the
+    baseline.  `drone_name` is the drone as it was named, `drone` its preset, `terrain` the path of
+    its file.  A value of None was neither asked for nor known.
     """
-    assert request.speed is not None  # the request has filled these in
-    assert request.acceleration is not None
-    assert request.climb is not None
-    through = request.trigger == "distance"
+
+    trigger: str
+    speed_mps: float
+    speed_bounds: tuple[Bound, ...]
+    acceleration_mps2: float
+    climb_mps: float
+    hold_s: float
+    photo_interval_s: float | None
+    wind: Wind | None
+    takeoff: tuple[float, float] | None
+    flight_time_min: float | None
+    resume_at: int | None
+    clearance_m: float
+    terrain: str | None
+    terrain_units: str | None
+    terrain_tolerance_m: float
+    altitude_frame: str
+    autopilot: str | None
+    camera_control: str | None
+    payload: str | None
+    drone_name: str | None
+    drone: DronePreset | None
+
+    @property
+    def bound(self) -> Bound | None:
+        """What bounds the speed before the baseline is known."""
+        return ruling(self.speed_mps, self.speed_bounds)
+
+    def timing(self, heading_deg: float) -> Timing:
+        """How the drone flies before the baseline is known; axes along a heading and to its right.
+
+        Raises
+        ------
+        InfeasibleError
+            If the wind is too strong.
+        """
+        through, bound = self.trigger == "distance", self.bound
+        timing = Timing(
+            speed_mps=bound.speed_mps if bound else self.speed_mps,
+            acceleration_mps2=self.acceleration_mps2,
+            hold_s=0.0 if through else self.hold_s,
+            climb_mps=self.climb_mps,
+            fly_through=through,
+            interval_s=(self.photo_interval_s or 0.0) if through else 0.0,
+            least_run_in_m=LEAST_RUN_IN_M,
+        )
+        if self.wind is not None:
+            wind = wind_mps(self.wind.speed_mps, self.wind.from_deg, heading_deg)
+            timing = timing._replace(wind=wind, airspeed_mps=self.wind.airspeed_mps)
+            timing.ground_speed_mps(1.0, 0.0)  # raises at once if the wind is too strong
+        return timing
+
+
+def speed_bounds(
+    drone: DronePreset | None, blur: tuple[float, float] | None, gsd_m: float
+) -> tuple[Bound, ...]:
+    """What bounds the speed whatever the baseline: the drone, and motion blur.
+
+    Motion blur [px] and exposure time [s] are given if photos are taken in passing.
+    """
     bounds = []
-    if request.drone is not None:
-        drone = find_drone(request.drone)
+    if drone is not None:
         text = f"the fastest that the {drone.title} flies in missions"
         bounds.append(Bound(drone.airspeed_mps, text))
-    if through:
-        assert request.max_blur is not None
-        assert request.exposure_time is not None
+    if blur is not None:
         text = (
-            f"the ground moves {request.max_blur:g} px during --exposure-time "
-            f"{request.exposure_time:g} s, as much as --max-blur allows"
+            f"the ground moves {blur[0]:g} px during --exposure-time {blur[1]:g} s, as much as "
+            "--max-blur allows"
         )
-        blurred = blur_speed_mps(gsd_m, request.max_blur, request.exposure_time)
-        bounds.append(Bound(blurred, text))
-    bound = ruling(request.speed, bounds)
-    timing = Timing(
-        speed_mps=bound.speed_mps if bound else request.speed,
-        acceleration_mps2=request.acceleration,
-        hold_s=0.0 if through else request.hold,
-        climb_mps=request.climb,
-        fly_through=through,
-        interval_s=(request.photo_interval or 0.0) if through else 0.0,
-        least_run_in_m=LEAST_RUN_IN_M,
-    )
-    if request.wind_speed:
-        assert request.wind_from is not None  # the request has checked it
-        assert request.airspeed is not None
-        wind = wind_mps(request.wind_speed, request.wind_from, request.heading_deg)
-        timing = timing._replace(wind=wind, airspeed_mps=request.airspeed)
-        timing.ground_speed_mps(1.0, 0.0)  # where the wind is too strong, say so at once
-    return timing, bound
+        bounds.append(Bound(blur_speed_mps(gsd_m, *blur), text))
+    return tuple(bounds)
 
 
-def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing, Limit | None]:
+def flown(
+    flight: FlightInputs, heading_deg: float, baseline_m: float
+) -> tuple[Timing, Limit | None]:
     """How a plan is flown once its baseline is known, and what bound the speed.
 
     The axes are east and north.
     """
-    asked = request.speed
-    assert asked is not None  # the request has filled it in
-    timing, bound = timing_of(request, gsd_m)
+    asked = flight.speed_mps
+    timing, bound = flight.timing(heading_deg), flight.bound
     bounds = [bound] if bound else []
     spaced = timing.at(baseline_m) if baseline_m else timing
     text = (
@@ -137,42 +182,40 @@ def flown(request: PlanRequest, gsd_m: float, baseline_m: float) -> tuple[Timing
     elif timing.fly_through:
         message = "photos are taken in passing at the speed asked for"
         limit = Limit("speed_mps", asked, asked, message)
-    if request.wind_speed:
-        assert request.wind_from is not None
-        north, east = wind_mps(request.wind_speed, request.wind_from)
+    if flight.wind is not None:
+        north, east = wind_mps(flight.wind.speed_mps, flight.wind.from_deg)
         blown = blown._replace(wind=(east, north))
     return blown, limit
 
 
-def lay(
-    request: PlanRequest,
+def build_route(
+    flight: FlightInputs,
     sites: Sites,
     *,
+    heading_deg: float,
     origin: tuple[float, float] | None,
     altitude_m: float,
-    gsd_m: float,
     baseline_m: float,
     canopy_top_m: float = 0.0,
-    folder: str = "",
 ) -> Route:
     """The route of a plan.
 
     Parameters
     ----------
-    request
+    flight
         How to fly.
     sites
         In flight order, from the origin.
+    heading_deg
+        Direction of the flight lines, clockwise from true north.
     origin
         Latitude and longitude [deg], or None without a place.
     altitude_m
         Of every site above the ground.
-    gsd_m, baseline_m
-        Ground sampling distance in the focal plane, and spacing of the sites.
+    baseline_m
+        Spacing of the sites.
     canopy_top_m
         Height of the canopy above ground.
-    folder
-        Where the terrain's file is looked for first.
 
     Raises
     ------
@@ -181,7 +224,7 @@ def lay(
     InfeasibleError
         Where the wind is too strong, or a battery too small for any site.
     """
-    timing, limit = flown(request, gsd_m, baseline_m)
+    timing, limit = flown(flight, heading_deg, baseline_m)
 
     def sites_from(photo: int) -> Sites:
         """The way from a photo on, with the points at which it turns."""
@@ -189,31 +232,29 @@ def lay(
         left = Sites(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
             return left
-        run_in, heading = timing.run_in_m, request.heading_deg
-        return with_turns(left, spacing_m=baseline_m, run_in_m=run_in, heading_deg=heading)
+        run_in = timing.run_in_m
+        return with_turns(left, spacing_m=baseline_m, run_in_m=run_in, heading_deg=heading_deg)
 
     terrain = None
-    if request.terrain is not None:
+    if flight.terrain is not None:
         from aosplan.flight.terrain import Terrain
 
-        terrain = Terrain(located(request.terrain, folder), request.terrain_units)
+        terrain = Terrain(flight.terrain, flight.terrain_units)
     with terrain or nullcontext():
         # A way over the trees may sag only as far as the clearance lets it.
-        tolerance = min(
-            request.terrain_tolerance or 0.0, altitude_m - canopy_top_m - request.clearance
-        )
+        tolerance = min(flight.terrain_tolerance_m, altitude_m - canopy_top_m - flight.clearance_m)
         ground = _grounded(sites_from(0), terrain, origin, tolerance)
-        takeoff = _takeoff(request, ground, terrain, origin)
-        if request.resume_at:
-            done = _photos_before(ground.sites, request.resume_at)
+        takeoff = _takeoff(flight, ground, terrain, origin)
+        if flight.resume_at:
+            done = _photos_before(ground.sites, flight.resume_at)
             ground = _grounded(sites_from(done), terrain, origin, tolerance)
         up = [altitude_m + height for height in ground.heights_m]
         track = Track(ground.sites.east_m, ground.sites.north_m, up, ground.sites.photo)
-        battery_s = math.inf if request.flight_time is None else 60.0 * request.flight_time
+        battery_s = math.inf if flight.flight_time_min is None else 60.0 * flight.flight_time_min
         flights = flights_of(track, timing, takeoff, battery_s)
         lowest = _lowest_way_m(track, flights, takeoff, terrain, origin)
         # Where heights or several flights depend on the take-off, it is said where that is.
-        known = request.takeoff
+        known = flight.takeoff
         if known is None and origin is not None and (terrain or len(flights) > 1):
             (latitude,), (longitude,) = to_wgs84(origin, [takeoff.east_m], [takeoff.north_m])
             known = latitude, longitude
@@ -247,16 +288,16 @@ def _grounded(
 
 
 def _takeoff(
-    request: PlanRequest,
+    flight: FlightInputs,
     ground: Ground,
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
 ) -> Home:
     """The take-off, or the ground below the first waypoint of the whole plan."""
-    if request.takeoff is None:
+    if flight.takeoff is None:
         return Home(ground.sites.east_m[0], ground.sites.north_m[0], ground.heights_m[0])
     assert origin is not None  # the request has checked that a take-off has a place
-    latitude, longitude = request.takeoff
+    latitude, longitude = flight.takeoff
     (east,), (north,) = to_local(origin, [latitude], [longitude])
     if math.hypot(east, north) > FARTHEST_M:
         raise RequestError(

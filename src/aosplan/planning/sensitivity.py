@@ -21,17 +21,19 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.models.model import Prediction
+from aosplan.planning.solved_plan import Memo, best_alternative, problem_of
 from aosplan.scenes.density import slice_density
-from aosplan.scenes.scene import UniformScene
+from aosplan.scenes.scene import LayeredScene, UniformScene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.models.measured import Flown
     from aosplan.models.uncertainty import Uncertainty
-    from aosplan.planning.inputs import ResolvedScene
-    from aosplan.planning.setup import Task
-    from aosplan.scenes.scene import LayeredScene, Scene
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.solved_plan import SolvedPlan
+    from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
     from aosplan.solver.problem import Problem
     from aosplan.solver.solution import Solution
@@ -59,12 +61,13 @@ class Change(NamedTuple):
     reason: str | None
 
 
-def changes_of(task: Task, found: ResolvedScene, solution: Solution) -> Iterator[Change]:
+def changes_of(solved: SolvedPlan) -> Iterator[Change]:
     """All changes of a scene, and what each does to a solution."""
+    inputs, solution = solved.inputs, solved.solution
     for quantity in QUANTITIES:
         for factor in FACTORS:
             try:
-                posed = _posed(task, found, quantity, factor)
+                posed = _posed(inputs, quantity, factor)
             except RequestError as error:
                 yield Change(quantity, factor, None, None, None, None, error.message)
                 continue
@@ -74,7 +77,7 @@ def changes_of(task: Task, found: ResolvedScene, solution: Solution) -> Iterator
                 continue
             shown = posed.model.predict(solution.pattern, solution.baseline_m)
             try:
-                answer = task.choice(posed).solution
+                answer = best_alternative(inputs, posed).solution
             except InfeasibleError as error:
                 yield Change(
                     quantity, factor, shown.expected, shown.normalized, None, None, error.message
@@ -91,7 +94,7 @@ def changes_of(task: Task, found: ResolvedScene, solution: Solution) -> Iterator
             )
 
 
-def _posed(task: Task, found: ResolvedScene, quantity: str, factor: float) -> Problem | None:
+def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
     """The problem that a changed scene poses, or None where nothing is left to hide anything.
 
     Raises
@@ -100,20 +103,21 @@ def _posed(task: Task, found: ResolvedScene, quantity: str, factor: float) -> Pr
         Where there is no such scene.
     """
     higher = factor if quantity == "height" else 1.0
-    above = found.scene.canopy_top_m - task.request.focal_height
-    if above * higher >= task.altitude_m:
+    loaded = inputs.loaded
+    above = loaded.scene.canopy_top_m - inputs.focal_height_m
+    if above * higher >= inputs.altitude_m:
         raise RequestError(f"the canopy would reach {above * higher:.4g} m, up to the cameras")
-    if task.model == "measured":
+    if inputs.model == "measured":
         if quantity == "density":
-            if found.volume is None:
+            if loaded.volume is None:
                 raise RequestError("a correlogram has no voxels to take away or to add")
-            found = found._replace(volume=thinned(found.volume, factor), correlogram=None)
+            loaded = replace(loaded, volume=thinned(loaded.volume, factor), correlogram=None)
         else:
             scale = factor if quantity == "occluder_size" else 1.0 / factor
-            task = task._replace(altitude_m=task.altitude_m * scale)
+            inputs = replace(inputs, altitude_m=inputs.altitude_m * scale)
     else:
-        found = found._replace(scene=changed(found.scene, quantity, factor))
-    posed = task.problem_of(found)
+        loaded = replace(loaded, scene=changed(loaded.scene, quantity, factor))
+    posed = problem_of(replace(inputs, loaded=loaded), Memo())
     return None if posed is None else posed[0]
 
 
@@ -205,8 +209,20 @@ def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
     return replace(volume, occupied=occupied)
 
 
-class Doubts(NamedTuple):
-    """Fields of a plan by the same names."""
+class Confidence(NamedTuple):
+    """How far a prediction can be trusted.
+
+    Attributes
+    ----------
+    uncertainty
+        Standard errors of the prediction; None if nothing is known of them.
+    uncertainty_reason
+        Why nothing is known of them, or empty.
+    flown
+        The expectation over position noise of the measured model, or None.
+    sensitivity
+        How the plan changes if the scene differs from what was assumed, if asked for.
+    """
 
     uncertainty: Uncertainty | None = None
     uncertainty_reason: str = ""
@@ -214,20 +230,18 @@ class Doubts(NamedTuple):
     sensitivity: tuple[Change, ...] = ()
 
 
-def doubts_of(task: Task, found: ResolvedScene, problem: Problem, solution: Solution) -> Doubts:
-    """Doubts about a solution: what is known at once, and the sensitivity where it is asked for."""
-    changes: tuple[Change, ...] = ()
-    if task.request.sensitivity:
-        from aosplan.planning.sensitivity import changes_of
-
-        changes = tuple(changes_of(task, found, solution))
-    if task.model == "measured":
-        known, flown = _measured(problem, solution)
+def confidence_of(solved: SolvedPlan) -> Confidence:
+    """The confidence in a solution: standard errors, and the sensitivity if it was asked for."""
+    if solved.problem is None:
+        return Confidence(uncertainty_reason="nothing is hidden")
+    changes = tuple(changes_of(solved)) if solved.inputs.wants_sensitivity else ()
+    if solved.inputs.model == "measured":
+        known, flown = _measured(solved.problem, solved.solution)
     else:
-        known, flown = _of_statistics(task, found, solution), None
+        known, flown = _of_statistics(solved.inputs, solved.solution), None
     if isinstance(known, str):
-        return Doubts(None, known, flown, changes)
-    return Doubts(known, "", flown, changes)
+        return Confidence(None, known, flown, changes)
+    return Confidence(known, "", flown, changes)
 
 
 def _measured(problem: Problem, solution: Solution) -> tuple[Uncertainty | str, Flown | None]:
@@ -241,27 +255,25 @@ def _measured(problem: Problem, solution: Solution) -> tuple[Uncertainty | str, 
     return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
 
 
-def _of_statistics(task: Task, found: ResolvedScene, solution: Solution) -> Uncertainty | str:
-    from dataclasses import replace
-
-    if found.volume is None:
-        if found.kind == "cloud":
+def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
+    loaded = inputs.loaded
+    if loaded.volume is None:
+        if loaded.kind == "cloud":
             return "the saved scene holds no parts of the plot to compare"
         return "the scene is given by its numbers, which are taken as exact"
 
-    from aosplan.errors import RequestError
-    from aosplan.models.model import Prediction
     from aosplan.models.uncertainty import of_parts, quarters
     from aosplan.scenes.occluder_statistics import layered_scene
-    from aosplan.scenes.scene import LayeredScene
 
     predictions = []
     try:
-        for quarter in quarters(found.volume):
-            part = layered_scene(quarter, found.scene.name)
-            if isinstance(found.scene, LayeredScene):  # its voxels may count as other occluders
-                part = replace(part, voxel_m=found.scene.voxel_m)
-            posed = task.problem_of(found._replace(scene=part, volume=quarter))
+        for quarter in quarters(loaded.volume):
+            part = layered_scene(quarter, loaded.scene.name)
+            if isinstance(loaded.scene, LayeredScene):  # its voxels may count as other occluders
+                part = replace(part, voxel_m=loaded.scene.voxel_m)
+            posed = problem_of(
+                replace(inputs, loaded=replace(loaded, scene=part, volume=quarter)), Memo()
+            )
             predictions.append(
                 Prediction(0.0, 1.0, 1.0 / solution.pattern.samples)
                 if posed is None

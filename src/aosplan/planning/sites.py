@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.files import located
 from aosplan.flight.photo_trigger import Sites
 from aosplan.grid.patterns import Pattern, check_size, local_sites
 from aosplan.messages import Message
+from aosplan.planning.route import build_route, flown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from aosplan.areas.area import Area
     from aosplan.areas.survey import Survey
-    from aosplan.camera.camera import Camera
     from aosplan.grid.spiral import Spiral
     from aosplan.models.rolling import Continuous
-    from aosplan.planning.request import PlanRequest
+    from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.route import Route
-    from aosplan.solver.problem import Problem
+    from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.solver.solution import Solution
 
 
@@ -55,72 +53,53 @@ class Layout(NamedTuple):
         return self.survey.notices if self.survey is not None else ()
 
 
-def over_area(request: PlanRequest, folder: str) -> tuple[PlanRequest, Area | None]:
-    """The area of a request, if it has one, and the request with its heading resolved.
-
-    Files are looked for in `folder` first.
-    """
-    if request.area is None:
-        return request, None
-    from aosplan.areas.area import long_side_deg, read_area
-
-    area = read_area(
-        located(request.area, folder),
-        clear=request.clear and located(request.clear, folder),
-        no_fly=request.no_fly and located(request.no_fly, folder),
-        buffer_m=request.buffer or 0.0,
-    )
-    if request.heading == "auto":
-        request = replace(request, heading=long_side_deg(area.whole))
-    return request, area
-
-
-def layout_of(
-    request: PlanRequest,
-    area: Area | None,
-    solution: Solution,
-    problem: Problem | None,
-    camera: Camera,
-    altitude_m: float,
-) -> Layout:
+def layout_of(solved: SolvedPlan) -> Layout:
     """The sites of a solution: one grid, one line, or as many as an area takes."""
-    continuous = continuous_for(request, solution, problem)
-    if area is not None:
-        survey = survey_for(request, area, solution, camera, altitude_m)
-        return Layout(survey.sites_flown, survey.origin, survey, continuous, area)
-    pattern = flown_pattern(request, solution)
-    east, north = local_sites(pattern, solution.baseline_m, request.heading_deg)
-    return Layout(Sites(east, north, [True] * len(east)), request.origin, None, continuous)
+    inputs, solution = solved.inputs, solved.solution
+    continuous = _continuous_for(solved)
+    if inputs.area is not None:
+        survey = _survey_for(inputs, inputs.area, solution)
+        return Layout(survey.sites_flown, survey.origin, survey, continuous, inputs.area)
+    pattern = flown_pattern(inputs, solution)
+    east, north = local_sites(pattern, solution.baseline_m, inputs.heading_deg)
+    return Layout(Sites(east, north, [True] * len(east)), inputs.origin, None, continuous)
 
 
-def survey_for(
-    request: PlanRequest, area: Area, solution: Solution, camera: Camera, altitude_m: float
-) -> Survey:
+def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
     """The flight over an area with the grid of a solution."""
     from aosplan.areas.survey import survey_of
-    from aosplan.planning.route import flown
 
-    footprint = camera.footprint_m(altitude_m)
-    pattern = solution.pattern
+    footprint, pattern = inputs.footprint_m, solution.pattern
     assert isinstance(pattern, Pattern)  # over an area no spiral is asked for, nor compared
-    if request.grid == "line" and solution.baseline_m > 0.0:
+    if inputs.is_line and solution.baseline_m > 0.0:
         # Each line serves all the ground beside it that its images show.
         widest = footprint[1] / solution.baseline_m
-        asked = request.lane_pitch if isinstance(request.lane_pitch, float) else widest
-        pattern = pattern._replace(row_pitch=min(asked, widest))
-    assert request.max_sites is not None  # the request has filled it in
+        pattern = pattern._replace(row_pitch=min(inputs.line_pitch or widest, widest))
     return survey_of(
         area,
         pattern,
         baseline_m=solution.baseline_m,
-        heading_deg=request.heading_deg,
+        heading_deg=inputs.heading_deg,
         footprint_m=footprint,
-        max_sites=request.max_sites,
-        timing=flown(request, camera.gsd_m(altitude_m), solution.baseline_m)[0],
+        max_sites=inputs.max_sites,
+        timing=flown(inputs.flight, inputs.heading_deg, solution.baseline_m)[0],
     )
 
 
-def ways_in_zones(request: PlanRequest, area: Area | None, route: Route) -> Iterator[Message]:
+def route_of(inputs: PlanInputs, layout: Layout, baseline_m: float) -> Route:
+    """The route over sites that are a baseline apart."""
+    return build_route(
+        inputs.flight,
+        layout.sites,
+        heading_deg=inputs.heading_deg,
+        origin=layout.origin,
+        altitude_m=inputs.altitude_m + inputs.focal_height_m,
+        baseline_m=baseline_m,
+        canopy_top_m=inputs.loaded.scene.canopy_top_m,
+    )
+
+
+def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
     """Warnings of ways to the sites and back that pass through no-fly zones.
 
     Raises
@@ -129,7 +108,8 @@ def ways_in_zones(request: PlanRequest, area: Area | None, route: Route) -> Iter
         Where the drone does on its way from site to site: run-ins of lines that are flown
         through do not go around zones.
     """
-    if area is None or request.no_fly is None:
+    area, takeoff_at = inputs.area, inputs.flight.takeoff
+    if area is None or area.keep_out.is_empty:
         return
     import numpy as np
 
@@ -145,9 +125,9 @@ def ways_in_zones(request: PlanRequest, area: Area | None, route: Route) -> Iter
             "no-fly zones",
             "--trigger stop goes around them",
         )
-    if request.takeoff is None:
+    if takeoff_at is None:
         return
-    takeoff = np.column_stack(to_local(area.origin, [request.takeoff[0]], [request.takeoff[1]]))
+    takeoff = np.column_stack(to_local(area.origin, [takeoff_at[0]], [takeoff_at[1]]))
     ends = points[[place for flight in route.flights for place in (flight.first, flight.last)]]
     through = int(zones.cross(np.broadcast_to(takeoff, ends.shape), ends).sum())
     if through or zones.inside(takeoff)[0]:
@@ -158,7 +138,7 @@ def ways_in_zones(request: PlanRequest, area: Area | None, route: Route) -> Iter
         )
 
 
-def flown_pattern(request: PlanRequest, solution: Solution) -> Pattern | Spiral:
+def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
     """The pattern that is flown where no area is given: the grid, or a longer line.
 
     Raises
@@ -166,34 +146,33 @@ def flown_pattern(request: PlanRequest, solution: Solution) -> Pattern | Spiral:
     RequestError
         Where the line is shorter than one integral.
     """
-    if request.line_length is None or solution.baseline_m == 0.0:
+    length_m = inputs.line_length_m
+    if length_m is None or solution.baseline_m == 0.0:
         return solution.pattern
-    photos = int(request.line_length / solution.baseline_m * (1.0 + 1e-12)) + 1
+    photos = int(length_m / solution.baseline_m * (1.0 + 1e-12)) + 1
     check_size(photos, "the line has")
     if photos < solution.pattern.samples:
         needed = (solution.pattern.samples - 1) * solution.baseline_m
         raise RequestError(
-            f"--line-length {request.line_length:g} is shorter than one integral, "
+            f"--line-length {length_m:g} is shorter than one integral, "
             f"{solution.pattern.samples} photos over {needed:.4g} m",
             f"--line-length {math.ceil(needed)} is enough",
         )
     return Pattern(1, photos)
 
 
-def continuous_for(
-    request: PlanRequest, solution: Solution, problem: Problem | None
-) -> Continuous | None:
+def _continuous_for(solved: SolvedPlan) -> Continuous | None:
     """What a line shows that is flown on and on; None for other grids."""
-    if request.grid != "line" or problem is None:
+    inputs, solution = solved.inputs, solved.solution
+    if solved.problem is None or not inputs.is_line:
         return None
     from aosplan.models.rolling import continuous_of
 
-    assert request.speed is not None  # the request has filled it in
     return continuous_of(
-        problem.model,
+        solved.problem.model,
         solution.pattern.samples,
         solution.baseline_m,
-        speed_mps=request.speed,
-        shortest_interval_s=request.photo_interval,
-        photos=None if request.line_length is None else flown_pattern(request, solution).samples,
+        speed_mps=inputs.flight.speed_mps,
+        shortest_interval_s=inputs.flight.photo_interval_s,
+        photos=None if inputs.line_length_m is None else flown_pattern(inputs, solution).samples,
     )

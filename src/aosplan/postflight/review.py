@@ -21,8 +21,7 @@ from aosplan.models.model import prediction_document
 from aosplan.planning.document import flight_document
 from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.planner import plan
-from aosplan.planning.route import lay
-from aosplan.planning.sites import over_area, ways_in_zones
+from aosplan.planning.sites import route_of, ways_in_zones
 from aosplan.postflight.best_views import MOST_VIEWS
 from aosplan.postflight.views import Views, in_axes, predicted, turned
 
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     from aosplan.models.model import Prediction
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.result import Plan
-    from aosplan.planning.route import Route
     from aosplan.solver.problem import OnTrial
 
 ALONE_M = 1.0
@@ -190,7 +188,7 @@ def review(
         tolerance_m = 0.5 * pitch_m or ALONE_M
     alike = 1
     if assumed:
-        planned, alike = _laid_on(planned, views, tolerance_m, folder)
+        planned, alike = _laid_on(planned, views, tolerance_m)
     east, north = views.local_m(planned.origin)
     ways = planned.waypoints
     photo = ways.photo or [True] * len(ways)
@@ -215,7 +213,7 @@ def review(
     else:
         flown, completed = _predictions(planned, counted, sites_m[~there])
         warnings += _of_blind(len(points_m) - len(counted))
-    topup = _topup(planned, missing, folder) if missing else None
+    topup = _topup(planned, missing) if missing else None
     if topup is not None:
         warnings += topup.notices
     return Review(
@@ -236,7 +234,7 @@ def review(
     )
 
 
-def _laid_on(planned: Plan, views: Views, reach_m: float, folder: str) -> tuple[Plan, int]:
+def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
     """The plan with its origin where its sites lie on the photos, and how many such places fit."""
     from aosplan.geodesy import to_wgs84
     from aosplan.postflight.registration import registered
@@ -249,13 +247,12 @@ def _laid_on(planned: Plan, views: Views, reach_m: float, folder: str) -> tuple[
     assert planned.origin is not None  # it was given one
     (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
     origin = latitude, longitude
-    moved = replace(
-        planned,
-        request=replace(planned.request, origin=origin),
-        layout=planned.layout._replace(origin=origin),
+    inputs = replace(
+        planned.inputs, asked=replace(planned.inputs.asked, origin=origin), origin=origin
     )
-    headed = replace(moved.request, heading=moved.heading_deg)
-    return replace(moved, route=_laid(moved, headed, sites, folder)), found.alike
+    layout = planned.layout._replace(origin=origin)
+    route = route_of(inputs, layout, planned.solution.baseline_m)
+    return replace(planned, inputs=inputs, layout=layout, route=route), found.alike
 
 
 def _nearest(
@@ -305,39 +302,23 @@ def _predictions(
     return flown, completed
 
 
-def _topup(planned: Plan, missing: list[int], folder: str) -> Plan:
+def _topup(planned: Plan, missing: list[int]) -> Plan:
     """The plan with the way to just the missing sites, in their order and from its take-off."""
-    ways = planned.waypoints
-    request = replace(planned.request, heading=planned.heading_deg)
+    ways, inputs = planned.waypoints, planned.inputs
     if planned.route.takeoff is not None:
-        request = replace(request, takeoff=planned.route.takeoff)
+        inputs = replace(inputs, flight=inputs.flight._replace(takeoff=planned.route.takeoff))
     points = np.array([(ways.east_m[index], ways.north_m[index]) for index in missing])
     taken = [True] * len(missing)
-    _, area = over_area(request, folder)
-    if request.no_fly is not None and area is not None:
+    if inputs.area is not None and not inputs.area.keep_out.is_empty:
         from aosplan.areas.no_fly import NoFlyZones
         from aosplan.areas.survey import routed
 
-        points, taken = routed(points, NoFlyZones(area.keep_out))
-    route = _laid(
-        planned, request, Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken), folder
-    )
-    warnings = tuple(ways_in_zones(request, area, route))
+        points, taken = routed(points, NoFlyZones(inputs.area.keep_out))
+    sites = Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken)
+    layout = planned.layout._replace(sites=sites)
+    route = route_of(inputs, layout, planned.solution.baseline_m)
+    warnings = tuple(ways_in_zones(inputs, route))
     return with_warnings(replace(planned, route=route, notices=warnings))
-
-
-def _laid(planned: Plan, request: PlanRequest, sites: Sites, folder: str) -> Route:
-    """The way over sites of a plan."""
-    return lay(
-        request,
-        sites,
-        origin=planned.origin,
-        altitude_m=planned.altitude_m + request.focal_height,
-        gsd_m=planned.camera.gsd_m(planned.altitude_m),
-        baseline_m=planned.solution.baseline_m,
-        canopy_top_m=planned.scene.canopy_top_m,
-        folder=folder,
-    )
 
 
 def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
@@ -377,7 +358,7 @@ def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
     """A warning where photos were taken from elsewhere than planned, as far as both are known."""
     if planned.route.datum is not None:
         return  # what the heights of a flight over terrain count from, no file says
-    expected = planned.altitude_m + planned.request.focal_height
+    expected = planned.altitude_m + planned.inputs.focal_height_m
     known = np.array([each for each in views.altitudes_m if each is not None])
     off = known[np.abs(known - expected) > ALTITUDE_SHARE * expected]
     if len(off):

@@ -210,7 +210,7 @@ def simulate(
     """
     settings, experiment, predicted = posed(plan, settings or Settings())
     views = plan.solution.pattern.samples
-    above = plan.scene.above(plan.request.focal_height)
+    above = plan.scene.above(plan.inputs.focal_height_m)
     if experiment is None or above is None:
         return Simulation(
             plan,
@@ -264,17 +264,17 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
             f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
             "--samples or --max-samples plan fewer",
         )
-    if plan.request.hold_error > 0.0:
+    if plan.inputs.hold_error_m > 0.0:
         raise RequestError(
-            f"--hold-error {plan.request.hold_error:g}: a simulation flies to every site exactly",
+            f"--hold-error {plan.inputs.hold_error_m:g}: a simulation flies to every site exactly",
             "simulate the plan without --hold-error",
         )
-    if plan.request.rays not in (None, "nadir"):
+    if plan.inputs.rays not in (None, "nadir"):
         raise RequestError(
-            f"--rays {plan.request.rays}: a simulation knows how its rays run",
+            f"--rays {plan.inputs.rays}: a simulation knows how its rays run",
             "simulate the plan with --rays nadir",
         )
-    above = plan.scene.above(plan.request.focal_height)
+    above = plan.scene.above(plan.inputs.focal_height_m)
     settings = settings._replace(forest=_forest(plan, settings))
     if above is None or plan.coverage is None:
         return settings, None, plan.solution.prediction
@@ -330,7 +330,7 @@ def _forest(plan: Plan, settings: Settings) -> str:
     """The forest to simulate on, if it goes with the scene."""
     if plan.approximation is not None:
         raise RequestError(
-            f"scene '{plan.request.scene}' holds a correlogram, and no voxels to simulate",
+            f"scene '{plan.inputs.scene_name}' holds a correlogram, and no voxels to simulate",
             "simulate its point cloud or .npz, or plan with --model layered",
         )
     kind = "cloud" if plan.volume is not None else plan.scene.kind
@@ -359,7 +359,7 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
     if settings.forest == "cloud":
         assert plan.volume is not None  # the forest was checked
         plot = VoxelViews(
-            plan.volume, h, view=settings.view, focal_height_m=plan.request.focal_height
+            plan.volume, h, view=settings.view, focal_height_m=plan.inputs.focal_height_m
         )
         positions = _sites(plan, plan.heading_deg)
         area = plan.volume.size_m
@@ -454,7 +454,7 @@ def _measured(plan: Plan, view: ViewKind) -> Prediction:
         plan.altitude_m,
         heading_deg=plan.heading_deg,
         view=view,
-        focal_height_m=plan.request.focal_height,
+        focal_height_m=plan.inputs.focal_height_m,
     )
     return model.predict(plan.solution.pattern, plan.solution.baseline_m)
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import located
-from aosplan.planning.inputs import cloud_files
+from aosplan.planning.loaded_scene import cloud_files
 from aosplan.planning.options import BY_NAME
 
 if TYPE_CHECKING:

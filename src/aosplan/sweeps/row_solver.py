@@ -1,13 +1,14 @@
 """Scenarios solved one at a time: whatever `aosplan.sweeps.vectorized.solve` leaves.
 
 Those over the same scene from the same altitude are taken one after the other, whatever their
-order, and share what the models make of it: views of voxels, correlograms, predictions.  Of each
-only the draft is made (`aosplan.draft`), and of the flight only what it takes.
+order, and share what the models make of it: views of voxels, correlograms, predictions.  Each is
+only solved for its grid, and for the length and the time of its flight.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,12 +16,13 @@ from aosplan.camera.disparity import disparity_px
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.kinematics import path_of
 from aosplan.models.equations import aperture
-from aosplan.planning.inputs import ResolvedScene, scene_of
+from aosplan.planning.loaded_scene import LoadedScene, load_scene
 from aosplan.planning.options import OPTIONS
 from aosplan.planning.request import PlanRequest
+from aosplan.planning.resolve import resolve_inputs
 from aosplan.planning.route import flown
-from aosplan.planning.setup import draft_of, route_of
-from aosplan.planning.sites import layout_of, ways_in_zones
+from aosplan.planning.sites import layout_of, route_of, ways_in_zones
+from aosplan.planning.solved_plan import Memo, solve_inputs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,7 +32,8 @@ if TYPE_CHECKING:
 
     from aosplan.flight.kinematics import Path
     from aosplan.grid.patterns import Sites
-    from aosplan.planning.setup import Draft
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.sweeps.block import Block
 
 WHOLE = ("samples", "samples_required", "grid_rows", "grid_columns")
@@ -78,21 +81,10 @@ GEOMETRY = (
 )
 """Options that decide what models see; scenarios with the same of them are solved together."""
 
-NOT_PLAIN = (
-    "area",
-    "line_length",
-    "wind_speed",
-    "terrain",
-    "takeoff",
-    "flight_time",
-    "resume_at",
-)
-"""Options with which a flight is more than its pattern."""
-
 MOST_SCENES = 16
 """Scenes kept; voxels may be large."""
 
-_scenes: dict[tuple[Any, ...], ResolvedScene] = {}
+_scenes: dict[tuple[Any, ...], LoadedScene] = {}
 
 
 class Outcome(NamedTuple):
@@ -123,9 +115,9 @@ def solve_rows(
         alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
     outcomes: dict[int, Outcome] = {}
     for places in alike.values():
-        kept: dict[tuple[Any, ...], Any] = {}  # not for long: views take memory
+        memo = Memo()  # not for long: views take memory
         for place in places:
-            outcomes[place] = solve_row(values[place], folder, results, kept)
+            outcomes[place] = solve_row(values[place], folder, results, memo)
     return [outcomes[place] for place in range(len(values))]
 
 
@@ -133,34 +125,34 @@ def solve_row(
     values: Mapping[str, Any],
     folder: str,
     results: Sequence[str] = RESULTS,
-    kept: dict[tuple[Any, ...], Any] | None = None,
+    memo: Memo | None = None,
 ) -> Outcome:
     """What becomes of one scenario; one that cannot be met is no error."""
     try:
-        request = PlanRequest(**values)
-        draft = draft_of(
-            request,
-            folder=folder,
-            scene=partial(scene_for, folder=folder),
-            kept=kept,
+        inputs = resolve_inputs(
+            PlanRequest(**values), folder=folder, load=partial(scene_for, folder=folder)
+        )
+        solved = solve_inputs(
+            inputs,
+            memo=memo,
             count_required="samples_required" in results,
             seek_remedy=False,  # a row has no hint
         )
-        return Outcome("ok", "", _results(draft, *_flight(draft, folder)))
+        return Outcome("ok", "", _results(solved, *_flight(solved)))
     except InfeasibleError as error:
         return Outcome("infeasible", error.message)
     except RequestError as error:
         return Outcome("invalid", error.message)
 
 
-def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
+def scene_for(request: PlanRequest, folder: str) -> LoadedScene:
     """The scene of a request, read once for all rows that have it."""
     key = (folder, *(getattr(request, name) for name in SCENE))
     found = _scenes.get(key)
     if found is None:  # threads of a worker may both read it
         if len(_scenes) >= MOST_SCENES:
             _scenes.clear()
-        found = scene_of(request, folder=folder)
+        found = load_scene(request, folder=folder)
         if (
             found.volume is not None
             and found.correlogram is None
@@ -168,7 +160,7 @@ def scene_for(request: PlanRequest, folder: str) -> ResolvedScene:
         ):
             from aosplan.scenes.correlogram import correlogram
 
-            found = found._replace(correlogram=correlogram(found.volume))
+            found = replace(found, correlogram=correlogram(found.volume))
         _scenes[key] = found
     return found
 
@@ -178,12 +170,12 @@ def forget_scenes() -> None:
     _scenes.clear()
 
 
-def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
-    """The numbers of a draft by the names of `RESULTS`; nan where it has none."""
-    task, solution, rule = draft.task, draft.solution, draft.coverage
+def _results(solved: SolvedPlan, length_m: float, time_s: float) -> dict[str, float]:
+    """The numbers of a solved plan by the names of `RESULTS`; nan where it has none."""
+    inputs, solution, rule = solved.inputs, solved.solution, solved.coverage
     pattern, baseline, shown = solution.pattern, solution.baseline_m, solution.prediction
-    camera, altitude = task.camera, task.altitude_m
-    footprint, required = task.footprint_m, solution.samples_required
+    camera, altitude = inputs.camera, inputs.altitude_m
+    footprint, required = inputs.footprint_m, solution.samples_required
     clear = shown.density == 0.0
     pixels = (
         math.nan
@@ -210,7 +202,7 @@ def _results(draft: Draft, length_m: float, time_s: float) -> dict[str, float]:
         "visibility_contrast": math.nan if clear else _finite(shown.contrast),
         "disparity_normalized": math.nan if rule is None else baseline / rule.baseline_m,
         "disparity_pixels": pixels,
-        "camera_gsd_m": task.gsd_m,
+        "camera_gsd_m": camera.gsd_m(altitude),
         "camera_footprint_x_m": footprint[0],
         "camera_footprint_y_m": footprint[1],
         "flight_length_m": length_m,
@@ -226,19 +218,31 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _flight(draft: Draft, folder: str) -> tuple[float, float]:
+def _flight(solved: SolvedPlan) -> tuple[float, float]:
     """Length [m] and time [s] of a flight from the first photo to the last."""
-    request, baseline = draft.task.request, draft.solution.baseline_m
-    if request.trigger == "stop" and all(getattr(request, name) is None for name in NOT_PLAIN):
-        path = _path(draft.solution.pattern)
-        timing, _ = flown(request, draft.task.gsd_m, baseline)
+    inputs, baseline = solved.inputs, solved.solution.baseline_m
+    if _is_plain(inputs):
+        path = _path(solved.solution.pattern)
+        timing, _ = flown(inputs.flight, inputs.heading_deg, baseline)
         return path.length_m(baseline), path.time_s(baseline, timing)
-    layout = layout_of(
-        request, draft.area, draft.solution, draft.problem, draft.task.camera, draft.task.altitude_m
-    )
-    route = route_of(draft, layout, folder)
-    list(ways_in_zones(request, draft.area, route))  # which may be in the way
+    route = route_of(inputs, layout_of(solved), baseline)
+    list(ways_in_zones(inputs, route))  # raises if a line passes through a zone
     return route.length_m, route.time_s
+
+
+def _is_plain(inputs: PlanInputs) -> bool:
+    """Whether a flight is its pattern alone, with a stop at every site."""
+    flight = inputs.flight
+    extras = (
+        inputs.area,
+        inputs.line_length_m,
+        flight.wind,
+        flight.terrain,
+        flight.takeoff,
+        flight.flight_time_min,
+        flight.resume_at,
+    )
+    return flight.trigger == "stop" and all(extra is None for extra in extras)
 
 
 @lru_cache(maxsize=4096)

@@ -375,7 +375,7 @@ def _checked(scenarios: Crossing | Table, chosen: Chosen, settings: Settings, fo
     seed = (settings.seed + chosen.row) % (LARGEST_SEED + 1)
     try:
         request = PlanRequest(**values)
-        planned = plan(request, folder=folder, found=scene_for(request, folder))
+        planned = plan(request, folder=folder, loaded=scene_for(request, folder))
         own = settings._replace(seed=seed, view=_view(request, planned))
         return Check(chosen, values, seed, simulate(planned, own), "")
     except AosplanError as error:

@@ -10,7 +10,7 @@ from aosplan.show.figures.style import LINES, MARKERS, entitle, legend_below, lo
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.show.figures.style import Theme
 
 SHOWN = 4
@@ -62,7 +62,7 @@ class Correlations(NamedTuple):
         return self._asdict()
 
 
-def correlations_of(found: ResolvedScene) -> Correlations:
+def correlations_of(found: LoadedScene) -> Correlations:
     """The correlogram that a scene holds, or that of its voxels.
 
     Raises

@@ -12,7 +12,7 @@ from aosplan.show.figures.style import entitle, legend_below
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aosplan.planning.inputs import ResolvedScene
+    from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.show.figures.style import Theme
 
 
@@ -55,7 +55,7 @@ class Density(NamedTuple):
         return self._asdict()
 
 
-def density_of(found: ResolvedScene) -> Density:
+def density_of(found: LoadedScene) -> Density:
     """Densities of a scene: of its voxels' slices where it has voxels, else of its layers.
 
     Raises

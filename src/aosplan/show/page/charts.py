@@ -188,12 +188,11 @@ def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: flo
 
 def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
     """What one photo and endless ones see, and the target if the plan was made for one."""
-    from aosplan.planning.setup import requirement_of
     from aosplan.solver.solution import BEST
 
-    requirement, prediction = requirement_of(plan.request), plan.solution.prediction
+    requirement, prediction = plan.requirement, plan.solution.prediction
     shares = [(prediction.maximum, "endless V"), (prediction.minimum, "one photo")]
-    if plan.request.optimize not in BEST:
+    if plan.inputs.objective not in BEST:
         shares.append((float(requirement.target), f"target {requirement.symbol}"))
     lines: list[Line] = []
     for share, text in sorted(shares, reverse=True):

@@ -50,7 +50,7 @@ def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
     Size of the grid is given where there is one grid: neither over an area nor along a line that
     is flown on.  Where the take-off is not known, it is below the first waypoint.
     """
-    one_grid = plan.layout.area is None and plan.request.line_length is None
+    one_grid = plan.layout.area is None and plan.inputs.line_length_m is None
     east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
     return {
         "heading_deg": grid.heading_deg,

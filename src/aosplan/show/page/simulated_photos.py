@@ -90,6 +90,6 @@ def views_of(plan: Plan, seed: int | None) -> Views:
 
 def _view(plan: Plan) -> ViewKind:
     """The measured model's own view; else all the ground in all photos, where there is any."""
-    if plan.request.view is not None:
-        return "perspective" if plan.request.view == "perspective" else "telecentric"
+    if plan.inputs.view is not None:
+        return "perspective" if plan.inputs.view == "perspective" else "telecentric"
     return "perspective" if min(plan.common_footprint_m) > 0.0 else "telecentric"

@@ -110,12 +110,12 @@ def _picture(plan: Plan) -> list[str]:
 
 def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     solution, prediction = plan.solution, plan.solution.prediction
-    pattern, request = solution.pattern, plan.request
-    yield "Scene", _scene_text(plan.scene, custom_base=request.scene is None)
+    pattern, inputs = solution.pattern, plan.inputs
+    yield "Scene", _scene_text(plan.scene, custom_base=inputs.asked.scene is None)
     yield "Camera", _named(plan.camera.title, plan.camera.name)
-    above = "ground" if request.focal_height == 0.0 else f"a plane {request.focal_height:g} m up"
+    above = "ground" if inputs.focal_height_m == 0.0 else f"a plane {inputs.focal_height_m:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
-    rule = f", {100 * request.coverage:.4g} % of the occluders with d̂ ≥ 1"
+    rule = f", {100 * inputs.coverage:.4g} % of the occluders with d̂ ≥ 1"
     near = f", approximated by its {plan.approximation}" if plan.approximation else ""
     measured = f"{near}, on a plot that wraps around at its edges"
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
@@ -125,9 +125,9 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     x, y = plan.extent_m
     yield "Aperture", f"a = {plan.aperture_m:,.1f} m (grid {x:,.1f} x {y:,.1f} m)"
     if prediction.density > 0.0:
-        symbol = "V̂" if request.visibility is None else "V"
-        wanted = request.vhat if request.visibility is None else request.visibility
-        target = "" if request.optimize in BEST else f" (target {symbol} = {wanted})"
+        asked = inputs.asked.vhat if inputs.asked.visibility is None else inputs.asked.visibility
+        target = f" (target {plan.requirement.symbol} = {asked})"
+        target = "" if inputs.objective in BEST else target
         errors = plan.uncertainty
         yield (
             "Visibility",
@@ -237,28 +237,28 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
 
 
 def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    route, request = plan.route, plan.request
+    route, flight = plan.route, plan.inputs.flight
     yield "Flight", f"{route.length_m:,.0f} m, {_minutes(route.time_s)} (first photo to last)"
-    if request.trigger == "distance":
+    if flight.trigger == "distance":
         yield (
             "",
             f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
             f"run-in {route.timing.run_in_m:.3g} m",
         )
-    if request.autopilot is not None:
+    if flight.autopilot is not None:
         triggered = {
             "outputs": ", which triggers the camera by its own outputs (--camera-control)",
             "mavlink": ", which triggers the camera by MAVLink (--camera-control)",
         }
-        yield "Autopilot", request.autopilot + triggered.get(request.camera_control or "", "")
-    known = (request.drone, request.takeoff, request.flight_time, request.resume_at)
+        yield "Autopilot", flight.autopilot + triggered.get(flight.camera_control or "", "")
+    known = (flight.drone, flight.takeoff, flight.flight_time_min, flight.resume_at)
     if any(value is not None for value in known) or len(route.flights) > 1:
         count = len(route.flights)
         each = f"{count} flights, the longest" if count > 1 else "1 flight,"
         longest = max(flight.time_s for flight in route.flights)
         yield "", f"{each} {_minutes(longest)} with take-off and return"
     if route.datum is not None:
-        low = plan.altitude_m + request.focal_height - route.closer_by_m
+        low = plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m
         ground = plan.waypoints.ground_m
         assert ground is not None  # the terrain gave it
         yield (
@@ -318,7 +318,7 @@ def _percent(value: float) -> str:
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
     if written:
         return wrote(written)
-    if not plan.request.has_place:
+    if not plan.inputs.asked.has_place:
         return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
     return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
 

@@ -13,7 +13,7 @@ from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
 from aosplan.flight.drones import DRONES
-from aosplan.planning.inputs import scene_of
+from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.density import integrated_density, transparency
 from aosplan.scenes.presets import find_preset_scene
@@ -169,7 +169,7 @@ class CameraColumns(NamedTuple):
 
 
 def camera_columns(given: Columns, folder: str) -> CameraColumns:
-    """The cameras of a block, as `aosplan.planning.inputs.camera_of` finds them."""
+    """The cameras of a block, as `aosplan.planning.resolve.camera_of` finds them."""
     if "fov" in given:
         width = given["image_width"]
         focal = 0.5 / np.tan(np.radians(given["fov"]) / 2.0)
@@ -302,7 +302,7 @@ def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
     found: Any = find_preset_scene(name)
     if found is None and os.path.splitext(name)[1].lower() in (".toml", ".json"):
         try:
-            found = scene_of(PlanRequest(altitude=1.0, scene=name), folder=folder).scene
+            found = load_scene(PlanRequest(altitude=1.0, scene=name), folder=folder).scene
         except RequestError:
             found = None
     if not isinstance(found, UniformScene):

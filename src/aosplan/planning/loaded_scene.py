@@ -1,13 +1,11 @@
-"""From names and files to things: the camera, the scene and the altitude of a request."""
+"""The scene of a request: read from its file, found among the presets, or made of its numbers."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
-from aosplan.camera.camera import Camera
-from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import is_file_name, is_pattern, located
 from aosplan.messages import Message
@@ -33,7 +31,8 @@ READING = ("voxel", "ground", "min_height", "units", "crown_base")
 """Options that say how a point cloud or a canopy height raster is read."""
 
 
-class ResolvedScene(NamedTuple):
+@dataclass(frozen=True)
+class LoadedScene:
     """A scene, what kind of source it came from, and what else that source holds.
 
     Attributes
@@ -43,61 +42,33 @@ class ResolvedScene(NamedTuple):
     kind
         ``uniform``, ``layered`` or ``cloud``; it decides the default model.
     warnings
-        What its reading had to say.
+        Messages from reading it.
     volume
         Its voxels, if it has any.
     correlogram
         Its correlogram, where the source holds one.
     reading
         The options by which it was read, with their defaults.
-    kept
+    from_cache
         Whether its voxels come from an earlier reading of the same files.
     """
 
     scene: Scene
     kind: str
     warnings: tuple[Message, ...] = ()
-    volume: VoxelVolume | None = None
-    correlogram: Correlogram | None = None
-    reading: Mapping[str, Any] = {}
-    kept: bool = False
+    volume: VoxelVolume | None = field(default=None, repr=False, compare=False)
+    correlogram: Correlogram | None = field(default=None, repr=False, compare=False)
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    from_cache: bool = False
 
 
-def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
-    """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
-    if request.camera is not None:
-        return find_camera(located(request.camera, folder))
-    width, height = request.image_width, request.image_height
-    assert width is not None  # the request has checked that a camera is complete
-    assert height is not None
-    if request.fov is not None:
-        return Camera.from_field_of_view(request.fov, width, height)
-    assert request.focal_length is not None
-    assert request.sensor_width is not None
-    sensor_height = request.sensor_height or request.sensor_width * height / width
-    return Camera(
-        "custom", request.focal_length, request.sensor_width, sensor_height, width, height
-    )
-
-
-def altitude_of(request: PlanRequest, camera: Camera) -> float:
-    """Altitude above the focal plane [m], given or solved from the wanted resolution."""
-    if request.altitude is not None:
-        return request.altitude
-    if request.gsd is not None:
-        return camera.altitude_for_gsd_m(request.gsd)
-    assert request.target_size is not None  # the request has checked that one way is given
-    assert request.target_pixels is not None
-    return camera.altitude_for_gsd_m(request.target_size / request.target_pixels)
-
-
-def scene_of(
+def load_scene(
     request: PlanRequest,
     *,
     folder: str = "",
     progress: Progress | None = None,
     also: Iterable[str] = (),
-) -> ResolvedScene:
+) -> LoadedScene:
     """The scene of a request: numbers, a preset, a scene file or a point cloud.
 
     Parameters
@@ -134,7 +105,7 @@ def scene_of(
         return _raster(request, name)
     _check_unread(request, READING if suffix == VOXEL_SUFFIX else (*READING, "occluder_size"))
     if preset is not None:
-        return ResolvedScene(preset, "uniform")
+        return LoadedScene(preset, "uniform")
     if suffix == VOXEL_SUFFIX:
         from aosplan.scenes.files.voxel_file import read_stand
 
@@ -142,14 +113,14 @@ def scene_of(
     if suffix == TABLE_SUFFIX:
         from aosplan.scenes.files.slice_table import read_slices
 
-        return ResolvedScene(read_slices(name), "layered")
+        return LoadedScene(read_slices(name), "layered")
     if is_file_name(name):
         from aosplan.scenes.files.toml_file import read_scene_file
 
         file = read_scene_file(name)
         if file.table is None or request.model not in (None, "measured"):
-            return ResolvedScene(file.scene, file.scene.kind)
-        return ResolvedScene(file.scene, "cloud", correlogram=file.correlogram())
+            return LoadedScene(file.scene, file.scene.kind)
+        return LoadedScene(file.scene, "cloud", correlogram=file.correlogram())
     from aosplan.scenes.presets import SCENES
 
     raise RequestError(
@@ -159,7 +130,7 @@ def scene_of(
     )
 
 
-def _of_numbers(request: PlanRequest) -> ResolvedScene:
+def _of_numbers(request: PlanRequest) -> LoadedScene:
     """The scene that a request describes itself."""
     height, base = request.volume_height, request.volume_base
     assert height is not None  # the request has checked that its scene is complete
@@ -178,7 +149,7 @@ def _of_numbers(request: PlanRequest) -> ResolvedScene:
             volume_height_m=height,
             occluder_size_m=request.occluder_size,
         )
-        return ResolvedScene(stand, "layered")
+        return LoadedScene(stand, "layered")
     assert request.occluder_size is not None
     scene = UniformScene(
         name="custom",
@@ -188,7 +159,7 @@ def _of_numbers(request: PlanRequest) -> ResolvedScene:
         volume_height_m=height,
         given_integrated_density=request.integrated_density,
     )
-    return ResolvedScene(scene, "uniform")
+    return LoadedScene(scene, "uniform")
 
 
 def cloud_files(name: str) -> tuple[str, ...]:
@@ -228,7 +199,7 @@ def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
 
 def _cloud(
     request: PlanRequest, name: str, files: tuple[str, ...], progress: Progress | None
-) -> ResolvedScene:
+) -> LoadedScene:
     from aosplan.scenes.files import cache
 
     _check_unread(request, ("crown_base",))
@@ -252,13 +223,13 @@ def _cloud(
             progress=progress,
         )
 
-    stand, kept = cache.stand(files, reading, read)
+    stand, from_cache = cache.stand(files, reading, read)
     shown = os.path.basename(os.path.normpath(name))
-    resolved = _of_stand(stand, shown, request)
-    return resolved._replace(reading=reading, kept=kept)
+    loaded = _of_stand(stand, shown, request)
+    return replace(loaded, reading=reading, from_cache=from_cache)
 
 
-def _raster(request: PlanRequest, name: str) -> ResolvedScene:
+def _raster(request: PlanRequest, name: str) -> LoadedScene:
     from aosplan.scenes.files.canopy_raster import CROWN_BASE, read_canopy
     from aosplan.scenes.files.voxel_file import Stand
 
@@ -274,16 +245,16 @@ def _raster(request: PlanRequest, name: str) -> ResolvedScene:
         crown_base=reading["crown_base"],
         units=request.units,
     )
-    resolved = _of_stand(Stand.of(volume), os.path.basename(name), request)
-    return resolved._replace(reading=reading | {"voxel": volume.voxel_m})
+    loaded = _of_stand(Stand.of(volume), os.path.basename(name), request)
+    return replace(loaded, reading=reading | {"voxel": volume.voxel_m})
 
 
-def _of_stand(stand: Stand, name: str, request: PlanRequest) -> ResolvedScene:
+def _of_stand(stand: Stand, name: str, request: PlanRequest) -> LoadedScene:
     scene = stand.scene(name)
     if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)
     warnings = tuple(Message(*warning) for warning in stand.volume.warnings)
-    return ResolvedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
+    return LoadedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
 
 
 def _is_cloud(name: str) -> bool:

@@ -1,0 +1,339 @@
+"""From a request to the inputs of its plan: names, files and defaults are resolved here, once.
+
+`resolve_inputs` makes one frozen value, `PlanInputs`.  All later stages take that value, and none
+of them reads the request again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from aosplan.camera.camera import Camera
+from aosplan.camera.find import find_camera
+from aosplan.errors import RequestError
+from aosplan.files import located
+from aosplan.flight.drones import find_drone
+from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.route import FlightInputs, Wind, speed_bounds
+from aosplan.solver.alternatives import kinds
+from aosplan.solver.problem import Bounds, GridKind, Requirement
+from aosplan.solver.solution import rounded_up
+from aosplan.units import exact_share
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from aosplan.areas.area import Area
+    from aosplan.planning.loaded_scene import LoadedScene, Progress
+    from aosplan.planning.request import PlanRequest
+
+    T = TypeVar("T")
+
+MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
+"""The smallest model that fits a kind of scene."""
+
+
+@dataclass(frozen=True)
+class PlanInputs:
+    """What a request stands for: everything that the stages of a plan need to know.
+
+    Attributes
+    ----------
+    asked
+        The request, with the heading that its area decides.
+    scene_name
+        How the request, or else the scene itself, names the scene.
+    loaded
+        The scene and what else its source holds; heights above ground.
+    camera
+        The camera.
+    altitude_m
+        Above the focal plane.
+    focal_height_m
+        Height of the focal plane above ground.
+    model, view, rays
+        Visibility model, and its targets or its rays; None if the model does not have them.
+    coverage
+        Share of the occluders that must reach d̂ >= 1.
+    hold_error_m
+        Standard deviation of the position at each site, along either axis.
+    requirement
+        The target.
+    bounds
+        Bounds on baseline and samples.
+    objective
+        What is minimised or maximised.
+    grids
+        Kinds of grid that the request leaves open.
+    heading_deg
+        Direction of the flight lines, clockwise from true north.
+    compares_headings
+        Whether the best heading is sought instead.
+    origin
+        Latitude and longitude of the middle of the grid; None without a place or over an area.
+    line_length_m
+        Length for which a line is flown on; None for one grid.
+    line_pitch
+        Distance between lines over an area in baselines, if it was asked for.
+    area
+        What to cover and where not to fly; None for one grid.
+    max_sites
+        More sites over an area are refused.
+    wants_sensitivity
+        Whether to tell how the plan changes if the scene differs from what was assumed.
+    flight
+        How to fly.
+    """
+
+    asked: PlanRequest
+    scene_name: str
+    loaded: LoadedScene
+    camera: Camera
+    altitude_m: float
+    focal_height_m: float
+    model: str
+    view: str | None
+    rays: str | None
+    coverage: float
+    hold_error_m: float
+    requirement: Requirement
+    bounds: Bounds
+    objective: str
+    grids: tuple[GridKind, ...]
+    heading_deg: float
+    compares_headings: bool
+    origin: tuple[float, float] | None
+    line_length_m: float | None
+    line_pitch: float | None
+    area: Area | None
+    max_sites: int
+    wants_sensitivity: bool
+    flight: FlightInputs
+
+    @cached_property
+    def request(self) -> PlanRequest:
+        """The request with the defaults that depend on its scene: what documents show."""
+        filled: dict[str, Any] = {"model": self.model, "view": self.view, "rays": self.rays}
+        return replace(self.asked, **(filled | dict(self.loaded.reading)))
+
+    @property
+    def footprint_m(self) -> tuple[float, float]:
+        """Size of an image in the focal plane, along and across the heading."""
+        return self.camera.footprint_m(self.altitude_m)
+
+    @property
+    def is_line(self) -> bool:
+        """Whether a single line was asked for."""
+        return [kind.name for kind in self.grids] == ["line"]
+
+    def at_heading(self, heading_deg: float) -> PlanInputs:
+        """The same with a heading that is decided."""
+        return replace(self, heading_deg=heading_deg, compares_headings=False)
+
+
+def resolve_inputs(
+    request: PlanRequest,
+    *,
+    folder: str = "",
+    load: Callable[[PlanRequest], LoadedScene] | None = None,
+    progress: Progress | None = None,
+) -> PlanInputs:
+    """Resolve the names, files and defaults of a request.
+
+    Parameters
+    ----------
+    request
+        The request.
+    folder
+        Where its file names are looked for before the current folder.
+    load
+        Gives the scene of a request instead of `aosplan.planning.loaded_scene.load_scene`, for
+        callers that have read it before.
+    progress
+        Called with points read and points in all while a point cloud is read.
+
+    Raises
+    ------
+    RequestError
+        If a name is unknown, a file cannot be read, or values do not fit each other.
+    """
+    camera = camera_of(request, folder=folder)
+    altitude_m = altitude_of(request, camera)
+    area = _area_of(request, folder)
+    heading = request.heading
+    if heading == "auto" and area is not None:
+        from aosplan.areas.area import long_side_deg
+
+        heading = long_side_deg(area.whole)
+        request = replace(request, heading=heading)
+    loaded = load(request) if load else load_scene(request, folder=folder, progress=progress)
+    model = request.model or MODEL_OF[loaded.kind]
+    _check_model(model, loaded.kind, request)
+    if loaded.scene.integrated_density > 0.0:
+        _check_altitude(loaded, altitude_m, request)
+    measured = model == "measured"
+    view = (request.view or "telecentric") if measured else request.view
+    rays = request.rays if measured else (request.rays or "nadir")
+    return PlanInputs(
+        asked=request,
+        scene_name=loaded.scene.name if request.scene is None else request.scene,
+        loaded=loaded,
+        camera=camera,
+        altitude_m=altitude_m,
+        focal_height_m=request.focal_height,
+        model=model,
+        view=view,
+        rays=rays,
+        coverage=request.coverage,
+        hold_error_m=request.hold_error,
+        requirement=_requirement_of(request),
+        bounds=Bounds(
+            max_aperture_m=request.max_aperture,
+            max_samples=request.max_samples,
+            baseline_m=request.baseline,
+            samples=request.samples,
+        ),
+        objective=request.optimize,
+        grids=kinds(
+            request.grid,
+            request.lanes,
+            request.lane_pitch,
+            spirals=request.trigger == "stop" and area is None,
+        ),
+        heading_deg=request.heading_deg,
+        compares_headings=heading == "best",
+        origin=request.origin,
+        line_length_m=request.line_length,
+        line_pitch=request.lane_pitch if isinstance(request.lane_pitch, float) else None,
+        area=area,
+        max_sites=request.max_sites or 0,
+        wants_sensitivity=request.sensitivity,
+        flight=_flight_of(request, camera.gsd_m(altitude_m), folder),
+    )
+
+
+def _filled(value: T | None) -> T:
+    """A field that `PlanRequest` has filled in, or checked to be there, as what it then is."""
+    assert value is not None
+    return value
+
+
+def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
+    """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
+    if request.camera is not None:
+        return find_camera(located(request.camera, folder))
+    width, height = _filled(request.image_width), _filled(request.image_height)
+    if request.fov is not None:
+        return Camera.from_field_of_view(request.fov, width, height)
+    sensor_width = _filled(request.sensor_width)
+    sensor_height = request.sensor_height or sensor_width * height / width
+    focal_length = _filled(request.focal_length)
+    return Camera("custom", focal_length, sensor_width, sensor_height, width, height)
+
+
+def altitude_of(request: PlanRequest, camera: Camera) -> float:
+    """Altitude above the focal plane [m], given or solved from the wanted resolution."""
+    if request.altitude is not None:
+        return request.altitude
+    if request.gsd is not None:
+        return camera.altitude_for_gsd_m(request.gsd)
+    gsd_m = _filled(request.target_size) / _filled(request.target_pixels)
+    return camera.altitude_for_gsd_m(gsd_m)
+
+
+def _area_of(request: PlanRequest, folder: str) -> Area | None:
+    """The area of a request, if it has one; its files are looked for in `folder` first."""
+    if request.area is None:
+        return None
+    from aosplan.areas.area import read_area
+
+    return read_area(
+        located(request.area, folder),
+        clear=request.clear and located(request.clear, folder),
+        no_fly=request.no_fly and located(request.no_fly, folder),
+        buffer_m=request.buffer or 0.0,
+    )
+
+
+def _requirement_of(request: PlanRequest) -> Requirement:
+    if request.visibility is not None:
+        return Requirement("visibility", exact_share(request.visibility, "--visibility"))
+    vhat = _filled(request.vhat)
+    # A float in a request is the nearest one to a decimal that was written.
+    return Requirement(
+        "normalized", exact_share(vhat if isinstance(vhat, str) else repr(vhat), "--vhat")
+    )
+
+
+def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
+    drone = None if request.drone is None else find_drone(request.drone)
+    wind = None
+    if request.wind_speed:
+        wind = Wind(request.wind_speed, _filled(request.wind_from), _filled(request.airspeed))
+    blur = None
+    if request.trigger == "distance":
+        blur = _filled(request.max_blur), _filled(request.exposure_time)
+    return FlightInputs(
+        trigger=request.trigger,
+        speed_mps=_filled(request.speed),
+        speed_bounds=speed_bounds(drone, blur, gsd_m),
+        acceleration_mps2=_filled(request.acceleration),
+        climb_mps=_filled(request.climb),
+        hold_s=request.hold,
+        photo_interval_s=request.photo_interval,
+        wind=wind,
+        takeoff=request.takeoff,
+        flight_time_min=request.flight_time,
+        resume_at=request.resume_at,
+        clearance_m=request.clearance,
+        terrain=None if request.terrain is None else located(request.terrain, folder),
+        terrain_units=request.terrain_units,
+        terrain_tolerance_m=request.terrain_tolerance or 0.0,
+        altitude_frame=request.altitude_frame,
+        autopilot=request.autopilot,
+        camera_control=request.camera_control,
+        payload=request.payload,
+        drone_name=request.drone,
+        drone=drone,
+    )
+
+
+def _check_altitude(loaded: LoadedScene, altitude_m: float, request: PlanRequest) -> None:
+    """Refuse an altitude within the canopy, or nearer to it than the clearance."""
+    top = loaded.scene.canopy_top_m - request.focal_height
+    lowest = top + request.clearance
+    if altitude_m > top and altitude_m >= lowest:
+        return
+    origin = "" if request.altitude is not None else ", solved from the resolution,"
+    stands = f"the canopy, whose top is {top:.6g} m above the focal plane"
+    remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
+    outliers = next((said for code, said in loaded.warnings if code == "points_far_above"), None)
+    if outliers is not None:
+        remedy = outliers
+    if altitude_m <= top:
+        raise RequestError(
+            f"altitude {altitude_m:.6g} m{origin} is not above {stands}",
+            remedy if request.clearance or outliers else f"fly higher than {top:.6g} m",
+        )
+    raise RequestError(
+        f"altitude {altitude_m:.6g} m{origin} is less than --clearance {request.clearance:g} m "
+        f"above {stands}",
+        f"{remedy}; or give a smaller --clearance",
+    )
+
+
+def _check_model(name: str, kind: str, request: PlanRequest) -> None:
+    if name == "measured" and kind != "cloud":
+        raise RequestError(
+            "--model measured needs the voxels of a point cloud",
+            "give --scene FILE.laz, FILE.npz or what scene --save wrote, or another --model",
+        )
+    if request.view is not None and name != "measured":
+        raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
+    if request.rays is not None and name == "measured":
+        raise RequestError(
+            f"--rays {request.rays} with --model measured",
+            "it traces the rays as they are; --rays goes with uniform and layered",
+        )

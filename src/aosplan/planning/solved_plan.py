@@ -1,0 +1,233 @@
+"""The solved plan: from the inputs of a plan to the problem that they pose, and its solution."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.camera.disparity import CoverageBaseline, coverage_baseline
+from aosplan.errors import RequestError
+from aosplan.models.model import Prediction
+from aosplan.models.uniform import UniformModel
+from aosplan.solver.alternatives import Alternative, solve_best, solve_best_heading
+from aosplan.solver.problem import GridKind, Problem
+from aosplan.solver.solution import Solution
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from aosplan.camera.disparity import Slab
+    from aosplan.models.model import VisibilityModel
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.scenes.scene import Scene
+    from aosplan.solver.problem import OnTrial
+
+
+class Memo:
+    """What functions have returned for the same arguments.
+
+    Numbers and text are the same if they are equal, anything else only if it is the same object.
+    An entry keeps its arguments alive, so that no other object takes their identity.
+    """
+
+    def __init__(self) -> None:
+        self._entries: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+
+    def __call__(self, make: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        """What a function returns for its arguments, computed once."""
+        key = (make, *map(_identity, arguments), *sorted(named.items()))
+        if key not in self._entries:
+            self._entries[key] = make(*arguments, **named), arguments
+        return self._entries[key][0]
+
+
+class SolvedPlan(NamedTuple):
+    """The inputs of a plan, and the grid that answers them.
+
+    Attributes
+    ----------
+    inputs
+        The inputs, at the heading that is flown.
+    problem, coverage
+        What was solved, and the coverage rule; None if nothing is hidden.
+    solution, grid
+        The solution, and its kind of grid.
+    """
+
+    inputs: PlanInputs
+    problem: Problem | None
+    coverage: CoverageBaseline | None
+    solution: Solution
+    grid: GridKind
+
+
+def solve_inputs(
+    inputs: PlanInputs,
+    *,
+    on_trial: OnTrial | None = None,
+    memo: Memo | None = None,
+    count_required: bool = True,
+    seek_remedy: bool = True,
+) -> SolvedPlan:
+    """Solve for the grid.
+
+    Parameters
+    ----------
+    inputs
+        The inputs of the plan.
+    on_trial
+        As of `aosplan.planning.planner.plan`.
+    memo
+        What other inputs over the same scene have made of it.
+    count_required, seek_remedy
+        Whether the fewest samples at the answer's baseline are wanted, and the hints of targets out
+        of reach; each takes a search.
+
+    Raises
+    ------
+    RequestError
+        If the scene cannot be solved with this model.
+    InfeasibleError
+        If nothing meets the target.
+    """
+    posed = problem_of(inputs, memo or Memo())
+    if posed is None:
+        grid, solution = _clear_view(inputs)
+        return SolvedPlan(inputs.at_heading(inputs.heading_deg), None, None, solution, grid)
+    problem, coverage = posed
+    problem = problem._replace(
+        on_trial=on_trial, count_required=count_required, seek_remedy=seek_remedy
+    )
+    problem, solution = best_alternative(inputs, problem)
+    heading = problem.model.heading_deg
+    flown = inputs.at_heading(inputs.heading_deg if heading is None else heading)
+    return SolvedPlan(flown, problem, coverage, solution, problem.grid)
+
+
+def best_alternative(inputs: PlanInputs, problem: Problem) -> Alternative:
+    """The best of the grids and headings that the inputs leave open."""
+    problems = [problem._replace(grid=kind) for kind in inputs.grids]
+    best = solve_best_heading if inputs.compares_headings else solve_best
+    return best(problems, footprint_m=inputs.footprint_m, over_area=inputs.area is not None)
+
+
+def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaseline] | None:
+    """The problem that inputs pose, and its coverage rule; None if nothing is hidden."""
+    altitude, focal = inputs.altitude_m, inputs.camera.focal_length_px
+    above, density = memo(_above, inputs.loaded.scene, inputs.focal_height_m)
+    if above is None or density == 0.0:
+        return None
+    if above.transparency == 0.0 or density >= 1.0:
+        raise RequestError(
+            f"scene '{inputs.scene_name}' has integrated density 1: no ray reaches the ground, and "
+            "no number of photos shows what lies there",
+            "a density below 1 is needed; for a point cloud, a smaller --voxel or a larger "
+            "--min-height",
+        )
+    slabs = memo(_slabs, above)
+    coverage = memo(coverage_baseline, slabs, altitude, focal, inputs.coverage)
+    if inputs.model == "measured":
+        model, surrogate = _measured(inputs, memo)
+    else:
+        model, surrogate = _of_statistics(inputs, memo, above, coverage), None
+    problem = Problem(
+        model=model,
+        requirement=inputs.requirement,
+        grid=inputs.grids[0],
+        bounds=inputs.bounds,
+        objective=inputs.objective,
+        timing=inputs.flight.timing(inputs.heading_deg),
+        surrogate=surrogate,
+    )
+    return problem, coverage
+
+
+def _of_statistics(
+    inputs: PlanInputs, memo: Memo, above: Scene, coverage: CoverageBaseline
+) -> VisibilityModel:
+    """The uniform or the layered model."""
+    hold_error_m, rays = inputs.hold_error_m, inputs.rays or "nadir"
+    if inputs.model == "uniform":
+        return UniformModel(
+            above.integrated_density,
+            above.transparency,
+            coverage.baseline_m,
+            altitude_m=inputs.altitude_m,
+            hold_error_m=hold_error_m,
+            rays=rays,
+        )
+    focal = inputs.camera.focal_length_px
+    model: VisibilityModel = memo(
+        _layered, above, inputs.altitude_m, focal, hold_error_m=hold_error_m, rays=rays
+    )
+    return model
+
+
+def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, VisibilityModel | None]:
+    """The measured model, and the surrogate to search with."""
+    from aosplan.models.correlogram import CorrelogramModel
+    from aosplan.models.measured import MeasuredModel
+    from aosplan.scenes.correlogram import correlogram
+
+    altitude, volume, table = inputs.altitude_m, inputs.loaded.volume, inputs.loaded.correlogram
+    focal_height = inputs.focal_height_m
+    common: dict[str, Any] = {
+        "heading_deg": inputs.heading_deg,
+        "hold_error_m": inputs.hold_error_m,
+    }
+    if volume is None:
+        assert table is not None  # the model was checked against the kind of scene
+        if focal_height > 0.0 or inputs.view == "perspective":
+            raise RequestError(
+                f"scene '{inputs.scene_name}' holds a correlogram, which knows neither a raised "
+                "focal plane nor the view perspective",
+                "save the scene as .npz, with its voxels, or use --model layered",
+            )
+        return memo(CorrelogramModel, table, altitude, **common), None
+    seen: dict[str, Any] = {"view": inputs.view, "focal_height_m": focal_height, **common}
+    model = memo(MeasuredModel, volume, altitude, **seen)
+    bounds = inputs.bounds
+    if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
+        return model, None  # nothing is searched
+    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
+        sparse = memo(MeasuredModel, volume, altitude, targets_per_voxel=1, **seen)
+        return model, sparse
+    if table is None or focal_height > 0.0:
+        table = memo(correlogram, volume, focal_height_m=focal_height)
+    return model, memo(CorrelogramModel, table, altitude, **common)
+
+
+def _above(scene: Scene, height_m: float) -> tuple[Scene | None, float]:
+    """What stands above a height, and its density."""
+    above = scene.above(height_m)
+    return above, above.integrated_density if above is not None else 0.0
+
+
+def _slabs(scene: Scene) -> tuple[Slab, ...]:
+    return scene.slabs()
+
+
+def _layered(
+    above: Scene, altitude_m: float, focal_length_px: float, **common: Any
+) -> VisibilityModel:
+    from aosplan.models.layered import LayeredModel
+
+    return LayeredModel(above.slices(), altitude_m, focal_length_px, **common)
+
+
+def _identity(argument: Any) -> Any:
+    """What tells arguments apart: numbers and text by their values, anything else by itself."""
+    return argument if isinstance(argument, (float, int, str)) else id(argument)
+
+
+def _clear_view(inputs: PlanInputs) -> tuple[GridKind, Solution]:
+    """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
+    grid, bounds = inputs.grids[0], inputs.bounds
+    pattern = grid.pattern(bounds.samples or 1)
+    return grid, Solution(
+        pattern=pattern,
+        baseline_m=bounds.baseline_m or 0.0,
+        prediction=Prediction(0.0, 1.0, 1.0 / pattern.samples),
+        samples_required=1,
+        limits=(),
+        met=True,
+    )
