@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -20,6 +21,9 @@ MOST_BYTES = 64 * 1024 * 1024
 
 DEEPEST = 60
 """Levels of nesting that a document may have."""
+
+_WINDOWS_PATH = re.compile(r'"[^"\n]*\\[^"\n]*"')
+"""Text of TOML in which a backslash begins an escape."""
 
 MOST_NAMES = 200_000
 """Names that a TOML document may have: its parser takes up to 2 kB for each."""
@@ -100,23 +104,42 @@ def read_table(path: str, *, most: int = MOST_BYTES) -> dict[str, Any]:
     return parse_table(read_bytes(path, most=most), path)
 
 
-def parse_table(content: bytes, path: str) -> dict[str, Any]:
-    """The document that `read_table` finds in the content of a file."""
+def text_of(content: bytes, path: str) -> str:
+    """The text of a file: UTF-8, or UTF-16 with a byte order mark, as PowerShell writes it.
+
+    Raises
+    ------
+    RequestError
+        If it is neither.
+    """
+    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
-        text = content.decode("utf-8-sig")
+        return content.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+        kind = "UTF-16" if wide else "UTF-8"
+        raise RequestError(f"'{path}' is not {kind} text (byte {error.start})") from None
+
+
+def parse_table(content: bytes, path: str, *, with_nan: bool = False) -> dict[str, Any]:
+    """The document that `read_table` finds in the content of a file.
+
+    `with_nan` lets JSON hold NaN and Infinity, as other programs write them for unknown values.
+    """
+    text = text_of(content, path)
     suffix = os.path.splitext(path)[1].lower()
     start = text.lstrip()
     # ``[name]`` begins a table of TOML; a list of JSON holds other things.
     listed = start[:1] == "[" and not start.lstrip("[")[:1].isalpha()
     as_json = suffix == ".json" or (suffix != ".toml" and (listed or start[:1] == "{"))
     try:
-        table = _from_json(text) if as_json else _from_toml(text)
+        table = _from_json(text, with_nan=with_nan) if as_json else _from_toml(text)
         _check_values(table, text)
     except ValueError as error:
         kind = "JSON" if as_json else "TOML"
-        raise RequestError(f"'{path}' is not valid {kind}: {error}") from None
+        hint = ""
+        if not as_json and _WINDOWS_PATH.search(text):
+            hint = "write backslashes of paths within single quotes: 'C:\\Users\\stand.laz'"
+        raise RequestError(f"'{path}' is not valid {kind}: {error}", hint) from None
     except RecursionError:
         raise RequestError(f"'{path}' is nested too deeply") from None
     if not isinstance(table, dict):
@@ -124,7 +147,7 @@ def parse_table(content: bytes, path: str) -> dict[str, Any]:
     return table
 
 
-def _from_json(text: str) -> Any:
+def _from_json(text: str, *, with_nan: bool) -> Any:
     import json
 
     missing = object()
@@ -139,7 +162,8 @@ def _from_json(text: str) -> Any:
             raise ValueError(f"{twice!r} is given twice")
         return names
 
-    return json.loads(text, parse_constant=refuse, object_pairs_hook=table)
+    constant = float if with_nan else refuse
+    return json.loads(text, parse_constant=constant, object_pairs_hook=table)
 
 
 def _from_toml(text: str) -> Any:

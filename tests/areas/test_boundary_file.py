@@ -151,13 +151,13 @@ EXTERNAL = '<!DOCTYPE kml SYSTEM "file:///etc/passwd">'
 WRONG = {
     "empty": (b"", "is neither GeoJSON, KML nor KMZ"),
     "text": ("lat,lon\n1,2\n", "is neither GeoJSON, KML nor KMZ"),
-    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is neither GeoJSON, KML nor KMZ"),
+    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is a vector file, but does not end as one"),
     "broken JSON": ('{"type": "Polygon"', "is not valid JSON"),
     "a list": ("[]", "holds no table"),
     "not GeoJSON": ({"a": 1}, "has type 'None'"),
     "an unknown type": ({"type": "Circle"}, "has type 'Circle'"),
     "a type that is a list": ({"type": ["Polygon"]}, "which GeoJSON does not know"),
-    "NaN": ('{"type": "Polygon", "coordinates": [[[NaN, 1]]]}', "NaN is not a number"),
+    "NaN": ('{"type": "Polygon", "coordinates": [[[NaN, 1]]]}', "0.0: nan, 1 is not a longitude"),
     "infinity": ('{"type": "Polygon", "coordinates": [[[1e999, 1]]]}', "0.0.0 is too large a number"),
     "a huge whole number": (
         json.dumps(polygon_of([[10**400, 1]] * 4)),

@@ -48,6 +48,10 @@ MARGIN_M = 0.1
 THINNEST_M = 0.001
 """A polygon that is thinner has no area."""
 
+SLIVER_M = 0.5
+SLIVER_SHARE = 0.001
+"""A part of an area is a sliver if it is narrower, and no larger a share of it."""
+
 MOST_MENDED = 1000
 """An outline that crosses itself more often is not mended."""
 
@@ -132,9 +136,10 @@ def read_area(
     """
     outline = read_outline(path)
     origin = _middle(outline)
-    whole, moved = _simplified(_united(outline, origin), outward=True)
+    united, slivers = _without_slivers(_united(outline, origin), outline)
+    whole, moved = _simplified(united, outward=True)
     _check_reach(shapely.get_coordinates(whole), outline, FARTHEST_M)
-    notices = list(_ignored(outline))
+    notices = [*_ignored(outline), *slivers]
     clear_part, keep_out = shapely.Polygon(), shapely.Polygon()
     if clear is not None:
         clear_outline = read_outline(clear)
@@ -204,11 +209,27 @@ def long_side_deg(shape: Any) -> float:
 
 def _ignored(outline: Outline) -> list[Message]:
     if not outline.ignored:
-        return []
+        return outline.notices
     text = listed(outline.ignored)
     return [
-        Message("ignored_geometry", f"{text} of '{outline.path}' have no area and are left out")
+        *outline.notices,
+        Message("ignored_geometry", f"{text} of '{outline.path}' have no area and are left out"),
     ]
+
+
+def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
+    """The polygons of an area without those that only a mistake of drawing leaves beside it."""
+    parts = shapely.get_parts(shape)
+    area_m2 = shapely.area(parts)
+    thin = 2.0 * area_m2 < SLIVER_M * shapely.length(parts)
+    thin &= area_m2 < SLIVER_SHARE * area_m2.sum()
+    if not thin.any() or thin.all():
+        return shape, []
+    message = (
+        f"{int(thin.sum())} of {len(parts)} parts of '{outline.path}' are slivers, narrower than "
+        f"{SLIVER_M:g} m and {float(area_m2[thin].sum()):.2g} m² together: they are left out"
+    )
+    return shapely.multipolygons(parts[~thin]), [Message("slivers", message)]
 
 
 def _elsewhere(

@@ -1,4 +1,4 @@
-"""Outlines on earth from GeoJSON, KML and KMZ files, read with limits.
+"""Outlines on earth from GeoJSON, KML, KMZ and other vector files, read with limits.
 
 The content decides what a file is, not its name.  Only polygons count; points and lines are
 left out and counted.  Heights are ignored.  An XML document type is refused, and with it every
@@ -18,14 +18,18 @@ from xml.parsers import expat
 
 import numpy as np
 
+from aosplan.areas.reprojection import Reprojection, is_wgs84, reprojection
+from aosplan.areas.vector_file import is_vector_file
 from aosplan.errors import RequestError
-from aosplan.files import MOST_BYTES, parse_table, read_bytes
+from aosplan.files import MOST_BYTES, parse_table, read_bytes, read_start, text_of
 from aosplan.units import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
+
+    from aosplan.messages import Message
 
 MOST_POSITIONS = 2_000_000
 """Outlines have no more positions than this."""
@@ -46,6 +50,9 @@ BROKEN = (
 MOST_DIRECTORY_BYTES = 1_000_000
 """A KMZ whose list of members is longer is refused."""
 
+ALMOST_CLOSED_DEG = 1e-6
+"""A ring whose ends are nearer to each other, 0.1 m, is closed: programs round them apart."""
+
 DEEPEST = 60
 """Levels of elements that a KML file may have."""
 
@@ -53,13 +60,15 @@ DEEPEST = 60
 class Outline(NamedTuple):
     """Polygons as they stand in a file, each a shell and its holes.
 
-    A ring has shape (n, 2): longitude and latitude [deg], the last as the first.  `places` says where each stands, for messages; `ignored` counts what has no area, by kind.
+    A ring has shape (n, 2): longitude and latitude [deg], the last as the first.  `places` says where each stands, for messages; `ignored` counts what has no area, by
+    kind; `notices` are about its reading.
     """
 
     path: str
     polygons: list[list[NDArray[np.float64]]]
     places: list[str]
     ignored: Counter[str]
+    notices: list[Message]
 
 
 def read_outline(path: str) -> Outline:
@@ -72,22 +81,11 @@ def read_outline(path: str) -> Outline:
         few positions, or coordinates that are no longitude and latitude; the message names
         the place.
     """
-    content = read_bytes(path)
-    start = content.lstrip(b"\xef\xbb\xbf \t\r\n")[:1]
-    outline = Outline(path, [], [], Counter())
-    if content[:2] == b"PK":
-        _KmlReader(outline).read(_member(content, path))
-    elif start == b"<" or content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        _KmlReader(outline).read(content)
-    elif start in (b"{", b"["):
-        if content.count(b"[") > MOST_POSITIONS:
-            raise _too_many(path)
-        _read_geojson(parse_table(content, path), outline)
+    outline = Outline(path, [], [], Counter(), [])
+    if path != "-" and is_vector_file(path, read_start(path, 2000)):
+        _read_vectors(path, outline)
     else:
-        raise RequestError(
-            f"'{path}' is neither GeoJSON, KML nor KMZ",
-            "other formats: ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
-        )
+        _read_document(read_bytes(path), outline)
     if not outline.polygons:
         found = listed(outline.ignored)
         raise RequestError(
@@ -97,6 +95,40 @@ def read_outline(path: str) -> Outline:
     if sum(len(ring) for rings in outline.polygons for ring in rings) > MOST_POSITIONS:
         raise _too_many(path)
     return outline
+
+
+def _read_document(content: bytes, outline: Outline) -> None:
+    path = outline.path
+    if content[:2] == b"PK":
+        content = _member(content, path)
+    encoding = None  # as the document says
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        content, encoding = text_of(content, path).encode(), "utf-8"
+    content = content.removeprefix(b"\xef\xbb\xbf").lstrip()
+    if content[:1] == b"<":
+        _KmlReader(outline).read(content, encoding)
+    elif content[:1] in (b"{", b"["):
+        if content.count(b"[") > MOST_POSITIONS:
+            raise _too_many(path)
+        _read_geojson(parse_table(content, path, with_nan=True), outline)
+    else:
+        raise RequestError(
+            f"'{path}' is neither GeoJSON, KML nor KMZ",
+            "other formats: ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
+        )
+
+
+def _read_vectors(path: str, outline: Outline) -> None:
+    from aosplan.areas.vector_file import read_vectors
+
+    for rings, place, notice in read_vectors(path):
+        if notice is not None and notice not in outline.notices:
+            outline.notices.append(notice)
+        if rings is not None:
+            outline.polygons.append([checked_ring(ring, f"'{path}': {place}") for ring in rings])
+            outline.places.append(place)
+        elif place:
+            outline.ignored[place] += 1
 
 
 def listed(counts: Counter[str]) -> str:
@@ -115,43 +147,74 @@ def _too_many(path: str) -> RequestError:
 
 
 def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
-    crs = str((table.get("crs") or {}) if isinstance(table.get("crs"), dict) else "")
-    if crs.strip("{}") and "CRS84" not in crs and "4326" not in crs:
-        raise RequestError(
-            f"'{outline.path}': crs {shown(crs)} is not WGS 84",
-            "ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
-        )
-    for place, rings in _polygons(table, "", outline):
+    changes: dict[str, Reprojection | None] = {}
+    for place, rings, crs in _polygons(table, "", "", outline):
         if not isinstance(rings, list) or not rings:
             raise RequestError(f"'{outline.path}': {place} is empty")
+        if crs not in changes:
+            changes[crs] = reprojection(crs, outline.path) if crs else None
+        change = changes[crs]
         outline.polygons.append(
-            [_ring(ring, f"'{outline.path}': {place}.{index}") for index, ring in enumerate(rings)]
+            [
+                _ring(ring, f"'{outline.path}': {place}.{index}", change)
+                for index, ring in enumerate(rings)
+            ]
         )
         outline.places.append(place)
+    outline.notices.extend(change.notice for change in changes.values() if change is not None)
 
 
-def _polygons(node: Any, place: str, outline: Outline) -> Iterator[tuple[str, Any]]:
-    """Coordinates of every polygon of a GeoJSON object, with where they stand."""
+def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
+    """The coordinate reference system of an object: its own, or that of the one around it.
+
+    GeoJSON of 2008 has it as a member ``crs``, which may stand in any object.
+    """
+    crs = node.get("crs")
+    if crs is None or crs == {}:
+        return above
+    facts = crs.get("properties") if isinstance(crs, dict) else None
+    if isinstance(facts, dict):
+        own = facts.get("name", facts.get("code"))
+        own = f"EPSG:{own}" if type(own) is int else own
+    else:
+        own = crs
+    if not isinstance(own, str) or not own.strip():
+        raise RequestError(
+            f"'{path}': {place}crs {shown(crs)} cannot be read, so it is not WGS 84 for certain",
+            "ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
+        )
+    if above and above != own and not (is_wgs84(above) and is_wgs84(own)):
+        raise RequestError(
+            f"'{path}': {place}crs is {shown(own)}, and {shown(above)} around it",
+            "keep the one that is right",
+        )
+    return own.strip()
+
+
+def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tuple[str, Any, str]]:
+    """Coordinates of every polygon of a GeoJSON object, where they stand, and their system."""
     kind = node.get("type") if isinstance(node, dict) else None
     dot = f"{place}." if place else ""
+    if isinstance(node, dict):
+        crs = _stated_crs(node, crs, dot, outline.path)
     if kind in ("FeatureCollection", "GeometryCollection"):
         name = "features" if kind == "FeatureCollection" else "geometries"
         members = node.get(name)
         if not isinstance(members, list):
             raise RequestError(f"'{outline.path}': {dot}{name} is not a list")
         for index, member in enumerate(members):
-            yield from _polygons(member, f"{dot}{name}.{index}", outline)
+            yield from _polygons(member, f"{dot}{name}.{index}", crs, outline)
     elif kind == "Feature":
         if node.get("geometry") is not None:
-            yield from _polygons(node["geometry"], f"{dot}geometry", outline)
+            yield from _polygons(node["geometry"], f"{dot}geometry", crs, outline)
     elif kind == "Polygon":
-        yield f"{dot}coordinates", node.get("coordinates")
+        yield f"{dot}coordinates", node.get("coordinates"), crs
     elif kind == "MultiPolygon":
         parts = node.get("coordinates")
         if not isinstance(parts, list) or not parts:
             raise RequestError(f"'{outline.path}': {dot}coordinates is empty")
         for index, part in enumerate(parts):
-            yield f"{dot}coordinates.{index}", part
+            yield f"{dot}coordinates.{index}", part, crs
     elif kind in ("Point", "MultiPoint", "LineString", "MultiLineString"):
         outline.ignored[kind] += 1
     else:
@@ -162,7 +225,7 @@ def _polygons(node: Any, place: str, outline: Outline) -> Iterator[tuple[str, An
         )
 
 
-def _ring(positions: Any, place: str) -> NDArray[np.float64]:
+def _ring(positions: Any, place: str, change: Reprojection | None) -> NDArray[np.float64]:
     """A ring from a list of positions, checked."""
     if not isinstance(positions, list):
         raise RequestError(f"{place} is not a list of positions")
@@ -177,7 +240,10 @@ def _ring(positions: Any, place: str) -> NDArray[np.float64]:
                 f"{place}.{index}: {shown(position)} is not a longitude and a latitude"
             )
     ring = np.array([position[:2] for position in positions], dtype=np.float64)
-    return checked_ring(ring.reshape(-1, 2), place)
+    ring = ring.reshape(-1, 2)
+    if change is not None and np.isfinite(ring).all():
+        ring = change.degrees(ring, place)
+    return checked_ring(ring, place)
 
 
 def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
@@ -196,6 +262,8 @@ def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
         index = int(np.argmin(inside))
         longitude, latitude = ring[index].tolist()
         raise _off_the_globe(longitude, latitude, f"{place}.{index}")
+    if np.abs(ring[0] - ring[-1]).max() <= ALMOST_CLOSED_DEG:
+        ring[-1] = ring[0]
     if not np.array_equal(ring[0], ring[-1]):
         raise RequestError(
             f"{place} is not closed: it ends at {_text(ring[-1])}, and began at {_text(ring[0])}",
@@ -237,9 +305,10 @@ class _KmlReader:
         self.holes: list[NDArray[np.float64]] = []
         self.positions = 0
 
-    def read(self, content: bytes) -> None:
+    def read(self, content: bytes, encoding: str | None = None) -> None:
         """Read a document into the outline."""
-        parser = expat.ParserCreate(namespace_separator=" ")
+        # Names are taken without their prefixes, which many programs leave unbound.
+        parser = expat.ParserCreate(encoding)
         parser.buffer_text = True
         parser.StartDoctypeDeclHandler = self._doctype
         parser.StartElementHandler = self._start
@@ -257,7 +326,7 @@ class _KmlReader:
         )
 
     def _start(self, name: str, _attributes: dict[str, str]) -> None:
-        tag = name.rpartition(" ")[2]
+        tag = name.rpartition(":")[2]
         if not self.path and tag != "kml":
             raise RequestError(f"'{self.outline.path}' is XML, but no KML: it begins with <{tag}>")
         self.path.append(tag)
@@ -311,7 +380,7 @@ class _KmlReader:
 
 
 def _member(content: bytes, path: str) -> bytes:
-    """The KML document in a KMZ: ``doc.kml``, or else the first one."""
+    """The KML document in a KMZ: the one at the top of the archive."""
     end = content.rfind(b"PK\x05\x06")
     if end < 0 or len(content) < end + 22:
         raise RequestError(f"'{path}' is a broken KMZ archive")
@@ -332,10 +401,28 @@ def _member(content: bytes, path: str) -> bytes:
 
 def _document_name(names: list[str], path: str) -> str:
     """The member of an archive that is its KML document."""
-    documents = [name for name in names if name.lower().endswith(".kml")]
+    documents = [
+        name
+        for name in names
+        if name.lower().endswith(".kml")
+        and not name.startswith("__MACOSX/")
+        and not name.replace("\\", "/").rpartition("/")[2].startswith("._")
+    ]
     if not documents:
-        raise RequestError(f"'{path}' is an archive without a KML document")
-    chosen = "doc.kml" if "doc.kml" in documents else documents[0]
-    if chosen.startswith(("/", "\\")) or ".." in chosen or ":" in chosen:
-        raise RequestError(f"'{path}': member {shown(chosen)} points out of the archive")
-    return chosen
+        raise RequestError(
+            f"'{path}' is an archive without a KML document", "unpack files of other formats"
+        )
+    # The root document is at the top of the archive; files in folders are what it refers to.
+    top = [name for name in documents if "/" not in name and "\\" not in name]
+    usual = [name for name in top if name.lower() == "doc.kml"]
+    chosen = usual or top or documents
+    if len(chosen) > 1:
+        raise RequestError(
+            f"'{path}' holds {len(chosen)} KML documents: {', '.join(map(shown, chosen[:3]))}",
+            "unpack it, and name the one that is meant",
+        )
+    name = chosen[0]
+    parts = name.replace("\\", "/").split("/")
+    if name.startswith(("/", "\\")) or ".." in parts or (":" in parts[0] and len(parts) > 1):
+        raise RequestError(f"'{path}': member {shown(name)} points out of the archive")
+    return name

@@ -1,0 +1,106 @@
+"""Coordinates of areas in other coordinate reference systems, brought to WGS 84."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.messages import Message
+from aosplan.units import shown
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from pyproj import Transformer
+
+PROJECTED_WITHIN_M = 5.0
+"""A projected system is read if its datum is known this well: NAD 83 is, to 4 m."""
+
+DEGREES_WITHIN_M = 1.0
+"""Degrees of another datum are read only if nobody would notice the difference: ETRS89."""
+
+
+class Reprojection(NamedTuple):
+    """From the coordinates of a file to longitude and latitude, and what is said of it."""
+
+    transformer: Transformer
+    is_projected: bool
+    path: str
+    name: str
+    notice: Message
+
+    def degrees(self, points: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+        """Longitudes and latitudes of points, shape (n, 2).
+
+        Raises
+        ------
+        RequestError
+            If the points are degrees although the system says metres, or lie outside of it.
+        """
+        if self.is_projected and len(points) and (np.abs(points) <= (180.0, 90.0)).all():
+            raise RequestError(
+                f"{place}: crs {shown(self.name)} is not WGS 84, but the coordinates look like "
+                "degrees",
+                "state the coordinate reference system that they have",
+            )
+        found = np.column_stack(self.transformer.transform(points[:, 0], points[:, 1]))
+        if not np.isfinite(found).all():
+            raise RequestError(f"{place}: the coordinates do not fit {self.name}")
+        found[:, 0] = (found[:, 0] + 180.0) % 360.0 - 180.0
+        return found
+
+
+def is_wgs84(name: str) -> bool:
+    """Whether a system's name is that of longitude and latitude on WGS 84."""
+    return name.endswith(("CRS84", "CRS:84", ":4326")) or name == "WGS 84"
+
+
+def reprojection(name: str, path: str) -> Reprojection | None:
+    """How the coordinates of a file become degrees on WGS 84; None if they are already.
+
+    Parameters
+    ----------
+    name
+        The coordinate reference system: a code, a URN or WKT.
+    path
+        The file, for messages.
+
+    Raises
+    ------
+    RequestError
+        If the system is unknown, or its relation to WGS 84 is not known well enough.
+    """
+    if is_wgs84(name):
+        return None
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+    from pyproj.transformer import TransformerGroup
+
+    hint = "ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of grids that are not installed
+        try:
+            crs = CRS.from_user_input(name)
+        except CRSError:
+            raise RequestError(f"'{path}': crs {shown(name)} is not known", hint) from None
+        if crs.is_compound:
+            crs = crs.sub_crs_list[0]
+        transformers = TransformerGroup(crs, "EPSG:4326", always_xy=True).transformers
+    accuracy_m = transformers[0].accuracy if transformers else -1.0
+    if crs == CRS.from_epsg(4326) or crs.to_epsg() == 4326:
+        return None
+    limit_m = PROJECTED_WITHIN_M if crs.is_projected else DEGREES_WITHIN_M
+    if not 0.0 <= accuracy_m <= limit_m:
+        known = f"known to {accuracy_m:g} m here" if accuracy_m > 0.0 else "not known here"
+        raise RequestError(
+            f"'{path}': crs {shown(name)} is not WGS 84, and the difference is {known}", hint
+        )
+    message = (
+        f"'{path}' is in {crs.name}: it was transformed to WGS 84, which is exact to "
+        f"{accuracy_m:g} m"
+    )
+    return Reprojection(
+        transformers[0], crs.is_projected, path, name, Message("reprojected", message)
+    )
