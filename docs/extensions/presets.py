@@ -56,7 +56,7 @@ def cameras():
 
 def drones():
     """The built-in drones."""
-    header = ("name", "drone", "cruise [m/s]", "acceleration [m/s²]", "climb [m/s]", "airspeed [m/s]", "endurance [min]", "waypoints", "camera")  # fmt: skip
+    header = ("name", "drone", "cruise [m/s]", "acceleration [m/s²]", "climb [m/s]", "airspeed [m/s]", "endurance [min]", "waypoints", "camera", "flies")  # fmt: skip
     rows = [
         (
             f"`{name}`",
@@ -68,6 +68,7 @@ def drones():
             "" if each.endurance_min is None else f"{each.endurance_min:g}",
             each.most_waypoints or "",
             f"`{each.camera}`" if each.camera else "",
+            " ".join(f"`{form}`" for form in each.mission_formats),
         )
         for name, each in DRONES.items()
     ]

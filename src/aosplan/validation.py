@@ -22,6 +22,9 @@ def _as_tuple(value: Any) -> Any:
 Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
 """Two numbers; a file has them as a list."""
 
+Words = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
+"""Texts; a file has them as a list."""
+
 Pixels = Annotated[int, Field(gt=0, le=10**9)]
 
 

@@ -106,7 +106,7 @@ def test_every_meaning_is_of_a_field_that_exists():
 
 
 def test_every_format_is_in_the_table_of_formats():
-    assert set(re.findall(r"^\| `(\w+)`", presets.formats(), re.MULTILINE)) == set(formats())
+    assert set(re.findall(r"^\| `([\w-]+)`", presets.formats(), re.MULTILINE)) == set(formats())
 
 
 def test_every_picture_says_in_words_what_it_shows():
@@ -170,7 +170,7 @@ def test_every_warning_is_in_the_reference():
 
 def test_every_format_has_its_how_to():
     titles = re.findall(r"^## .*$", text_of("howto/ground-stations.md"), re.MULTILINE)
-    assert set(re.findall(r"`(\w+)`", " ".join(titles))) == set(formats())
+    assert set(re.findall(r"`([\w-]+)`", " ".join(titles))) == set(formats())
 
 
 def test_every_page_is_in_a_table_of_contents():

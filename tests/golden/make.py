@@ -1,4 +1,4 @@
-"""Writes the golden files: `python tests/golden/make.py`, then read the difference.
+"""Writes the golden files: `PYTHONPATH=tests python tests/golden/make.py`; read the difference.
 
 Small missions in every format that are compared byte for byte; of a zip its members, as
 compression differs between machines.  Of the plan's summary a few parts stay, so neither a release
@@ -9,6 +9,8 @@ import io
 import zipfile
 from dataclasses import replace
 from pathlib import Path
+
+from support.flights import flown_in
 
 from aosplan.mission.export import formats, render
 from aosplan.planning.planner import plan
@@ -64,11 +66,12 @@ def contents():
     for name, mission in missions().items():
         for form in formats().values():
             if mission.has_place or not form.needs_place:
-                content = render(flown_by(mission, form), form)
-                if form.name == "kmz":
+                content = render(flown_in(flown_by(mission, form), form.name), form)
+                if zipfile.is_zipfile(io.BytesIO(content)):
                     archive = zipfile.ZipFile(io.BytesIO(content))
+                    prefix = name if form.name == "kmz" else f"{name}-{form.name}"
                     for member in archive.namelist():
-                        files[f"{name}-{Path(member).name}"] = archive.read(member)
+                        files[f"{prefix}-{Path(member).name}"] = archive.read(member)
                 else:
                     ending = form.suffixes[0] if form.suffixes else f"-{form.name}.csv"
                     files[f"{name}{ending}"] = content

@@ -4,7 +4,7 @@ import itertools
 import json
 
 import pytest
-from support.flights import READERS, commands_of, grid, pairs, positions_of
+from support.flights import READERS, commands_of, flown_in, grid, pairs, positions_of
 
 from aosplan.errors import RequestError
 from aosplan.mission.export import files, formats
@@ -33,7 +33,7 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
         flown = [east for piece in pieces for east in piece.waypoints.east_m]
         assert flown == mission.waypoints.east_m
         if most < 1000:
-            contents = files([mission], formats()[name], "a/grid.b").values()
+            contents = files([flown_in(mission, name)], formats()[name], "a/grid.b").values()
             assert [len(READERS[name](content)) for content in contents] == sizes
 
 
@@ -106,7 +106,7 @@ def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least
     ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
     mission = grid(trigger="distance")._replace(waypoints=ways)
     for name, form in formats().items():
-        (content,) = files([mission], form, "g").values()
+        (content,) = files([flown_in(mission, name)], form, "g").values()
         found = [place[0] for place in positions_of(name, [content])]
         short = form.limits[0].leg_m[0] > 0.4
         assert found == pytest.approx([0.0, 3.0, 6.0, 9.0] if short else east, abs=1e-6), name

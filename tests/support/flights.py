@@ -17,6 +17,7 @@ from aosplan.mission.mission import FlightSettings, Mission, Waypoints, placed
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{http://www.dji.com/wpmz/1.0.2}"
+AUTEL = "{http://www.autel.com/wpmz/1.0.0}"
 
 SUMMARY = {"scene": {"name": "stand"}, "camera": {"name": "dji-m3t-thermal"}}
 
@@ -52,10 +53,28 @@ missions = st.builds(
 )
 
 
-def commands_of(text):
+FLYERS = {
+    "autel": "autel-evo-max-4t",
+    "dji-fly": "dji-mini-4-pro",
+    "parrot": "parrot-anafi-thermal",
+}
+"""A drone for each format that asks for one; all of them stop for their photos."""
+
+
+def flown_in(mission, name):
+    """The mission as a drone that flies the format flies it."""
+    if name not in FLYERS:
+        return mission
+    autopilot = name.removeprefix("dji-fly") or "dji"
+    own = {"drone": FLYERS[name], "mission_formats": (name,), "trigger": "stop"}
+    own["autopilot"] = autopilot
+    return mission._replace(settings=mission.settings._replace(**own))
+
+
+def commands_of(text, version=110):
     """Lines of a `.waypoints` file as QGroundControl splits them: fields between tabs."""
     first, *lines = text.removesuffix("\n").split("\n")
-    assert first == "QGC WPL 110"
+    assert first == f"QGC WPL {version}"
     return [[float(field) for field in line.split("\t")] for line in lines]
 
 
@@ -89,6 +108,10 @@ def _plan(content):
     return [tuple(item["params"][4:]) for item in items if item["command"] == 16]
 
 
+def _parrot(content):
+    return [tuple(c[8:11]) for c in commands_of(content.decode(), 120) if c[3] == 16]
+
+
 def documents_of(content):
     """The two documents of a WPML file, parsed."""
     archive = zipfile.ZipFile(io.BytesIO(content))
@@ -108,11 +131,41 @@ def _wpml(content):
     return found[0]
 
 
+def _autel(content):
+    members = documents_of(content)
+    places_ = [
+        (*_texts_of(mark, AUTEL, "coordinates")[0].split(",")[::-1], height)
+        for mark in members["waylines.wpml"].iter(f"{KML}Placemark")
+        for height in _texts_of(mark, AUTEL, "executeHeight")
+    ]
+    shown = _texts_of(members["template.kml"], AUTEL, "height")
+    assert shown == [height for *_, height in places_]
+    return places_
+
+
+def _fly(content):
+    members = documents_of(content)
+    assert not list(members["template.kml"].iter(f"{KML}Placemark"))
+    return [
+        (*_texts_of(mark, WPML, "coordinates")[0].split(",")[::-1], height)
+        for mark in members["waylines.wpml"].iter(f"{KML}Placemark")
+        for height in _texts_of(mark, WPML, "executeHeight")
+    ]
+
+
+def _texts_of(element, namespace, name):
+    space = KML if name == "coordinates" else namespace
+    return [found.text for found in element.iter(space + name)]
+
+
 READERS = {
+    "autel": _autel,
     "csv": _csv,
+    "dji-fly": _fly,
     "geojson": _geojson,
     "kml": _kml,
     "litchi": _litchi,
+    "parrot": _parrot,
     "plan": _plan,
     "waypoints": _waypoints,
     "kmz": _wpml,
@@ -129,7 +182,7 @@ def positions_of(name, contents):
 
 
 def written(mission, name):
-    return render(mission, formats()[name])
+    return render(flown_in(mission, name), formats()[name])
 
 
 def plan_of(mission):

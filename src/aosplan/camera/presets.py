@@ -20,9 +20,9 @@ class CameraPreset(NamedTuple):
     title: str
     """Name to show, for example "DJI Mavic 3T, thermal camera"."""
     band: str
-    """Either "thermal" or "colour"."""
+    """"thermal", "colour" or "multispectral"."""
     focal_length_mm: float
-    """Physical focal length, not the 35 mm equivalent."""
+    """Focal length on that sensor, calibrated where somebody published it; no 35 mm equivalent."""
     sensor_width_mm: float
     """Width of the sensor area that the image shows."""
     sensor_height_mm: float
@@ -115,6 +115,34 @@ CAMERAS: dict[str, CameraPreset] = {
             " native 640 x 512 image, not the enlarged 1280 x 1024 one"
         ),
     ),
+    "dji-m3td-thermal": CameraPreset(
+        title="DJI Matrice 3TD, thermal camera",
+        band="thermal",
+        focal_length_mm=9.1,
+        sensor_width_mm=7.68,
+        sensor_height_mm=6.144,
+        image_width_px=640,
+        image_height_px=512,
+        source="Matrice 3D Series specifications, DJI (40 mm equivalent, 61° diagonal)",
+        assumed=(
+            "sensor size from 12 µm pitch; focal length that of the Mavic 3T, for which DJI states the"
+            " same 40 mm equivalent and 61° diagonal; 9.1 mm gives 57°; unconfirmed"
+        ),
+    ),
+    "dji-m4td-thermal": CameraPreset(
+        title="DJI Matrice 4TD, thermal camera",
+        band="thermal",
+        focal_length_mm=12.0,
+        sensor_width_mm=7.68,
+        sensor_height_mm=6.144,
+        image_width_px=640,
+        image_height_px=512,
+        source="Matrice 4D Series specifications, DJI (53 mm equivalent, 45° diagonal)",
+        assumed=(
+            "sensor size from 12 µm pitch; focal length that of the Matrice 4T, for which DJI states the"
+            " same 53 mm equivalent and 45°; native 640 x 512 image; unconfirmed"
+        ),
+    ),
     "dji-m2ea-thermal": CameraPreset(
         title="DJI Mavic 2 Enterprise Advanced, thermal camera",
         band="thermal",
@@ -189,6 +217,62 @@ CAMERAS: dict[str, CameraPreset] = {
             "sensor size from 3.3 µm pitch; focal length as the images record it (12.29 mm, 3725 px), which gives 83°"
         ),
     ),
+    "dji-m3m-wide": CameraPreset(
+        title="DJI Mavic 3M, colour camera",
+        band="colour",
+        focal_length_mm=12.29,
+        sensor_width_mm=17.424,
+        sensor_height_mm=13.0548,
+        image_width_px=5280,
+        image_height_px=3956,
+        source="Mavic 3M specifications, DJI (4/3, 84°, 24 mm equivalent)",
+        assumed=(
+            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
+            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°"
+        ),
+    ),
+    "dji-m3d-wide": CameraPreset(
+        title="DJI Matrice 3D, wide camera",
+        band="colour",
+        focal_length_mm=12.29,
+        sensor_width_mm=17.424,
+        sensor_height_mm=13.0548,
+        image_width_px=5280,
+        image_height_px=3956,
+        source="Matrice 3D Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
+        assumed=(
+            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
+            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
+        ),
+    ),
+    "dji-m4d-wide": CameraPreset(
+        title="DJI Matrice 4D, wide camera",
+        band="colour",
+        focal_length_mm=12.29,
+        sensor_width_mm=17.424,
+        sensor_height_mm=13.0548,
+        image_width_px=5280,
+        image_height_px=3956,
+        source="Matrice 4D Series specifications, DJI (4/3, 84°, 24 mm equivalent)",
+        assumed=(
+            "sensor size from 3.3 µm pitch; focal length as images of the Mavic 3E record it (12.29 mm), for"
+            " which DJI states the same 4/3 sensor, 84° and 24 mm equivalent; it gives 83°; unconfirmed"
+        ),
+    ),
+    "dji-m3m-multispectral": CameraPreset(
+        title="DJI Mavic 3M, one band of its multispectral camera",
+        band="multispectral",
+        focal_length_mm=4.34,
+        sensor_width_mm=5.184,
+        sensor_height_mm=3.888,
+        image_width_px=2592,
+        image_height_px=1944,
+        source="Mavic 3M specifications, DJI (1/2.8-inch, 73.91° diagonal, 61.2° x 48.1°, 25 mm equivalent)",
+        assumed=(
+            "sensor size from 2 µm pitch, the usual one for 5 megapixels at 1/2.8 inch; focal length between"
+            " those of the three stated angles; unconfirmed"
+        ),
+    ),
     "dji-m30t-wide": CameraPreset(
         title="DJI Matrice 30T, wide camera",
         band="colour",
@@ -206,15 +290,18 @@ CAMERAS: dict[str, CameraPreset] = {
     "dji-h20t-wide": CameraPreset(
         title="DJI Zenmuse H20T, wide camera",
         band="colour",
-        focal_length_mm=4.5,
+        focal_length_mm=4.3,
         sensor_width_mm=6.2868,
         sensor_height_mm=4.712,
         image_width_px=4056,
         image_height_px=3040,
-        source="Zenmuse H20 Series specifications, DJI (1/2.3-inch, 4.5 mm, 82.9° diagonal)",
+        source=(
+            "Zenmuse H20 Series specifications, DJI (1/2.3-inch, 4.5 mm, 82.9° diagonal); focal length:"
+            " calibration in Theta-Limited/DroneModels, droneModels.json (2775 px)"
+        ),
         assumed=(
-            "sensor size from 1.55 µm pitch, the usual one for 12 megapixels at 1/2.3 inch;"
-            " Theta-Limited/DroneModels, droneModels.json, calibrates a lens 4 % wider, 2775 px"
+            "sensor size from 1.55 µm pitch, the usual one for 12 megapixels at 1/2.3 inch; the calibrated"
+            " lens is 4 % wider than the nominal 4.5 mm, and gives 85° where DJI states 82.9°"
         ),
     ),
     "dji-h30t-wide": CameraPreset(
@@ -277,36 +364,51 @@ CAMERAS: dict[str, CameraPreset] = {
         ),
     ),
     "dji-mini-3-pro": CameraPreset(
-        title="DJI Mini 3 Pro",
+        title="DJI Mini 3 Pro, 12 megapixels",
         band="colour",
-        focal_length_mm=6.72,
+        focal_length_mm=6.7,
         sensor_width_mm=9.6,
         sensor_height_mm=7.2,
-        image_width_px=8064,
-        image_height_px=6048,
+        image_width_px=4032,
+        image_height_px=3024,
         source=(
-            "Mini 3 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent); compare the"
-            " calibration in Theta-Limited/DroneModels, droneModels.json (FC3582, 9.63 mm wide for"
-            " 6.7 mm)"
+            "Mini 3 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent); focal length: calibration"
+            " in Theta-Limited/DroneModels, droneModels.json (2814 px, FC3582)"
         ),
         assumed=(
-            "sensor size is the nominal 1/1.3-inch area; focal length from the 24 mm equivalent"
-            " and 82.1°, taken as that of the Zenmuse H30T wide camera"
+            "sensor size is the nominal 1/1.3-inch area; the 12-megapixel image, as one of 48 takes longer"
+            " to store"
         ),
     ),
     "dji-mini-4-pro": CameraPreset(
-        title="DJI Mini 4 Pro",
+        title="DJI Mini 4 Pro, 12 megapixels",
         band="colour",
-        focal_length_mm=6.72,
+        focal_length_mm=7.19,
         sensor_width_mm=9.6,
         sensor_height_mm=7.2,
-        image_width_px=8064,
-        image_height_px=6048,
-        source="Mini 4 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent)",
+        image_width_px=4032,
+        image_height_px=3024,
+        source=(
+            "Mini 4 Pro specifications, DJI (1/1.3-inch, 82.1°, 24 mm equivalent); focal length: calibration"
+            " in Theta-Limited/DroneModels, droneModels.json (3019 px, FC8482)"
+        ),
         assumed=(
-            "sensor size is the nominal 1/1.3-inch area; focal length from the 24 mm equivalent"
-            " and 82.1°, taken as that of the Zenmuse H30T wide camera; Theta-Limited/DroneModels,"
-            " droneModels.json, calibrates a lens 7 % narrower (FC8482)"
+            "sensor size is the nominal 1/1.3-inch area; the calibrated lens is 7 % narrower than the"
+            " 82.1° that DJI states; the 12-megapixel image, as one of 48 takes longer to store"
+        ),
+    ),
+    "dji-mini-5-pro": CameraPreset(
+        title="DJI Mini 5 Pro, 12 megapixels",
+        band="colour",
+        focal_length_mm=9.1,
+        sensor_width_mm=13.1072,
+        sensor_height_mm=9.8304,
+        image_width_px=4096,
+        image_height_px=3072,
+        source="Mini 5 Pro specifications, DJI (1-inch, 84°, 24 mm equivalent)",
+        assumed=(
+            "sensor size from 3.2 µm pitch of the 12-megapixel image, the usual one at 1 inch; focal length"
+            " from 84° diagonal field of view; unconfirmed"
         ),
     ),
     "dji-air-2s": CameraPreset(
@@ -324,17 +426,80 @@ CAMERAS: dict[str, CameraPreset] = {
         ),
     ),
     "dji-air-3-wide": CameraPreset(
-        title="DJI Air 3, wide camera",
+        title="DJI Air 3, wide camera, 12 megapixels",
         band="colour",
         focal_length_mm=6.72,
         sensor_width_mm=9.6,
         sensor_height_mm=7.2,
-        image_width_px=8064,
-        image_height_px=6048,
+        image_width_px=4032,
+        image_height_px=3024,
         source="Air 3 specifications, DJI (1/1.3-inch, 82°, 24 mm equivalent)",
         assumed=(
             "nominal data-sheet values; sensor size is the nominal 1/1.3-inch area; focal length"
-            " from the 24 mm equivalent and 82°, taken as that of the Zenmuse H30T wide camera"
+            " from the 24 mm equivalent and 82°, taken as that of the Zenmuse H30T wide camera; the"
+            " 12-megapixel image, as one of 48 takes longer to store"
+        ),
+    ),
+    "dji-air-3s-wide": CameraPreset(
+        title="DJI Air 3S, wide camera, 12 megapixels",
+        band="colour",
+        focal_length_mm=9.1,
+        sensor_width_mm=13.1072,
+        sensor_height_mm=9.8304,
+        image_width_px=4096,
+        image_height_px=3072,
+        source="Air 3S specifications, DJI (1-inch, 84°, 24 mm equivalent)",
+        assumed=(
+            "sensor size from 3.2 µm pitch of the 12-megapixel image, the usual one at 1 inch; focal length"
+            " from 84° diagonal field of view; unconfirmed"
+        ),
+    ),
+    "dji-mavic-3-wide": CameraPreset(
+        title="DJI Mavic 3, main camera",
+        band="colour",
+        focal_length_mm=12.8,
+        sensor_width_mm=17.424,
+        sensor_height_mm=13.0548,
+        image_width_px=5280,
+        image_height_px=3956,
+        source=(
+            "Mavic 3 specifications, DJI (4/3, 84°, 24 mm equivalent); focal length: calibration in"
+            " Theta-Limited/DroneModels, droneModels.json (3880 px, L2D-20c)"
+        ),
+        assumed=(
+            "sensor size from 3.3 µm pitch, that of the Mavic 3E; the calibrated lens is 4 % narrower than"
+            " the 12.29 mm that images of the Mavic 3E record"
+        ),
+    ),
+    "dji-mavic-4-pro-wide": CameraPreset(
+        title="DJI Mavic 4 Pro, main camera, 25 megapixels",
+        band="colour",
+        focal_length_mm=14.3,
+        sensor_width_mm=17.3,
+        sensor_height_mm=11.5333,
+        image_width_px=6144,
+        image_height_px=4096,
+        source="Mavic 4 Pro specifications, DJI (4/3, 72°, 28 mm equivalent)",
+        assumed=(
+            "sensor width of a 4/3 sensor; 25 megapixels of 3:2; focal length from 72° diagonal field of"
+            " view; all unconfirmed"
+        ),
+    ),
+    "dji-mavic-2-pro": CameraPreset(
+        title="DJI Mavic 2 Pro",
+        band="colour",
+        focal_length_mm=10.51,
+        sensor_width_mm=13.1328,
+        sensor_height_mm=8.7552,
+        image_width_px=5472,
+        image_height_px=3648,
+        source=(
+            "Mavic 2 Pro specifications, DJI (1-inch, 77°, 28 mm equivalent); focal length: calibration in"
+            " Theta-Limited/DroneModels, droneModels.json (4378 px, L1D-20c)"
+        ),
+        assumed=(
+            "sensor size from 2.4 µm pitch, that of the Phantom 4 Pro; the calibrated lens is 2 % narrower"
+            " than the 10.26 mm that the images record, and gives 74°"
         ),
     ),
     "dji-phantom-4-pro": CameraPreset(
@@ -354,15 +519,18 @@ CAMERAS: dict[str, CameraPreset] = {
     "dji-p1-35mm": CameraPreset(
         title="DJI Zenmuse P1, 35 mm lens",
         band="colour",
-        focal_length_mm=35.0,
+        focal_length_mm=36.08,
         sensor_width_mm=35.9,
         sensor_height_mm=24.0,
         image_width_px=8192,
         image_height_px=5460,
-        source="Zenmuse P1 specifications, DJI (35.9 x 24 mm, 63.5° diagonal with 35 mm)",
+        source=(
+            "Zenmuse P1 specifications, DJI (35.9 x 24 mm, 63.5° diagonal with 35 mm); focal length:"
+            " calibration in Theta-Limited/DroneModels, droneModels.json (8233 px)"
+        ),
         assumed=(
-            "nominal data-sheet values; Theta-Limited/DroneModels, droneModels.json, calibrates a lens"
-            " 3 % narrower, 8233 px"
+            "nominal sensor size; the calibrated lens is 3 % narrower than the nominal 35 mm, and gives 62°"
+            " where DJI states 63.5°"
         ),
     ),
     # FLIR
@@ -586,6 +754,20 @@ CAMERAS: dict[str, CameraPreset] = {
             "sensor size is the nominal 1/2.3-inch area; focal length from the 19 mm equivalent"
             " along the diagonal, for the corrected 4:3 photo at its widest"
         ),
+    ),
+    "parrot-anafi-usa-thermal": CameraPreset(
+        title="Parrot ANAFI USA, thermal camera",
+        band="thermal",
+        focal_length_mm=4.3,
+        sensor_width_mm=3.84,
+        sensor_height_mm=3.072,
+        image_width_px=320,
+        image_height_px=256,
+        source=(
+            "ANAFI USA specifications, Parrot (FLIR Boson 320); focal length and sensor size as in"
+            " Theta-Limited/DroneModels, droneModels.json"
+        ),
+        assumed="sensor size from 12 µm pitch; nominal data-sheet values",
     ),
     "parrot-anafi-thermal": CameraPreset(
         title="Parrot Anafi Thermal, thermal camera",

@@ -125,6 +125,7 @@ FIELD_DESCRIPTIONS = {
     "run_in_m": "Way before the first photo of a line, to be at speed.",
     "FlightDocument.altitude_frame": "What a file's heights are above.",
     "most_waypoints": "Waypoints that the drone takes in one file.",
+    "mission_formats": "Formats of mission files that the drone flies.",
     # Waypoints
     "index": "Place in the order, from 0.",
     "east_m": "East of the centre.",

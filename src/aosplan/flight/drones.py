@@ -37,6 +37,8 @@ class DronePreset(NamedTuple):
     """The camera's preset; None where any may be carried."""
     photo_interval_s: float | None
     """Shortest time between two photos of that camera; None where nobody says."""
+    mission_formats: tuple[str, ...]
+    """Formats of mission files that it flies, as far as they are known."""
     source: str
     """Who says so."""
     assumed: str
@@ -51,6 +53,7 @@ AUTOPILOTS = ("px4", "ardupilot", "dji", "autel", "parrot")
 _CRUISE = "cruise speed and acceleration assumed"
 _WPML = "waypoints of a mission: WPML specification, DJI Cloud API (indices up to 65,535)"
 _SDK = "waypoints: DJI Mobile SDK 4, DJIWaypointMission (2 to 99), as older Litchi versions fly"
+_FLY = "waypoints: 99 a mission in DJI Fly, which flies it (YLabs-FPV/YMapper, README)"
 
 DRONES: dict[str, DronePreset] = {
     "dji-m3t": DronePreset(
@@ -63,6 +66,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m3t-thermal",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=f"Mavic 3 Enterprise Series specifications, DJI (normal mode); {_WPML}",
         assumed=_CRUISE,
     ),
@@ -76,6 +80,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m3e-wide",
         photo_interval_s=0.7,
+        mission_formats=("kmz",),
         source=f"Mavic 3 Enterprise Series specifications, DJI (normal mode); {_WPML}",
         assumed=_CRUISE,
     ),
@@ -87,8 +92,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=15.0,
         endurance_min=43.0,
         most_waypoints=65_535,
-        camera=None,
+        camera="dji-m3m-wide",
         photo_interval_s=0.7,
+        mission_formats=("kmz",),
         source=f"Mavic 3 Multispectral specifications, DJI (normal mode); {_WPML}",
         assumed=_CRUISE,
     ),
@@ -100,8 +106,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=15.0,
         endurance_min=50.0,
         most_waypoints=65_535,
-        camera=None,
+        camera="dji-m3d-wide",
         photo_interval_s=0.7,
+        mission_formats=("kmz",),
         source=f"Matrice 3D Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds and photo interval unconfirmed",
     ),
@@ -113,8 +120,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=15.0,
         endurance_min=50.0,
         most_waypoints=65_535,
-        camera=None,
+        camera="dji-m3td-thermal",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=f"Matrice 3D Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the Mavic 3T",
     ),
@@ -128,6 +136,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m30t-wide",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
         assumed=f"{_CRUISE}; wide camera that of the 30T",
     ),
@@ -141,6 +150,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m30t-thermal",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=f"Matrice 30 Series specifications, DJI (climb 6, descent 5 m/s; timed photos from 2 s); {_WPML}",
         assumed=f"{_CRUISE}; photo interval that of the wide camera",
     ),
@@ -154,6 +164,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-h20t-thermal",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=(
             "Matrice 300 RTK specifications, DJI (positioning mode: 17 m/s, climb 5, descent 3 m/s;"
             f" 55 min without payload); {_WPML}"
@@ -170,11 +181,29 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-h30t-thermal",
         photo_interval_s=2.0,
+        mission_formats=("kmz",),
         source=(
             "Matrice 350 RTK specifications, DJI (climb 6, descent 5 m/s; 55 min without payload);"
             f" {_WPML}"
         ),
         assumed=f"{_CRUISE}; climb unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
+    ),
+    "dji-m400": DronePreset(
+        title="DJI Matrice 400 with Zenmuse H30T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=8.0,
+        airspeed_mps=25.0,
+        endurance_min=45.0,
+        most_waypoints=65_535,
+        camera="dji-h30t-thermal",
+        photo_interval_s=2.0,
+        mission_formats=("kmz",),
+        source=(
+            "Matrice 400 specifications, DJI (climb 10, descent 8 m/s; 59 min of forward flight"
+            f" without payload); {_WPML}"
+        ),
+        assumed=f"{_CRUISE}; speeds unconfirmed; flight time with the camera; photo interval that of the Mavic 3T",
     ),
     "dji-m4t": DronePreset(
         title="DJI Matrice 4T",
@@ -186,6 +215,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m4t-thermal",
         photo_interval_s=0.7,
+        mission_formats=("kmz",),
         source=f"Matrice 4 Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
@@ -199,6 +229,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=65_535,
         camera="dji-m4e-wide",
         photo_interval_s=0.5,
+        mission_formats=("kmz",),
         source=f"Matrice 4 Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
@@ -210,8 +241,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=15.0,
         endurance_min=54.0,
         most_waypoints=65_535,
-        camera=None,
+        camera="dji-m4d-wide",
         photo_interval_s=0.5,
+        mission_formats=("kmz",),
         source=f"Matrice 4D Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
@@ -223,8 +255,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=15.0,
         endurance_min=54.0,
         most_waypoints=65_535,
-        camera=None,
+        camera="dji-m4td-thermal",
         photo_interval_s=0.7,
+        mission_formats=("kmz",),
         source=f"Matrice 4D Series specifications, DJI (normal mode); {_WPML}",
         assumed=f"{_CRUISE}; speeds unconfirmed",
     ),
@@ -238,6 +271,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-m2ea-thermal",
         photo_interval_s=2.0,
+        mission_formats=("litchi",),
         source=(
             f"Mavic 2 Enterprise Advanced specifications, DJI (50 km/h outside sport mode); {_SDK}"
         ),
@@ -253,8 +287,12 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-mini-3-pro",
         photo_interval_s=2.0,
-        source=f"Mini 3 Pro specifications, DJI (normal mode); {_SDK}",
-        assumed=_CRUISE,
+        mission_formats=("litchi",),
+        source=(
+            "Mini 3 Pro specifications, DJI (normal mode); DJI Fly has no waypoint missions for it,"
+            f" Litchi Pilot flies it (YLabs-FPV/YMapper, README); {_SDK}"
+        ),
+        assumed=f"{_CRUISE}; that Litchi Pilot, a beta, takes Litchi's CSV unchanged",
     ),
     "dji-mini-4-pro": DronePreset(
         title="DJI Mini 4 Pro",
@@ -266,8 +304,93 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-mini-4-pro",
         photo_interval_s=2.0,
-        source=f"Mini 4 Pro specifications, DJI (normal mode); {_SDK}",
+        mission_formats=("dji-fly",),
+        source=f"Mini 4 Pro specifications, DJI (normal mode); {_FLY}",
         assumed=f"{_CRUISE}; speeds unconfirmed",
+    ),
+    "dji-mini-5-pro": DronePreset(
+        title="DJI Mini 5 Pro",
+        speed_mps=8.0,
+        acceleration_mps2=2.0,
+        climb_mps=5.0,
+        airspeed_mps=15.0,
+        endurance_min=36.0,
+        most_waypoints=99,
+        camera="dji-mini-5-pro",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Mini 5 Pro specifications, DJI; speed as in dronnix-io/FlyPath, drones.json; {_FLY}",
+        assumed=f"{_CRUISE}; all of its numbers unconfirmed",
+    ),
+    "dji-air-3": DronePreset(
+        title="DJI Air 3",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=46.0,
+        most_waypoints=99,
+        camera="dji-air-3-wide",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Air 3 specifications, DJI (normal mode); {_FLY}",
+        assumed=f"{_CRUISE}; speeds and photo interval unconfirmed",
+    ),
+    "dji-air-3s": DronePreset(
+        title="DJI Air 3S",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=45.0,
+        most_waypoints=99,
+        camera="dji-air-3s-wide",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Air 3S specifications, DJI (normal mode); {_FLY}",
+        assumed=f"{_CRUISE}; speeds and photo interval unconfirmed",
+    ),
+    "dji-mavic-3": DronePreset(
+        title="DJI Mavic 3 (also Classic and Cine)",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=46.0,
+        most_waypoints=99,
+        camera="dji-mavic-3-wide",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Mavic 3 specifications, DJI (normal mode); {_FLY}",
+        assumed=f"{_CRUISE}; speeds and photo interval unconfirmed",
+    ),
+    "dji-mavic-3-pro": DronePreset(
+        title="DJI Mavic 3 Pro",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=43.0,
+        most_waypoints=99,
+        camera="dji-mavic-3-wide",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Mavic 3 Pro specifications, DJI (normal mode); {_FLY}, as it flies the Mavic 3",
+        assumed=f"{_CRUISE}; speeds, photo interval and waypoint missions unconfirmed; camera that of the Mavic 3",
+    ),
+    "dji-mavic-4-pro": DronePreset(
+        title="DJI Mavic 4 Pro",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=51.0,
+        most_waypoints=99,
+        camera="dji-mavic-4-pro-wide",
+        photo_interval_s=2.0,
+        mission_formats=("dji-fly",),
+        source=f"Mavic 4 Pro specifications, DJI (51 min; 25 m/s in sport mode); {_FLY}",
+        assumed=f"{_CRUISE}; speeds of the normal mode and photo interval unconfirmed",
     ),
     "dji-air-2s": DronePreset(
         title="DJI Air 2S",
@@ -279,8 +402,37 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=99,
         camera="dji-air-2s",
         photo_interval_s=2.0,
+        mission_formats=("litchi",),
         source=f"Air 2S specifications, DJI (normal mode); {_SDK}",
         assumed=_CRUISE,
+    ),
+    "dji-phantom-4-pro": DronePreset(
+        title="DJI Phantom 4 Pro",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=13.9,
+        endurance_min=30.0,
+        most_waypoints=99,
+        camera="dji-phantom-4-pro",
+        photo_interval_s=2.0,
+        mission_formats=("litchi",),
+        source=f"Phantom 4 Pro specifications, DJI (positioning mode 50 km/h; climb 5, descent 3 m/s); {_SDK}",
+        assumed=f"{_CRUISE}; photo interval: the shortest of its timed photos",
+    ),
+    "dji-mavic-2-pro": DronePreset(
+        title="DJI Mavic 2 Pro",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=3.0,
+        airspeed_mps=13.9,
+        endurance_min=31.0,
+        most_waypoints=99,
+        camera="dji-mavic-2-pro",
+        photo_interval_s=2.0,
+        mission_formats=("litchi",),
+        source=f"Mavic 2 Pro specifications, DJI (climb 4, descent 3 m/s outside sport mode); {_SDK}",
+        assumed=f"{_CRUISE}; speed that of the Phantom 4 Pro; photo interval: the shortest of its timed photos",
     ),
     "autel-evo-2-dual-640t": DronePreset(
         title="Autel EVO II Dual 640T",
@@ -292,8 +444,27 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=None,
         camera="autel-evo-2-dual-640t-thermal",
         photo_interval_s=2.0,
+        mission_formats=(),
         source="EVO II Dual 640T specifications, Autel Robotics (standard mode)",
         assumed=f"{_CRUISE}; descent 3 m/s; speed unconfirmed; photo interval: the shortest of its time lapse",
+        autopilot="autel",
+    ),
+    "autel-evo-max-4t": DronePreset(
+        title="Autel EVO Max 4T",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=42.0,
+        most_waypoints=65_535,
+        camera="autel-evo-max-4t-thermal",
+        photo_interval_s=2.0,
+        mission_formats=("autel",),
+        source=(
+            "EVO Max 4T specifications, Autel Robotics (climb 8, descent 6 m/s); waypoints and flight"
+            " time: Autel Payload SDK documentation (2 to 65,535; 42 min)"
+        ),
+        assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the EVO II",
         autopilot="autel",
     ),
     "parrot-anafi-usa": DronePreset(
@@ -304,8 +475,9 @@ DRONES: dict[str, DronePreset] = {
         airspeed_mps=14.7,
         endurance_min=32.0,
         most_waypoints=None,
-        camera=None,
+        camera="parrot-anafi-usa-thermal",
         photo_interval_s=1.0,
+        mission_formats=("parrot",),
         source="ANAFI USA specifications, Parrot (climb 4, descent 3 m/s)",
         assumed=f"{_CRUISE}; photo interval",
         autopilot="parrot",
@@ -320,6 +492,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=None,
         camera="parrot-anafi-thermal",
         photo_interval_s=1.0,
+        mission_formats=("parrot",),
         source="ANAFI Thermal specifications, Parrot",
         assumed=f"{_CRUISE}; photo interval; flight time and speeds unconfirmed",
         autopilot="parrot",
@@ -334,6 +507,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=718,
         camera=None,
         photo_interval_s=None,
+        mission_formats=("waypoints", "plan"),
         source=(
             "ArduPilot, libraries/AC_WPNav/AC_WPNav.h (10 m/s, 2.5 m/s², climb 2.5 and descent"
             " 1.5 m/s); waypoints: what small boards store"
@@ -351,6 +525,7 @@ DRONES: dict[str, DronePreset] = {
         most_waypoints=None,
         camera=None,
         photo_interval_s=None,
+        mission_formats=("plan",),
         source=(
             "PX4, MPC_XY_CRUISE 5 m/s, MPC_ACC_HOR 3 m/s², MPC_Z_V_AUTO_UP 3 and MPC_Z_V_AUTO_DN"
             " 1.5 m/s, MPC_XY_VEL_MAX 12 m/s"

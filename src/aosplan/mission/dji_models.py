@@ -1,6 +1,6 @@
 """Numbers by which DJI's files name drones and cameras.
 
-Source: DJI Cloud API documentation 1.14, product support (type and sub_type of aircraft, type of
+Source: DJI Cloud API documentation, 1.14 and as of March 2026, product support (type and sub_type of aircraft, type of
 cameras), as DJI WPML refers to it.
 """
 
@@ -20,6 +20,7 @@ class Drone(NamedTuple):
 DRONES = {
     "dji-m300": Drone(60, 0, None),
     "dji-m350": Drone(89, 0, None),
+    "dji-m400": Drone(103, 0, None),
     "dji-m30": Drone(67, 0, "dji-m30"),
     "dji-m30t": Drone(67, 1, "dji-m30t"),
     "dji-m3e": Drone(77, 0, "dji-m3e"),

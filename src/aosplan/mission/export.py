@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.mission.limits import parts
+from aosplan.mission.limits import check_flown, parts
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
@@ -22,11 +22,14 @@ if TYPE_CHECKING:
 
 
 MODULES = {
+    "autel": "autel",
     "csv": "csv",
+    "dji-fly": "dji_fly",
     "geojson": "geojson",
     "kml": "kml",
     "kmz": "wpml",
     "litchi": "litchi",
+    "parrot": "parrot",
     "plan": "qgc_plan",
     "waypoints": "ardupilot",
 }
@@ -84,6 +87,11 @@ def render(mission: Mission, chosen: Format) -> bytes:
         Where the format needs a place and the mission has none, or cannot say how it is flown, or
         where the mission's autopilot does not fly it.
     """
+    if chosen.needs_place and not mission.has_place:
+        raise RequestError(
+            f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
+        )
+    check_flown(mission, chosen)
     autopilot = mission.settings.autopilot
     if chosen.flown_by and autopilot is not None and autopilot not in chosen.flown_by:
         own = [form for form in formats().values() if autopilot in form.flown_by]
@@ -93,10 +101,6 @@ def render(mission: Mission, chosen: Format) -> bytes:
             f"it takes {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
             if own
             else "no format here is for it: write KML, GeoJSON or CSV",
-        )
-    if chosen.needs_place and not mission.has_place:
-        raise RequestError(
-            f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
         )
     write: Callable[[Mission], bytes] = _module(chosen.name).render
     return write(mission)

@@ -25,7 +25,8 @@ class Format(NamedTuple):
 
     `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
     that reads it, the usual one first; `flown_by` which autopilots fly it, empty for files that
-    are not flown.
+    are not flown; `triggers` how its photos may be taken.  With `asks_drone` it is written only
+    for a drone that says that it flies the format.
     """
 
     name: str
@@ -35,6 +36,8 @@ class Format(NamedTuple):
     altitudes: str = "ground"
     limits: tuple[Limits, ...] = (Limits(),)
     flown_by: tuple[str, ...] = ()
+    triggers: tuple[str, ...] = ("stop", "distance")
+    asks_drone: bool = False
 
     @property
     def written_as(self) -> str:

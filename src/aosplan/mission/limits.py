@@ -27,6 +27,39 @@ def limits_of(mission: Mission, chosen: Format) -> Limits:
     return limits
 
 
+def check_flown(mission: Mission, chosen: Format) -> None:
+    """Refuse a mission whose drone, trigger or heights a format cannot express.
+
+    Raises
+    ------
+    RequestError
+        Where the drone is not known or flies other formats, the format has not such a trigger, or
+        it holds heights above the take-off alone.
+    """
+    settings = mission.settings
+    flown = settings.mission_formats or ()
+    if chosen.asks_drone and settings.drone is None:
+        raise RequestError(
+            f"{chosen.title} needs to know the drone",
+            "give its --drone NAME; aosplan drones --json lists what each one flies",
+        )
+    if chosen.asks_drone and chosen.name not in flown:
+        raise RequestError(
+            f"the drone {settings.drone} does not fly {chosen.title}",
+            f"it flies {' and '.join(flown)}" if flown else "no format is known that it flies",
+        )
+    if settings.trigger not in chosen.triggers:
+        raise RequestError(
+            f"{chosen.title} has no photos by {settings.trigger}: the drone stops for each one",
+            f"give --trigger {chosen.triggers[0]}",
+        )
+    if settings.altitude_frame == "terrain" and "ground" not in chosen.altitudes:
+        raise RequestError(
+            f"{chosen.title} holds no height above the ground over trees",
+            "plan heights above the take-off",
+        )
+
+
 def parts(mission: Mission, chosen: Format) -> list[Mission]:
     """The mission in pieces that the format's target takes: consecutive, gapless, equally long.
 

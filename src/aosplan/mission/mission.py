@@ -96,7 +96,7 @@ class FlightSettings(NamedTuple):
     of the take-off are None where they are not known; `takeoff_ellipsoid_m` is its height above
     the WGS 84 ellipsoid, if the terrain file has such heights.  Heights are held above the take-off, or
     with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
-    takes `most_waypoints` in one file, where that is known.  PX4 triggers the camera by
+    takes `most_waypoints` in one file and flies `mission_formats`, where that is known.  PX4 triggers the camera by
     `camera_control`: commands of MAVLink's camera protocol (``mavlink``), or its own outputs.
     """
 
@@ -116,6 +116,7 @@ class FlightSettings(NamedTuple):
     most_waypoints: int | None = None
     camera_control: str | None = None
     takeoff_ellipsoid_m: float | None = None
+    mission_formats: tuple[str, ...] | None = None
 
 
 class Mission(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from aosplan.validation import Document, Finite, MessageDocument, OpenDocument, Pair
+from aosplan.validation import Document, Finite, MessageDocument, OpenDocument, Pair, Words
 
 
 class WaypointDocument(Document):
@@ -149,6 +149,7 @@ class FlightDocument(OpenDocument):
     flights: list[OneFlightDocument] | None = None
     altitude_frame: Literal["takeoff", "terrain"] = "takeoff"
     most_waypoints: Annotated[int, Field(ge=2)] | None = None
+    mission_formats: Words | None = None
 
 
 class LimitDocument(OpenDocument):

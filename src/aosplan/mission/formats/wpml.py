@@ -18,7 +18,7 @@ from aosplan.mission.mission import photo_lines, runs_out
 from aosplan.xml_text import xml_text
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from aosplan.mission.dji_models import Drone
     from aosplan.mission.mission import Mission
@@ -56,19 +56,40 @@ _THROUGH = (
 )
 
 
-def render(mission: Mission) -> bytes:
+class Machine(NamedTuple):
+    """A drone's name and numbers, and the camera that it carries, if files name one."""
+
+    name: str
+    drone: Drone
+    payload: int | None = None
+    carries: str = ""
+
+
+class Dialect(NamedTuple):
+    """How the files of one maker's application differ from those of DJI Pilot 2.
+
+    `machine` names a mission's drone.  Files of DJI Fly (`fly`) name no camera and no lens, have
+    sites in ``waylines.wpml`` alone, and state a total distance and duration of 0.
+    """
+
+    namespace: str
+    machine: Callable[[Mission], Machine]
+    fly: bool = False
+
+
+def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
     """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
 
     Raises
     ------
     RequestError
-        Where the drone or its payload is not known, or heights are held above the ground.
+        Where the drone or its payload is not known.
     """
     import zipfile
 
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, pieces in documents(mission).items():
+        for name, pieces in documents(mission, dialect or PILOT).items():
             member = zipfile.ZipInfo(f"wpmz/{name}", date_time=(1980, 1, 1, 0, 0, 0))
             member.compress_type = zipfile.ZIP_DEFLATED
             member.create_system = 3
@@ -79,19 +100,17 @@ def render(mission: Mission) -> bytes:
     return buffer.getvalue()
 
 
-def documents(mission: Mission) -> dict[str, Iterator[str]]:
-    """The two documents by name, in pieces: what Pilot 2 shows, and what the drone flies."""
-    if mission.settings.altitude_frame != "takeoff":
-        raise RequestError(
-            f"{FORMAT.title} holds no height above the ground over trees",
-            "plan heights above the take-off",
-        )
+def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
+    """The two documents by name, in pieces: what the application shows, and what the drone flies."""
     settings = mission.settings
     speed = f"{settings.speed_mps:.2f}"
-    config = _config(mission)
-    name, *_ = machine(mission)
+    machine = dialect.machine(mission)
+    config = _config(mission, machine)
+    name = machine.name
     turn = "toPointAndStopWithDiscontinuityCurvature"
-    heading = _heading(settings.yaw_deg)
+    heading = _heading(settings.yaw_deg, fly=dialect.fly)
+    totals = f"{_wrap('distance', 0)}{_wrap('duration', 0)}\n" if dialect.fly else ""
+    payload = "" if machine.payload is None else _payload(mission, machine)
     template = f"""
 {_wrap("author", "aosplan")}
 {config}
@@ -109,18 +128,14 @@ def documents(mission: Mission) -> dict[str, Iterator[str]]:
 {_wrap("globalWaypointHeadingParam", heading)}
 <wpml:globalWaypointTurnMode>{turn}</wpml:globalWaypointTurnMode>
 <wpml:globalUseStraightLine>1</wpml:globalUseStraightLine>
-<wpml:payloadParam>
-<wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>
-<wpml:imageFormat>{_lens(mission)}</wpml:imageFormat>
-</wpml:payloadParam>
-"""
+{payload}"""
     waylines = f"""
 {config}
 <Folder>
 <wpml:templateId>0</wpml:templateId>
 <wpml:executeHeightMode>relativeToStartPoint</wpml:executeHeightMode>
 <wpml:waylineId>0</wpml:waylineId>
-<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
+{totals}<wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
 """
     pitch = f"<wpml:gimbalPitchAngle>{settings.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
     shown = (
@@ -134,16 +149,24 @@ def documents(mission: Mission) -> dict[str, Iterator[str]]:
         "<wpml:executeHeight>%s</wpml:executeHeight>"
         f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
     )
+    aim = _gimbal(settings.gimbal_pitch_deg, "aircraft" if dialect.fly else "north")
+    if dialect.fly:
+        shoot = _action("takePhoto", _wrap("payloadPositionIndex", 0))
+    else:
+        shoot = _take_photo(_lens(mission, machine))
+    sites = iter(()) if dialect.fly else _placemarks(mission, heading, shown, (aim, shoot))
     return {
-        "template.kml": _kml(template, _placemarks(mission, heading, shown)),
-        "waylines.wpml": _kml(waylines, _placemarks(mission, heading, flown)),
+        "template.kml": _kml(dialect.namespace, template, sites),
+        "waylines.wpml": _kml(
+            dialect.namespace, waylines, _placemarks(mission, heading, flown, (aim, shoot))
+        ),
     }
 
 
-def _kml(head: str, placemarks: Iterator[str]) -> Iterator[str]:
+def _kml(namespace: str, head: str, placemarks: Iterator[str]) -> Iterator[str]:
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2" '
-        f'xmlns:wpml="http://www.dji.com/wpmz/1.0.2">\n<Document>{head}'
+        f'xmlns:wpml="{namespace}">\n<Document>{head}'
     )
     yield from placemarks
     yield "</Folder>\n</Document>\n</kml>\n"
@@ -153,10 +176,18 @@ def _wrap(name: str, *inner: object) -> str:
     return f"<wpml:{name}>{''.join(map(str, inner))}</wpml:{name}>"
 
 
-def _config(mission: Mission) -> str:
+def _payload(mission: Mission, machine: Machine) -> str:
+    return f"""<wpml:payloadParam>
+<wpml:payloadPositionIndex>0</wpml:payloadPositionIndex>
+<wpml:imageFormat>{_lens(mission, machine)}</wpml:imageFormat>
+</wpml:payloadParam>
+"""
+
+
+def _config(mission: Mission, machine: Machine) -> str:
     """Where the drone goes before and after, and what it is."""
     settings = mission.settings
-    _, drone, payload, _ = machine(mission)
+    _, drone, payload, _ = machine
     height = f"{mission.climb_m():.2f}"
     # Its height is above the ellipsoid: the element is optional, and left out if that is unknown.
     reference = ""
@@ -164,6 +195,14 @@ def _config(mission: Mission) -> str:
         latitude, longitude = mission.home()
         place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ellipsoid_m:.2f}"
         reference = _wrap("takeOffRefPoint", place) + "\n"
+    carried = ""
+    if payload is not None:
+        numbers = (
+            _wrap("payloadEnumValue", payload)
+            + _wrap("payloadSubEnumValue", 0)
+            + _wrap("payloadPositionIndex", 0)
+        )
+        carried = _wrap("payloadInfo", numbers) + "\n"
     return f"""<wpml:missionConfig>
 <wpml:flyToWaylineMode>safely</wpml:flyToWaylineMode>
 <wpml:finishAction>goHome</wpml:finishAction>
@@ -174,13 +213,11 @@ def _config(mission: Mission) -> str:
 <wpml:globalRTHHeight>{height}</wpml:globalRTHHeight>
 <wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
 {_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
-<wpml:payloadInfo>{_wrap("payloadEnumValue", payload)}{_wrap("payloadSubEnumValue", 0)}\
-{_wrap("payloadPositionIndex", 0)}</wpml:payloadInfo>
-</wpml:missionConfig>"""
+{carried}</wpml:missionConfig>"""
 
 
-def machine(mission: Mission) -> tuple[str, Drone, int, str]:
-    """The drone's name and numbers, and the number and name of the camera that it carries.
+def machine(mission: Mission) -> Machine:
+    """The drone and its payload, as DJI Pilot 2 knows them.
 
     A drone or payload that is not named is the one that the planned camera belongs to.
     """
@@ -207,7 +244,11 @@ def machine(mission: Mission) -> tuple[str, Drone, int, str]:
             if drone.payload is None
             else "leave --payload out, or give another --drone",
         )
-    return name, drone, _known(payload, PAYLOADS, "payload"), payload
+    return Machine(name, drone, _known(payload, PAYLOADS, "payload"), payload)
+
+
+PILOT = Dialect("http://www.dji.com/wpmz/1.0.2", machine)
+"""DJI Pilot 2 and FlightHub 2."""
 
 
 def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
@@ -236,29 +277,33 @@ _ONE_COLOUR_TOKEN = {
 """Cameras whose colour photos DJI Pilot 2 and FlightHub 2 store as ``visable``, in DJI's spelling."""
 
 
-def _lens(mission: Mission) -> str:
+def _lens(mission: Mission, machine: Machine) -> str:
     """Which lens stores its photo: the planned one, by the token that DJI's own files have."""
     if _camera_name(mission).endswith("thermal"):
         return "ir"
-    return "visable" if machine(mission)[3] in _ONE_COLOUR_TOKEN else "wide"
+    return "visable" if machine.carries in _ONE_COLOUR_TOKEN else "wide"
 
 
-def _heading(yaw_deg: float) -> str:
+def _heading(yaw_deg: float, *, fly: bool) -> str:
     """The nose kept in one direction: a whole number of degrees from -180 to 180."""
     angle = round((yaw_deg + 180.0) % 360.0 - 180.0)
     return (
         "<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode>"
         f"<wpml:waypointHeadingAngle>{angle}</wpml:waypointHeadingAngle>"
-        "<wpml:waypointHeadingPathMode>followBadArc</wpml:waypointHeadingPathMode>"
+        + (_wrap("waypointHeadingAngleEnable", 1) if fly else "")
+        + "<wpml:waypointHeadingPathMode>followBadArc</wpml:waypointHeadingPathMode>"
     )
 
 
-def _placemarks(mission: Mission, heading: str, own: str) -> Iterator[str]:
-    """Each waypoint; `own` is what one of the documents alone says, with %s for heights."""
+def _placemarks(mission: Mission, heading: str, own: str, camera: tuple[str, str]) -> Iterator[str]:
+    """Each waypoint; `own` is what one of the documents alone says, with %s for heights.
+
+    `camera` are the actions that tilt it, and take a photo.
+    """
     ways = mission.waypoints
     assert ways.latitude is not None  # the format needs a place
     assert ways.longitude is not None
-    groups, passed = _actions(mission)
+    groups, passed = _actions(mission, *camera)
     places = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
     for index, (latitude, longitude, height) in enumerate(places):
         yield (
@@ -282,10 +327,9 @@ class Group(NamedTuple):
     actions: tuple[str, ...]
 
 
-def _actions(mission: Mission) -> tuple[dict[int, list[Group]], set[int]]:
+def _actions(mission: Mission, aim: str, shoot: str) -> tuple[dict[int, list[Group]], set[int]]:
     """Action groups by waypoint, and the waypoints that are flown through without a stop."""
     settings, photo = mission.settings, mission.waypoints.photo
-    aim, shoot = _gimbal(settings.gimbal_pitch_deg), _take_photo(_lens(mission))
     wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
     passed: set[int] = set()
     if settings.trigger == "stop":
@@ -356,12 +400,12 @@ def _take_photo(lens: str) -> str:
     )
 
 
-def _gimbal(pitch_deg: float) -> str:
+def _gimbal(pitch_deg: float, yaw_base: str) -> str:
     axes = {"Pitch": (1, f"{pitch_deg:g}"), "Roll": (0, "0"), "Yaw": (0, "0")}
     return _action(
         "gimbalRotate",
         _wrap("payloadPositionIndex", 0),
-        _wrap("gimbalHeadingYawBase", "north"),
+        _wrap("gimbalHeadingYawBase", yaw_base),
         _wrap("gimbalRotateMode", "absoluteAngle"),
         *(
             _wrap(f"gimbal{axis}RotateEnable", enabled) + _wrap(f"gimbal{axis}RotateAngle", angle)

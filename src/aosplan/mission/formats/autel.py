@@ -1,0 +1,66 @@
+"""Autel's ``.kmz`` routes for Autel Enterprise and the EVO Max series.
+
+Elements and their order are those of Autel's Cloud API documentation (template.kml, waylines.wpml,
+common elements), which follows DJI's WPML in a namespace and with numbers of its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError
+from aosplan.mission.dji_models import Drone
+from aosplan.mission.format import Format, Limits
+from aosplan.mission.formats import wpml
+
+if TYPE_CHECKING:
+    from aosplan.mission.mission import Mission
+
+FORMAT = Format(
+    "autel",
+    (),
+    "Autel KMZ",
+    needs_place=True,
+    altitudes="take-off",
+    limits=(
+        Limits(
+            "autel-enterprise",
+            waypoints=(2, 65_535),
+            speed_mps=(0.1, 15.0),
+            source="2 to 65,535 waypoints: Autel's Payload SDK documentation; speeds: its Mobile SDK",
+        ),
+    ),
+    flown_by=("autel",),
+    triggers=("stop",),
+    asks_drone=True,
+)
+
+DRONES = {"autel-evo-max-4t": 0, "autel-evo-max-4n": 1}
+"""droneSubEnumValue of the drones whose droneEnumValue is 11000."""
+
+GIMBAL = 806
+"""payloadEnumValue: of the gimbals that the documentation lists, the one in files of the EVO Max."""
+
+
+def render(mission: Mission) -> bytes:
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
+
+    Raises
+    ------
+    RequestError
+        Where Autel's documentation has no number for the drone.
+    """
+    return wpml.render(mission, _AUTEL)
+
+
+def _machine(mission: Mission) -> wpml.Machine:
+    name = str(mission.settings.drone)
+    if name not in DRONES:
+        raise RequestError(
+            f"{FORMAT.title} has no number for the drone '{name}'",
+            f"it has those of {' and '.join(DRONES)}",
+        )
+    return wpml.Machine(name, Drone(11_000, DRONES[name], None), GIMBAL)
+
+
+_AUTEL = wpml.Dialect("http://www.autel.com/wpmz/1.0.0", _machine)

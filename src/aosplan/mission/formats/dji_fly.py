@@ -1,0 +1,52 @@
+"""DJI Fly's waypoint missions: a ``.kmz`` that replaces a mission on the remote controller.
+
+DJI documents no format for DJI Fly.  Its files have the members and elements of DJI WPML; what
+differs is taken from public planners whose files are flown: YMapper, FlyPath and the flight plans
+of HOT's Drone Tasking Manager.  All of them write the drone as 68, 0 whatever it is, name no
+camera, and say that DJI Fly takes no photos by distance or time.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.mission.dji_models import Drone
+from aosplan.mission.format import Format, Limits
+from aosplan.mission.formats import wpml
+
+if TYPE_CHECKING:
+    from aosplan.mission.mission import Mission
+
+FORMAT = Format(
+    "dji-fly",
+    (),
+    "DJI Fly KMZ",
+    needs_place=True,
+    altitudes="take-off",
+    limits=(
+        Limits(
+            "dji-fly",
+            waypoints=(2, 99),
+            leg_m=(0.5, 2000.0),
+            speed_mps=(0.1, 15.0),
+            height_m=(None, 500.0),
+            source="99 waypoints and 500 m are what DJI Fly lets a pilot set; speeds and legs those "
+            "of DJI's Mobile SDK 4, as nobody documents others",
+        ),
+    ),
+    flown_by=("dji",),
+    triggers=("stop",),
+    asks_drone=True,
+)
+
+
+def render(mission: Mission) -> bytes:
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times."""
+    return wpml.render(mission, _FLY)
+
+
+def _machine(mission: Mission) -> wpml.Machine:
+    return wpml.Machine(str(mission.settings.drone), Drone(68, 0, None))
+
+
+_FLY = wpml.Dialect(wpml.PILOT.namespace, _machine, fly=True)

@@ -1,0 +1,86 @@
+"""Parrot's ``.mavlink`` flight plan (QGC WPL 120), as the ANAFI, ANAFI Thermal and ANAFI USA fly it.
+
+Commands, parameters and frames are those of Parrot's FlightPlan documentation, messages V1, and of
+its GroundSDK for Android, which ignores the hold of a waypoint and takes an acceptance radius of 0
+for 5 m.  The ANAFI Ai reads other parameters (V2) and is not served.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.mission import mavlink as mav
+from aosplan.mission.format import Format, Limits
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.mission.mission import Mission
+
+FORMAT = Format(
+    "parrot",
+    (".mavlink",),
+    "Parrot flight plan (QGC WPL 120)",
+    needs_place=True,
+    altitudes="take-off",
+    limits=(
+        Limits(
+            "parrot-anafi",
+            speed_mps=(1.0, 10.0),
+            source="speeds of Parrot's FlightPlan documentation, messages V1, which names no greatest "
+            "number of commands",
+        ),
+    ),
+    flown_by=("parrot",),
+    triggers=("stop",),
+    asks_drone=True,
+)
+
+DELAY, VIEW_MODE = 112, 50_000
+"""Commands of Parrot's own dialect: wait before the next one, and how the nose turns."""
+
+REACHED_M = 0.5
+"""A site is reached only this near, not at the default of 5 m."""
+
+FULL_FRAME = 13.0
+"""Photos of the whole sensor as JPEG."""
+
+
+def render(mission: Mission) -> bytes:
+    """One command a line, fields between tabs, all of them in the frame above the take-off."""
+    lines = [
+        f"{number}\t0\t{mav.RELATIVE}\t{command}\t"
+        + "\t".join(f"{param:.8f}" for param in params)
+        + "\t1"
+        for number, (command, params) in enumerate(_commands(mission))
+    ]
+    return "\n".join(["QGC WPL 120", *lines, ""]).encode()
+
+
+def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
+    """Take-off, each site with a photo halfway through its hold, and return."""
+    ways, settings = mission.waypoints, mission.settings
+    assert ways.latitude is not None  # the format needs a place
+    assert ways.longitude is not None
+    pause = _plain(DELAY, settings.hold_s / 2.0)
+    yield _plain(mav.TAKEOFF)
+    yield _plain(mav.SPEED, 1.0, settings.speed_mps)
+    yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint, to the yaw that it says
+    yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
+    sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
+    for index, (latitude, longitude, height) in enumerate(sites):
+        lead = (0.0, REACHED_M, 0.0, round(settings.yaw_deg, 4) % 360.0)
+        yield mav.WAYPOINT, (*lead, latitude, longitude, height)
+        if ways.photo is None or ways.photo[index]:
+            if settings.hold_s:
+                yield pause
+            yield _plain(mav.CAPTURE, 0.0, 1.0, FULL_FRAME)
+            if settings.hold_s:
+                yield pause
+    yield _plain(mav.RETURN)
+
+
+def _plain(
+    command: int, first: float = 0.0, second: float = 0.0, third: float = 0.0
+) -> tuple[int, tuple[float, ...]]:
+    return command, (first, second, third, 0.0, 0.0, 0.0, 0.0)
