@@ -204,7 +204,8 @@ def test_patches_stand_for_the_whole_target_area(monkeypatch):
 
 def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
-    made = replace(flight, volume=volume, model="measured")
+    loaded = replace(flight.inputs.loaded, volume=volume)
+    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded, model="measured"))
     for view in ("perspective", "telecentric"):
         found = simulate(made, Settings(view=view))
         truth = MeasuredModel(volume, 60.0, view=view).predict(
@@ -221,7 +222,9 @@ def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
 
 def test_a_cloud_does_not_keep_what_independent_layers_promise(flight):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
-    assert not simulate(replace(flight, volume=volume), Settings()).agree
+    loaded = replace(flight.inputs.loaded, volume=volume)
+    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded))
+    assert not simulate(made, Settings()).agree
 
 
 def test_bare_ground_needs_no_experiment():
