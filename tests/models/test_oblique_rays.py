@@ -159,7 +159,7 @@ def hidden(rng, rate, cameras, targets):
     return found
 
 
-@pytest.mark.parametrize("baseline", [1.0, 3.0])
+@pytest.mark.parametrize("baseline", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 def test_cubes_at_random_show_what_is_predicted(baseline):
     rate = 0.9 / (EDGE**2 * DEPTH)  # a nadir ray is clear with probability exp(-0.9)
     pattern = Pattern(3, 4)

@@ -163,7 +163,13 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
 # What is read
 
 
-@pytest.mark.parametrize("look", [Look(), Look(DARK, width_mm=140.0)], ids=["wide", "narrow"])
+@pytest.mark.parametrize(
+    "look",
+    [
+        pytest.param(Look(), id="wide", marks=pytest.mark.slow),
+        pytest.param(Look(DARK, width_mm=140.0), id="narrow"),
+    ],
+)
 @pytest.mark.parametrize("name", FIGURES)
 def test_no_words_are_cut(figure_of, name, look):
     figure = figure_of(name, look)

@@ -162,7 +162,7 @@ BOUNDS = [
 
 @pytest.mark.parametrize("bounds", BOUNDS, ids=str)
 @pytest.mark.parametrize("grid", KINDS, ids=lambda grid: grid.title)
-@pytest.mark.parametrize("stand", ["beech", "clearing"])
+@pytest.mark.parametrize("stand", ["beech", pytest.param("clearing", marks=pytest.mark.slow)])
 def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
     """Every pattern at every baseline of the scan, by the model alone; every objective."""
     problem = stands[stand]._replace(grid=grid, bounds=bounds)

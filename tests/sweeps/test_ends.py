@@ -16,7 +16,13 @@ pl = pytest.importorskip("polars")
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet", "jsonl"])
-@pytest.mark.parametrize("conditions", [[], ["--best", "-flight_time_s", "--per", "altitude"]])
+@pytest.mark.parametrize(
+    "conditions",
+    [
+        pytest.param([], marks=pytest.mark.slow),
+        ["--best", "-flight_time_s", "--per", "altitude"],
+    ],
+)
 def test_interruptions_change_no_byte(
     campaign, tmp_path, small_blocks, monkeypatch, suffix, conditions
 ):
