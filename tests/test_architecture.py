@@ -385,7 +385,7 @@ def test_the_package_says_that_it_is_typed():
 
 # Source files
 
-TABLES = ("camera/presets.py", "flight/drones.py", "scenes/presets.py")
+TABLES = ("camera/presets.py", "flight/drones.py", "planning/options.py", "scenes/presets.py")
 """Tables of data: as long as what they list."""
 
 

@@ -325,7 +325,17 @@ EFFECTS = {
     ),
 }
 
-CLOUD_ONLY = ("voxel", "ground", "min_height", "units", "crown_base", "view")
+CLOUD_ONLY = (
+    "voxel",
+    "ground",
+    "min_height",
+    "units",
+    "opacity",
+    "leaf_size",
+    "trajectory",
+    "crown_base",
+    "view",
+)
 TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
 """Tested where there is a terrain, in test_terrain.py."""
 

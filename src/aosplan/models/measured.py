@@ -84,7 +84,7 @@ class MeasuredModel:
         ``telecentric``: each target in the middle of its own aperture.  ``perspective``: all
         targets of the plot below one aperture, whose centre is the plot's.
     targets_per_voxel
-        Targets along either side of a voxel.
+        Targets along either side of a voxel; None for what the volume calls for.
     focal_height_m
         Height of the focal plane above the ground.
     hold_error_m
@@ -107,7 +107,7 @@ class MeasuredModel:
         *,
         heading_deg: float = 0.0,
         view: ViewKind = "telecentric",
-        targets_per_voxel: int = 4,
+        targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
         hold_error_m: float = 0.0,
     ) -> None:
@@ -127,6 +127,22 @@ class MeasuredModel:
         self._widest_m = half_plot_m * altitude_m / top_m if top_m > 0.0 else math.inf
         self._masks: dict[tuple[float, float], Words] = {}
         self._predictions: Known = {}
+
+    def of_volume(self, volume: VoxelVolume) -> MeasuredModel:
+        """The same views of another volume."""
+        _, altitude_m, focal_height_m = self._stand
+        return MeasuredModel(
+            volume,
+            altitude_m,
+            heading_deg=self.heading_deg,
+            view=self.view,
+            focal_height_m=focal_height_m,
+        )
+
+    @property
+    def volume(self) -> VoxelVolume:
+        """What stands on the plot."""
+        return self._stand[0]
 
     @cached_property
     def nadir(self) -> Prediction:

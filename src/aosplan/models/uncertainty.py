@@ -13,6 +13,13 @@ put back.  Of 360 pairs of halves of generated plots, 63 to 72 % differ by less 
 together, and 92 to 97 % by less than twice that (`benchmarks/uncertainty.py`).  Plots with few
 crowns, which a wide aperture sees over and over again, state up to a half too little.
 
+**Opacity.**  How much a cell hides is measured as well, or assumed.  If it comes from pulses, the
+energy of a return is not known: the first return of a pulse has at most all of it, and so has the
+last.  Between the predictions for these two the truth may lie anywhere, so their difference/√12 is
+one more standard error.  If voxels with a point in them count as opaque, their size decides: half
+the difference to voxels of twice the size is the error, as one octave of sizes is what a user may
+choose from.
+
 **Models of statistics**, where they come from a cloud: the model is made from each quarter of the
 plot, and what the four predict for the same sites scatters by twice the error of their mean.
 """
@@ -32,6 +39,12 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
     Floats = NDArray[np.float64]
+
+UNIFORM = 1.0 / math.sqrt(12.0)
+"""Standard deviation of what lies anywhere between two bounds, over their distance."""
+
+OCTAVE = 0.5
+"""Standard error of the size of voxels, over the difference to twice that size."""
 
 SMALLEST_QUARTER = 8
 """Cells along the side of a plot's quarter from which it says anything of the plot."""
@@ -77,6 +90,35 @@ def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
     )
 
 
+def with_opacity(
+    errors: Uncertainty, one: Prediction, other: Prediction, share: float
+) -> Uncertainty:
+    """Add the doubt about opacity to standard errors, as an independent error.
+
+    Parameters
+    ----------
+    errors
+        Standard errors for the finite plot.
+    one, other
+        Predictions for two opacities of the same stand.
+    share
+        Standard error as a share of their difference.
+    """
+
+    def both(error: float, difference: float) -> float:
+        return math.hypot(error, share * difference)
+
+    normalized = errors.normalized
+    if normalized is not None:
+        normalized = both(normalized, one.normalized - other.normalized)
+    return Uncertainty(
+        both(errors.density, one.density - other.density),
+        both(errors.expected, one.expected - other.expected),
+        normalized,
+        f"{errors.method}, and opacity",
+    )
+
+
 def _standard_error(influence: Floats, cell: int) -> float:
     """Standard error of the mean of a correlated field that wraps around at its edges."""
     from aosplan.scenes.occluder_statistics import correlation_range
@@ -117,4 +159,4 @@ def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
         for south in (0, rows):
             for west in (0, columns):
                 part = volume.occupied[:, south : south + rows, west : west + columns]
-                yield replace(volume, occupied=part)
+                yield replace(volume, occupied=part, bounds=None)

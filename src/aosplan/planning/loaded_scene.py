@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 from aosplan.files import is_file_name, is_pattern, located
 from aosplan.messages import Message
+from aosplan.planning.options import READING
 from aosplan.scenes.presets import find_preset_scene
 from aosplan.scenes.scene import Scene, UniformScene
 from aosplan.units import nearest_hint
@@ -27,8 +28,8 @@ CLOUD_SUFFIXES = (".las", ".laz")
 VOXEL_SUFFIX = ".npz"
 RASTER_SUFFIXES = (".tif", ".tiff")
 TABLE_SUFFIX = ".csv"
-READING = ("voxel", "ground", "min_height", "units", "crown_base")
-"""Options that say how a point cloud or a canopy height raster is read."""
+OPACITY = ("opacity", "leaf_size", "trajectory")
+"""Options that say where the opacity of a point cloud comes from."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def load_scene(
         twice = {file for file in files if files.count(file) > 1}
         if twice:
             raise RequestError(f"point cloud '{min(twice)}' is given twice")
-        return _cloud(request, name, files, progress)
+        return _cloud(request, name, files, progress, folder)
     if preset is None and suffix in RASTER_SUFFIXES:
         return _raster(request, name)
     _check_unread(request, READING if suffix == VOXEL_SUFFIX else (*READING, "occluder_size"))
@@ -198,7 +199,11 @@ def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
 
 
 def _cloud(
-    request: PlanRequest, name: str, files: tuple[str, ...], progress: Progress | None
+    request: PlanRequest,
+    name: str,
+    files: tuple[str, ...],
+    progress: Progress | None,
+    folder: str,
 ) -> LoadedScene:
     from aosplan.scenes.files import cache
 
@@ -207,9 +212,16 @@ def _cloud(
         "voxel": request.voxel or 0.25,
         "ground": request.ground or "auto",
         "min_height": 2.0 if request.min_height is None else request.min_height,
+        "opacity": request.opacity or "auto",
     }
     if request.units is not None:
         reading["units"] = request.units
+    if request.leaf_size is not None:
+        reading["leaf_size"] = request.leaf_size
+    trajectory = None
+    if request.trajectory is not None:
+        reading["trajectory"] = request.trajectory
+        trajectory = located(request.trajectory, folder)
 
     def read() -> VoxelVolume:
         from aosplan.scenes.files.point_cloud import read_voxels
@@ -220,10 +232,14 @@ def _cloud(
             ground=reading["ground"],
             min_height_m=reading["min_height"],
             units=request.units,
+            opacity=reading["opacity"],
+            leaf_size_m=request.leaf_size,
+            trajectory=trajectory,
             progress=progress,
         )
 
-    stand, from_cache = cache.stand(files, reading, read)
+    read_from = files if trajectory is None else (*files, trajectory)
+    stand, from_cache = cache.stand(read_from, reading, read)
     shown = os.path.basename(os.path.normpath(name))
     loaded = _of_stand(stand, shown, request)
     return replace(loaded, reading=reading, from_cache=from_cache)
@@ -233,7 +249,7 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
     from aosplan.scenes.files.canopy_raster import CROWN_BASE, read_canopy
     from aosplan.scenes.files.voxel_file import Stand
 
-    _check_unread(request, ("ground",))
+    _check_unread(request, ("ground", *OPACITY))
     reading = {
         "min_height": 2.0 if request.min_height is None else request.min_height,
         "crown_base": CROWN_BASE if request.crown_base is None else request.crown_base,

@@ -28,6 +28,14 @@ VIEWS = ("telecentric", "perspective")
 GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
+READING = (
+    "voxel", "ground", "min_height", "units", "opacity", "leaf_size", "trajectory", "crown_base",
+)  # fmt: skip
+"""Options that say how a point cloud or a canopy height raster is read."""
+
+OPACITY = ("auto", "pulses", "voxels")
+"""Where the opacity of a point cloud comes from."""
+
 AUTOPILOTS = ("px4", "ardupilot")
 """Flight controllers that take QGroundControl's plans."""
 
@@ -215,6 +223,27 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "UNIT",
             "Unit of a point cloud's coordinates or a canopy raster's heights, instead of what the "
             "file states: m, ft, us-ft; us-ft,m if z has another one.",
+        ),
+        (
+            "opacity",
+            q.one_of(OPACITY),
+            "text",
+            "HOW",
+            f"Opacity of a point cloud: {', '.join(OPACITY)}.  [auto]",
+        ),
+        (
+            "leaf_size",
+            _length,
+            "number",
+            "M",
+            "Edge of the cells of an opacity from pulses.  [0.06]",
+        ),
+        (
+            "trajectory",
+            q.word,
+            "text",
+            "FILE",
+            "Positions of the laser: CSV with gps_time,x,y,z.  [from the pulses]",
         ),
         (
             "crown_base",

@@ -16,7 +16,7 @@ from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled
 from aosplan.planning.find import completed
-from aosplan.planning.options import BY_NAME, OPTIONS
+from aosplan.planning.options import BY_NAME, OPTIONS, READING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,7 +27,7 @@ ALTERNATIVES = (
     (("vhat",), ("visibility",)),
     (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
     (
-        ("scene", "voxel", "ground", "min_height", "units", "crown_base"),
+        ("scene", *READING),
         ("density", "volume_height", "volume_base"),
         ("integrated_density", "volume_height", "volume_base"),
         (
@@ -101,6 +101,9 @@ class PlanRequest:
     ground: str | None = None
     min_height: float | None = None
     units: str | None = None
+    opacity: str | None = None
+    leaf_size: float | None = None
+    trajectory: str | None = None
     crown_base: float | None = None
     camera: str | None = None
     focal_length: float | None = None

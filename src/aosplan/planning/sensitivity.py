@@ -29,7 +29,7 @@ from aosplan.scenes.scene import LayeredScene, UniformScene
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.models.measured import Flown
+    from aosplan.models.measured import Flown, MeasuredModel
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.solved_plan import SolvedPlan
@@ -206,7 +206,7 @@ def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
                 beside |= np.roll(plane, step, axis=axis)
         free = np.flatnonzero(beside & ~plane)
         plane.flat[rng.choice(free, min(count, len(free)), replace=False)] = True
-    return replace(volume, occupied=occupied)
+    return replace(volume, occupied=occupied, bounds=None)
 
 
 class Confidence(NamedTuple):
@@ -252,7 +252,40 @@ def _measured(problem: Problem, solution: Solution) -> tuple[Uncertainty | str, 
     if not isinstance(model, MeasuredModel):
         return "the saved scene holds no parts of the plot to compare", None
     errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
+    errors = _with_opacity(errors, model, solution)
     return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
+
+
+def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
+    """Standard errors with the doubt about the opacity of a point cloud."""
+    from aosplan.models.uncertainty import OCTAVE, UNIFORM, with_opacity
+
+    volume = model.volume
+    if volume.opacity is None or not volume.occupied.any():
+        return errors
+    sites = model.sites_m(solution.pattern, solution.baseline_m)
+    if volume.bounds is not None:
+        bounds = (
+            model.of_volume(replace(volume, occupied=bound, bounds=None)) for bound in volume.bounds
+        )
+        dense, thin = (bound.predict_positions(sites) for bound in bounds)
+        return with_opacity(errors, dense, thin, UNIFORM)
+    try:
+        coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
+    except RequestError:  # larger voxels would reach the cameras
+        return errors
+    return with_opacity(errors, model.predict_positions(sites), coarse, OCTAVE)
+
+
+def coarsened(volume: VoxelVolume) -> VoxelVolume:
+    """A volume of voxels of twice the size: occupied if one of the eight within is."""
+    import numpy as np
+
+    occupied = volume.occupied
+    for axis in range(3):
+        starts = np.arange(0, occupied.shape[axis], 2)
+        occupied = np.logical_or.reduceat(occupied, starts, axis=axis)
+    return replace(volume, occupied=occupied, voxel_m=2.0 * volume.voxel_m)
 
 
 def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:

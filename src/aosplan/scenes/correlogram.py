@@ -134,7 +134,7 @@ class Correlogram:
 
 
 def correlogram(
-    volume: VoxelVolume, *, targets_per_voxel: int = 4, focal_height_m: float = 0.0
+    volume: VoxelVolume, *, targets_per_voxel: int | None = None, focal_height_m: float = 0.0
 ) -> Correlogram:
     """Measure the correlogram of a volume, telecentric, the plot wrapped.
 

@@ -43,12 +43,12 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
         Its density is the column occupancy, since the slices of a stand are not independent.
         Bare ground has one layer, of density 0.
     """
-    voxel = volume.voxel_m
+    voxel, slice_m = volume.voxel_m, volume.slice_height_m
     layers = [
         Layer(
             # The cut may lie within the lowest slice.
-            max(k * voxel, volume.min_height_m),
-            (k + 1) * voxel,
+            max(k * slice_m, volume.min_height_m),
+            (k + 1) * slice_m,
             float(density),
             integral_range(volume.occupied[k]) * voxel,
         )
@@ -57,12 +57,12 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
     ]
     if not layers:
         base = volume.min_height_m
-        layers = [Layer(base, base + voxel, 0.0, voxel)]
+        layers = [Layer(base, base + slice_m, 0.0, slice_m)]
     return LayeredScene(
         name=name,
         layers=tuple(layers),
         measured_density=volume.column_occupancy,
-        voxel_m=voxel,
+        voxel_m=slice_m,
         source=volume.source,
     )
 
@@ -75,7 +75,7 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
     from aosplan.scenes.occlusion import Occlusion, popcount
 
     altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
-    per_voxel = 4 if volume.occupied[:1].size <= FINE_CELLS else 1
+    per_voxel = volume.targets_per_voxel if volume.occupied[:1].size <= FINE_CELLS else 1
     occlusion = Occlusion(volume, altitude_m, targets_per_voxel=per_voxel)
     turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])

@@ -17,6 +17,11 @@ along the axis on which the view is more oblique (perspective: along x).  So eac
 many cells as it should, for up to one cell per slice and axis, and which of the two it is
 makes no difference on average.
 
+**Plates.**  The cells of a volume that was realised from pulses are plates.  A ray at angle θ
+meets the cell of each slice at the slice's middle, and in a share sec θ - 1 of the slices the
+cell beside as well, so that the optical depth grows with the path.  In perspective that share
+is the sum of those of both axes, which is larger by a product of the two.
+
 **Telecentric views are shifts.**  All targets share the shift c H/h, here rounded to whole
 targets: a view is an OR of shifted slices, and no ray is traced.  Targets along x are bits of
 octets, and octets along y are neighbours in memory.  A shift along x by less than an octet is
@@ -36,6 +41,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.scenes import plates
 from aosplan.scenes.voxels import FACE
 
 if TYPE_CHECKING:
@@ -113,8 +119,8 @@ class Occlusion:
     view
         ``telecentric`` or ``perspective``, as in the module's text.
     targets_per_voxel
-        k, targets along either side of a voxel, from 1.  Telecentric rays are rounded to 1/k of
-        a voxel.
+        k, targets along either side of a voxel, from 1; None for what the volume calls for.
+        Telecentric rays are rounded to 1/k of a voxel.
     focal_height_m
         Height of the focal plane, and the targets, above the ground; what is below it hides
         nothing.
@@ -133,10 +139,12 @@ class Occlusion:
         altitude_m: float,
         *,
         view: ViewKind = "telecentric",
-        targets_per_voxel: int = 4,
+        targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
         window: Window | None = None,
     ) -> None:
+        if targets_per_voxel is None:
+            targets_per_voxel = volume.targets_per_voxel
         if view not in ("telecentric", "perspective"):
             raise RequestError(f"view '{view}' is unknown", "use telecentric or perspective")
         if not (targets_per_voxel >= 1 and targets_per_voxel == int(targets_per_voxel)):
@@ -152,12 +160,15 @@ class Occlusion:
                 "the focal plane",
                 f"fly higher than {max(top_m, 0.0):g} m",
             )
-        lowest = int(focal_height_m / volume.voxel_m + FACE)
+        thickness_m = volume.slice_height_m
+        lowest = int(focal_height_m / thickness_m + FACE)
         self._occupied = volume.occupied[lowest:]
         self._filled = np.flatnonzero(volume.slice_densities[lowest:])
-        faces_m = (lowest + np.arange(len(self._occupied) + 1)) * volume.voxel_m - focal_height_m
+        faces_m = (lowest + np.arange(len(self._occupied) + 1)) * thickness_m - focal_height_m
         # Height over altitude of the faces between slices, bottom and top included.
         self._faces = np.maximum(faces_m, 0.0) / altitude_m
+        self._plates = volume.slice_m is not None
+        self._altitude_m = altitude_m
         self._view = view
         self._per_voxel = int(targets_per_voxel)
         self._pitch_m = volume.voxel_m / self._per_voxel
@@ -204,7 +215,8 @@ class Occlusion:
             raise ValueError("positions are not finite numbers of shape (N, 2)")
         masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
         if self._view == "perspective":
-            self._perspective(masks, offsets)
+            perspective = self._perspective_plates if self._plates else self._perspective
+            perspective(masks, offsets)
         elif len(offsets):
             self._telecentric(masks, offsets, self._window.row)
         ends = np.arange(8 * self._width).reshape(self._width, 8) < self.columns
@@ -225,7 +237,7 @@ class Occlusion:
             self._telecentric(masks[:, :, :half], offsets, row)
             self._telecentric(masks[:, :, half:], offsets, row + half)
             return
-        steps = self._meetings(offsets)
+        steps = self._plate_meetings(offsets) if self._plates else self._meetings(offsets)
         tiles = self._tiles
         if tiles is None or not tiles.hold(row, rows, steps):
             tiles = self._tiles_for(row, rows, width, steps)
@@ -288,6 +300,40 @@ class Occlusion:
         x_first = np.abs(offsets[:, :1]) >= np.abs(offsets[:, 1:])
         beside = np.where(x_first == (True, False), top, bottom)
         return np.stack([bottom, beside, top], axis=2)
+
+    def _plate_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Shifts [targets] at which views meet each slice of plates, shaped as those of cubes."""
+        middle = 0.5 * (self._faces[:-1] + self._faces[1:])
+        slope = offsets / self._altitude_m
+        return plates.shifts(offsets / self._pitch_m, slope, middle, self._per_voxel)
+
+    def _perspective_plates(self, masks: Octets, positions: NDArray[np.float64]) -> None:
+        """Set masks, shape (views, width, rows), for a volume of plates."""
+        x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
+        y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
+        abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
+        along, across = self._plot
+        scale = self._pitch_m, self._altitude_m, self._per_voxel
+        east = plates.Axis.along(x_m, across, self._window.column, 8 * self._width, *scale)
+        north = plates.Axis.along(y_m, along, self._window.row, self.rows, *scale)
+        hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
+        for level in self._filled.tolist():
+            height = 0.5 * float(self._faces[level] + self._faces[level + 1])
+            plane = _column_bits(self._occupied[level])
+            x, x_beside = east.cells(height, level)
+            y, y_beside = north.cells(height, level)
+            again = (y != y_beside).any(axis=1)
+            for views, met, beside in zip(abreast, x, x_beside, strict=True):
+                octets = _picked(plane, met)
+                if (met != beside).any():
+                    octets |= _picked(plane, beside)
+                rows = np.ascontiguousarray(octets.T)
+                for view in views:
+                    line = y_of[view]
+                    hidden[view] |= rows.take(y[line], axis=0)
+                    if again[line]:
+                        hidden[view] |= rows.take(y_beside[line], axis=0)
+        masks[...] = hidden.transpose(0, 2, 1)
 
     def _perspective(self, masks: Octets, positions: NDArray[np.float64]) -> None:
         """Set masks, shape (views, width, rows)."""

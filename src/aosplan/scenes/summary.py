@@ -55,7 +55,7 @@ def statistics_document(
     }
     if volume is not None:
         document |= {
-            "voxel_m": volume.voxel_m,
+            "voxel_m": volume.slice_height_m,
             "min_height_m": volume.min_height_m,
             "ground": volume.ground,
             "points": volume.points,
@@ -63,6 +63,8 @@ def statistics_document(
             "plot_m": list(volume.size_m),
             "edges": "wrapped",
         }
+        if volume.opacity is not None:
+            document["opacity"] = volume.opacity.to_document()
     if correlogram is not None:
         from aosplan.scenes.files.correlogram_table import correlogram_table, density_by_angle
 

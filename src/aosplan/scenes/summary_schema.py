@@ -10,6 +10,28 @@ from aosplan.scenes.files.scene_schema import CorrelogramDocument, LayerDocument
 from aosplan.validation import Finite, MessageDocument, OpenDocument, Pair
 
 
+class OpacityDocument(OpenDocument):
+    """How the opacity of a point cloud was found."""
+
+    source: Literal["pulses", "voxels"]
+    reason: str | None = None
+    gap_first: Finite | None = None
+    gap_weighted: Finite | None = None
+    gap_last: Finite | None = None
+    energy: Literal["equal", "intensity"] | None = None
+    zenith_deg: Pair | None = None
+    sampled_share: Finite | None = None
+    pulses: int | None = None
+    lines: int | None = None
+    voxel_m: Finite | None = None
+    leaf_size_m: Finite | None = None
+    scale: Finite | None = None
+    scale_first: Finite | None = None
+    scale_last: Finite | None = None
+    shrinkage: Finite | None = None
+    seed: int | None = None
+
+
 class StatisticsDocument(OpenDocument):
     """What `aosplan scene --json` prints."""
 
@@ -25,4 +47,5 @@ class StatisticsDocument(OpenDocument):
     correlogram: CorrelogramDocument | None = None
     density_by_offset: list[list[Finite]] | None = None
     density_by_angle: list[Pair] | None = None
+    opacity: OpacityDocument | None = None
     warnings: list[MessageDocument]

@@ -21,11 +21,15 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.scenes.opacity import Opacity
+
 MAX_VOXELS = 2_000_000_000
 # The ground takes the room of a few dozen slices.
 MAX_COLUMNS = MAX_VOXELS // 100
 # A point on the face between two voxels belongs to the upper one; rounding must not decide.
 FACE = 1e-6
+PLATE_TARGET_M = 0.06
+"""Pitch of the targets below plates, about: that below cubes of 0.25 m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +43,11 @@ class VoxelVolume:
     Parameters
     ----------
     occupied
-        Shape (slices, rows, columns): slice k reaches from ``k * voxel_m`` to
-        ``(k + 1) * voxel_m`` above the ground, rows run along y (north), columns along x
+        Shape (slices, rows, columns): slice k reaches from ``k * slice_height_m`` to
+        ``(k + 1) * slice_height_m`` above the ground, rows run along y (north), columns along x
         (east).  It may have no slices: bare ground.
     voxel_m
-        Edge length of a voxel.
+        Edge length of a voxel, along x and y.
     x_min_m, y_min_m
         Outer corner of the voxels in row 0 and column 0, in the coordinates of the source.
     min_height_m
@@ -58,6 +62,15 @@ class VoxelVolume:
         Where the volume comes from, for messages.
     assumed
         What was assumed to get it, where it was not measured.
+    slice_m
+        Thickness of a slice if it is not that of a voxel.  The voxels are then plates, of which
+        a ray meets one in each slice, and further ones for its longer path if it is slanted;
+        otherwise they are cubes with side faces.
+    opacity
+        How opacity was found, for volumes from point clouds.
+    bounds
+        The same voxels if the first return of each pulse had all of its energy, and if the last
+        one had: the densest and the most open stand that the pulses admit.
 
     Raises
     ------
@@ -76,6 +89,9 @@ class VoxelVolume:
     warnings: tuple[tuple[str, str], ...] = ()
     source: str = ""
     assumed: str = ""
+    slice_m: float | None = None
+    opacity: Opacity | None = None
+    bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
 
     def __post_init__(self) -> None:
         where = f"voxel volume '{self.source}'" if self.source else "voxel volume"
@@ -89,6 +105,20 @@ class VoxelVolume:
             raise RequestError(f"{where}: voxel_m {self.voxel_m:g} is not a positive number")
         if not (np.isfinite(self.min_height_m) and self.min_height_m >= 0.0):
             raise RequestError(f"{where}: min_height_m {self.min_height_m:g} is not zero or above")
+        if self.slice_m is not None and not (np.isfinite(self.slice_m) and self.slice_m > 0.0):
+            raise RequestError(f"{where}: slice_m {self.slice_m:g} is not a positive number")
+        if any(bound.shape != shape or bound.dtype != np.bool_ for bound in self.bounds or ()):
+            raise RequestError(f"{where}: the bounds do not have its shape")
+
+    @property
+    def slice_height_m(self) -> float:
+        """Thickness of a slice."""
+        return self.voxel_m if self.slice_m is None else self.slice_m
+
+    @property
+    def targets_per_voxel(self) -> int:
+        """Targets along either side of a voxel that its size calls for."""
+        return 4 if self.slice_m is None else max(round(self.voxel_m / PLATE_TARGET_M), 1)
 
     @property
     def size_m(self) -> tuple[float, float]:
@@ -118,7 +148,7 @@ class VoxelVolume:
     def canopy_top_m(self) -> float:
         """Upper face of the highest occupied voxel above the ground; 0 for bare ground."""
         filled = np.flatnonzero(self.slice_densities)
-        return float(filled[-1] + 1) * self.voxel_m if filled.size else 0.0
+        return float(filled[-1] + 1) * self.slice_height_m if filled.size else 0.0
 
     @cached_property
     def column_occupancy(self) -> float:

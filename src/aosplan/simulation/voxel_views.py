@@ -49,7 +49,7 @@ class VoxelViews:
     view
         ``telecentric`` or ``perspective``, as in `aosplan.scenes.occlusion`.
     targets_per_voxel
-        Targets along either side of a voxel.
+        Targets along either side of a voxel; None for what the volume calls for.
     focal_height_m
         Height of the focal plane above the ground.
     window
@@ -62,10 +62,12 @@ class VoxelViews:
         altitude_m: float,
         *,
         view: ViewKind = "perspective",
-        targets_per_voxel: int = 4,
+        targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
         window: Window | None = None,
     ) -> None:
+        if targets_per_voxel is None:
+            targets_per_voxel = volume.targets_per_voxel
         _, rows, columns = volume.occupied.shape
         whole = Window(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
         self.window = window or whole

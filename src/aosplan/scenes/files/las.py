@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import struct
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class PointFile:
     ----------
     count
         Number of points.
+    later_returns
+        Number of points, by the header, that are not the first return of their pulse.
     scales_m, offsets_m
         What makes metres of the integers in the file, ``raw * scales_m + offsets_m``, each of
         shape (3,).
@@ -83,6 +85,7 @@ class PointFile:
             self.units, doubts = metres_of(self.reference, units)
             self.warnings += doubts
             metres = np.array([self.units.across_m, self.units.across_m, self.units.up_m])
+            self.later_returns = int(np.sum(header.number_of_points_by_return[1:]))
             self.scales_m: Floats = header.scales * metres
             self.offsets_m: Floats = header.offsets * metres
             _check_scaling(self.scales_m, self.offsets_m, name)
@@ -123,6 +126,47 @@ class PointFile:
                 kind = np.ascontiguousarray(chunk.classification)
                 yield raw, kind, np.asarray(chunk.withheld, dtype=np.bool_)
 
+    def pulse_chunks(self) -> Iterator[PulseChunk]:
+        """Yield what is known of the pulses as well.
+
+        Raises the same errors.
+        """
+        with _faults(self.name), open(self.name, "rb") as stream:
+            reader = _reader(stream, of_pulses=True)
+            if reader.header.are_points_compressed:
+                _check_compression(reader.header, stream)
+                records = reader.chunk_iterator(CHUNK_POINTS)
+            else:
+                records = _plain_records(reader.header, stream, self.count)
+            timed = "gps_time" in reader.header.point_format.dimension_names
+            for chunk in records:
+                yield PulseChunk(
+                    np.stack([chunk.array[axis] for axis in "XYZ"]),
+                    np.array(chunk.classification, dtype=np.uint8),
+                    np.array(chunk.withheld, dtype=np.bool_),
+                    np.array(chunk.return_number, dtype=np.uint8),
+                    np.array(chunk.number_of_returns, dtype=np.uint8),
+                    np.array(chunk.point_source_id, dtype=np.int32),
+                    np.array(chunk.gps_time, dtype=np.float64) if timed else None,
+                    np.array(chunk.intensity, dtype=np.float32),
+                )
+
+
+class PulseChunk(NamedTuple):
+    """Some points of a file with what is known of their pulses, arrays of length n.
+
+    `raw` has shape (3, n); `time_s` is None if the file's points have no GPS time.
+    """
+
+    raw: NDArray[np.int32]
+    kind: NDArray[np.uint8]
+    withheld: NDArray[np.bool_]
+    number: NDArray[np.uint8]
+    total: NDArray[np.uint8]
+    line: NDArray[np.int32]
+    time_s: Floats | None
+    intensity: NDArray[np.float32]
+
 
 def not_metric(source: str, why: str) -> RequestError:
     """Error for coordinates that are not metres on a plane."""
@@ -156,17 +200,20 @@ def _faults(name: str) -> Iterator[None]:
         ) from error
 
 
-def _reader(stream: IO[bytes]) -> Any:
+def _reader(stream: IO[bytes], *, of_pulses: bool = False) -> Any:
     with needs_extra("reading point clouds", EXTRA):
         import laspy
     wanted = laspy.DecompressionSelection
+    selection = wanted.base() | wanted.Z | wanted.CLASSIFICATION | wanted.FLAGS
+    if of_pulses:
+        selection |= wanted.GPS_TIME | wanted.INTENSITY | wanted.POINT_SOURCE_ID
     stream.seek(0)
     return laspy.open(
         stream,
         closefd=False,
         # Extended records may hold anything, waveforms of gigabytes among it.
         read_evlrs=False,
-        decompression_selection=wanted.base() | wanted.Z | wanted.CLASSIFICATION | wanted.FLAGS,
+        decompression_selection=selection,
     )
 
 

@@ -34,12 +34,15 @@ from aosplan.scenes.files.ground import (
 )
 from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.tiles import brought_together, said_of_files
+from aosplan.scenes.opacity import Opacity, OpacitySource
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import NDArray
+
+    from aosplan.scenes.pulses.fit import PulseVolume
 
     Floats = NDArray[np.float64]
     Progress = Callable[[int, int], object]
@@ -72,6 +75,9 @@ def read_voxels(
     ground: GroundMethod = "auto",
     min_height_m: float = 2.0,
     units: str | None = None,
+    opacity: OpacitySource = "voxels",
+    leaf_size_m: float | None = None,
+    trajectory: str | None = None,
     progress: Progress | None = None,
 ) -> VoxelVolume:
     """Read one or several LAS or LAZ files of one stand into voxels.
@@ -92,6 +98,15 @@ def read_voxels(
     units
         Units of the coordinates instead of those that the files state: ``us-ft``, or ``us-ft,m``
         if z has another one (`aosplan.crs.parse_units`).
+    opacity
+        ``voxels``: a voxel is opaque if a point lies in it.  ``pulses``: what a voxel hides is
+        fitted to the laser pulses (`aosplan.scenes.pulses`), and realised in smaller cells.
+        ``auto``: pulses if the cloud has them and they are sound, else voxels with a warning.
+    leaf_size_m
+        Edge of those cells; None for 0.06 m, more on large plots.
+    trajectory
+        CSV file of the sensor's positions (`aosplan.scenes.pulses.trajectory`); None to find
+        them from the pulses.
     progress
         Called with the work done and the work in total, in points; a point counts twice, when
         it is read and when it is placed.
@@ -114,6 +129,10 @@ def read_voxels(
     """
     names = [os.fspath(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
     _check_request(names, voxel_m, ground, min_height_m)
+    if opacity not in get_args(OpacitySource):
+        raise RequestError(
+            f"opacity '{opacity}' is unknown", f"use {', '.join(get_args(OpacitySource))}"
+        )
     source = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     try:
         with _Spool() as cloud:
@@ -123,6 +142,16 @@ def read_voxels(
             read = _decode(files, source, cloud, progress)
             plot = _Plot.around(cloud, voxel_m, source)
             method, ground_m, strange = _find_ground(cloud, plot, ground)
+            found, reason = None, ""
+            if opacity != "voxels":
+                found, reason = _from_pulses(
+                    files, plot, ground_m, min_height_m, leaf_size_m, trajectory
+                )
+                if found is None and (opacity == "pulses" or trajectory is not None):
+                    raise RequestError(
+                        f"the pulses of point cloud {source} do not tell its opacity: {reason}",
+                        "use --opacity voxels",
+                    )
             blocks = cloud.blocks(plot.origin_m, voxel_m)
             touched = np.zeros(plot.rows * plot.columns, dtype=np.bool_)
             occupied = fill(
@@ -147,12 +176,46 @@ def read_voxels(
         points=cloud.count,
         ground=method,
         source=source,
+        opacity=Opacity("voxels", reason),
     )
     spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
     covered = footprint(touched.reshape(plot.rows, plot.columns), squares)
-    doubts = _doubts(volume, spacing_m, covered, assumed=ground == "auto")
-    return replace(volume, warnings=(*warnings, *strange, *outliers.above(volume), *doubts))
+    doubts = _doubts(volume, covered, assumed=ground == "auto")
+    known = (*warnings, *strange, *outliers.above(volume), *doubts)
+    if found is None:
+        return replace(volume, warnings=(*known, *_of_opacity(volume, spacing_m)))
+    return replace(
+        volume,
+        occupied=found.occupied,
+        voxel_m=found.cell_m,
+        slice_m=voxel_m,
+        bounds=found.bounds,
+        opacity=found.opacity,
+        warnings=known,
+    )
+
+
+def _from_pulses(
+    files: Sequence[PointFile],
+    plot: _Plot,
+    ground_m: NDArray[np.float32],
+    cut_m: float,
+    leaf_m: float | None,
+    trajectory: str | None,
+) -> tuple[PulseVolume | None, str]:
+    """What the pulses say of a stand, or None and the reason why they say nothing."""
+    from aosplan.scenes.pulses.fit import UnsoundPulsesError, volume_from_pulses
+    from aosplan.scenes.pulses.trace import Grid
+    from aosplan.scenes.pulses.trajectory import read_trajectory
+
+    track = None if trajectory is None else read_trajectory(trajectory)
+    grid = Grid(ground_m, plot.voxel_m, 1, cut_m, (float(plot.size_m[0]), float(plot.size_m[1])))
+    try:
+        found = volume_from_pulses(files, grid, plot.origin_m, leaf_m=leaf_m, trajectory=track)
+    except UnsoundPulsesError as error:
+        return None, str(error)
+    return found, ""
 
 
 def _check_request(names: list[str], voxel_m: float, ground: str, min_height_m: float) -> None:
@@ -359,11 +422,9 @@ def _followed(
             progress(done, total)
 
 
-def _doubts(
-    volume: VoxelVolume, spacing_m: float, covered: float, *, assumed: bool
-) -> Iterator[Warned]:
+def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
     """Yield what a reader of the results should know about the cloud."""
-    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
+    occupancy = volume.column_occupancy
     if volume.ground == "filter":
         message = "the ground is what a cloth simulation filter found, not a classification"
         yield "ground_filtered", message
@@ -377,13 +438,6 @@ def _doubts(
             "the canopy is denser than it looks"
         )
         yield "sparse_cloud", message
-    if voxel_m < spacing_m and density >= SPARSE_POINTS_PER_M2:
-        message = (
-            f"voxels of {voxel_m:g} m are smaller than the mean spacing of the points, "
-            f"{spacing_m:.2g} m, so the canopy looks more transparent than it is: use "
-            f"{_rounded_up(spacing_m):g} m or more"
-        )
-        yield "voxel_below_spacing", message
     if covered < FULL_FOOTPRINT:
         message = (
             f"the points cover {covered:.0%} of their bounding rectangle, and the rest counts as "
@@ -394,6 +448,24 @@ def _doubts(
     if occupancy == 0.0:
         message = f"no point is {volume.min_height_m:g} m or more above the ground"
         yield "no_vegetation", message
+
+
+def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
+    """Yield what a reader should know about voxels that are opaque if they hold a point."""
+    voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
+    if volume.opacity is not None and volume.opacity.reason:
+        message = (
+            "opacity is not measured but that of the voxels, whose size decides it "
+            f"(--voxel), as the pulses do not tell it: {volume.opacity.reason}"
+        )
+        yield "opacity_from_voxels", message
+    if voxel_m < spacing_m and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
+        message = (
+            f"voxels of {voxel_m:g} m are smaller than the mean spacing of the points, "
+            f"{spacing_m:.2g} m, so the canopy looks more transparent than it is: use "
+            f"{_rounded_up(spacing_m):g} m or more"
+        )
+        yield "voxel_below_spacing", message
     if occupancy > SATURATED_OCCUPANCY:
         message = (
             f"{occupancy:.1%} of the voxel columns hold something, which hides how dense the "

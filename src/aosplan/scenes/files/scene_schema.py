@@ -58,6 +58,7 @@ class SceneDocument(Document):
     canopy_top_m: Any = None
     baseline_curve: Any = None
     density_by_angle: Any = None
+    opacity: Any = None
     edges: Any = None
     ground: Any = None
     min_height_m: Any = None

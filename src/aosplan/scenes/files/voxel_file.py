@@ -21,6 +21,7 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.files import parse_table, read_bytes
 from aosplan.scenes.files.correlogram_table import correlogram_from, correlogram_table
+from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.scene import Layer, LayeredScene
 from aosplan.scenes.voxels import MAX_VOXELS, VoxelVolume
 
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
     from aosplan.scenes.correlogram import Correlogram
 
 VERSION = 1
+BOUNDS = ("densest", "most_open")
+"""Names of the bounds of a volume from pulses."""
+
 MOST_OCTETS = MAX_VOXELS // 4
 """Size that a file, or an array in it, may have: eight voxels to an octet, and half as much again."""
 
@@ -77,7 +81,7 @@ class Stand(NamedTuple):
             name=name,
             layers=self.layers,
             measured_density=self.volume.column_occupancy,
-            voxel_m=self.volume.voxel_m,
+            voxel_m=self.volume.slice_height_m,
             source=self.volume.source,
             assumed=self.volume.assumed,
         )
@@ -98,6 +102,8 @@ def stand_npz(stand: Stand) -> bytes:
         "source": volume.source,
         "assumed": volume.assumed,
         "shape": list(volume.occupied.shape),
+        "slice_m": volume.slice_m,
+        "opacity": None if volume.opacity is None else volume.opacity.to_document(),
         "layers": stand.layers,
     }
     if stand.correlogram is not None:
@@ -106,6 +112,8 @@ def stand_npz(stand: Stand) -> bytes:
     with zipfile.ZipFile(buffer, "w") as archive:
         _add(archive, "about", np.frombuffer(json.dumps(about).encode(), dtype=np.uint8))
         _add(archive, "occupied", np.packbits(volume.occupied, axis=2))
+        for name, bound in zip(BOUNDS, volume.bounds or (), strict=False):
+            _add(archive, name, np.packbits(bound, axis=2))
     return buffer.getvalue()
 
 
@@ -136,15 +144,18 @@ def read_stand(path: str) -> Stand:
                 about, packed = arrays["about"], arrays["occupied"]
                 if not (isinstance(about, np.ndarray) and isinstance(packed, np.ndarray)):
                     raise TypeError("its members are not arrays")
-                return _stand(parse_table(about.tobytes(), path), packed, path)
+                bounds = [arrays[name] for name in BOUNDS if name in arrays.files]
+                return _stand(parse_table(about.tobytes(), path), packed, bounds, path)
     except DAMAGE as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise RequestError(f"'{path}' is not a voxel file, or is damaged: {reason}") from None
     raise RequestError(f"'{path}' holds more than {MAX_VOXELS} voxels")
 
 
-def _stand(about: dict[str, Any], packed: NDArray[np.uint8], path: str) -> Stand:
-    volume = _volume(about, packed)
+def _stand(
+    about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]], path: str
+) -> Stand:
+    volume = _volume(about, packed, bounds)
     if "layers" not in about:  # an early version kept the voxels alone
         return Stand.of(volume)
     layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
@@ -158,14 +169,15 @@ def _count(value: Any) -> int:
     return int(value)
 
 
-def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
+def _volume(
+    about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]]
+) -> VoxelVolume:
     if about["version"] != VERSION:
         raise ValueError(f"its version is {about['version']}, not {VERSION}")
-    slices, rows, columns = about["shape"]
-    if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
-        raise ValueError("its voxels are not of the shape that it says")
+    slice_m, opacity = about.get("slice_m"), about.get("opacity")
+    unpacked = [_unpacked(each, about["shape"]) for each in (packed, *bounds)]
     return VoxelVolume(
-        np.unpackbits(packed, axis=2, count=columns).view(np.bool_),
+        unpacked[0],
         voxel_m=float(about["voxel_m"]),
         x_min_m=float(about["x_min_m"]),
         y_min_m=float(about["y_min_m"]),
@@ -175,4 +187,14 @@ def _volume(about: dict[str, Any], packed: NDArray[np.uint8]) -> VoxelVolume:
         warnings=tuple((str(code), str(message)) for code, message in about["warnings"]),
         source=str(about["source"]),
         assumed=str(about.get("assumed", "")),
+        slice_m=None if slice_m is None else float(slice_m),
+        opacity=None if opacity is None else Opacity.from_document(opacity),
+        bounds=(unpacked[1], unpacked[2]) if len(unpacked) == 3 else None,
     )
+
+
+def _unpacked(packed: NDArray[np.uint8], shape: list[int]) -> NDArray[np.bool_]:
+    slices, rows, columns = shape
+    if packed.dtype != np.uint8 or packed.shape != (slices, rows, -(-columns // 8)):
+        raise ValueError("its voxels are not of the shape that it says")
+    return np.unpackbits(packed, axis=2, count=columns).view(np.bool_)

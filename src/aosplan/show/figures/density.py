@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.scenes.voxels import VoxelVolume
     from aosplan.show.figures.style import Theme
 
 
@@ -20,7 +21,9 @@ class Density(NamedTuple):
     """Densities of layers, bottom first, and the share of the ground hidden down to each bottom.
 
     `independent` is the hidden share were the layers independent of each other, `measured` that of
-    the voxels behind them, and None where there are none.
+    the voxels behind them, and None where there are none.  `hidden_pulses` is the share of the laser
+    pulses' energy that does not reach the ground by first, weighted and last returns, at the
+    pulses' own angles, and None for opacity that is not from pulses.
     """
 
     scene: str
@@ -30,6 +33,7 @@ class Density(NamedTuple):
     independent: tuple[float, ...]
     measured: tuple[float, ...] | None
     voxel_m: float | None
+    hidden_pulses: tuple[float, float, float] | None = None
 
     @property
     def title(self) -> str:
@@ -48,7 +52,14 @@ class Density(NamedTuple):
         )
         if self.measured is None:
             return f"{text}."
-        return f"{text}, and {self.measured[0]:.3g} as they stand, in voxels of {self.voxel_m:g} m."
+        text += f", and {self.measured[0]:.3g} as they stand, in voxels of {self.voxel_m:g} m."
+        if self.hidden_pulses is None:
+            return text
+        first, weighted, last = self.hidden_pulses
+        return (
+            f"{text} Of the energy of the laser pulses {weighted:.3g} does not reach the ground, "
+            f"{first:.3g} by first returns and {last:.3g} by last returns."
+        )
 
     def document(self) -> dict[str, Any]:
         """The numbers as plain values."""
@@ -72,7 +83,7 @@ def density_of(found: LoadedScene) -> Density:
     else:
         import numpy as np
 
-        size = volume.voxel_m
+        size = volume.slice_height_m
         filled = np.flatnonzero(volume.slice_densities)
         low, high = int(filled[0]), int(filled[-1]) + 1
         rows = [
@@ -96,8 +107,18 @@ def density_of(found: LoadedScene) -> Density:
         density,
         independent,
         measured,
-        None if volume is None else volume.voxel_m,
+        None if volume is None else volume.slice_height_m,
+        _hidden_pulses(volume),
     )
+
+
+def _hidden_pulses(volume: VoxelVolume | None) -> tuple[float, float, float] | None:
+    opacity = None if volume is None else volume.opacity
+    if opacity is None or opacity.gap_weighted is None:
+        return None
+    assert opacity.gap_first is not None  # all three are there, or none
+    assert opacity.gap_last is not None
+    return 1.0 - opacity.gap_first, 1.0 - opacity.gap_weighted, 1.0 - opacity.gap_last
 
 
 def draw(figure: Figure, shown: Density, theme: Theme) -> None:
@@ -131,6 +152,17 @@ def draw(figure: Figure, shown: Density, theme: Theme) -> None:
             "-",
             color=theme.data[1],
             label=f"voxels of {shown.voxel_m:g} m, as they stand",
+        )
+    if shown.hidden_pulses is not None:
+        first, weighted, last = shown.hidden_pulses
+        right.errorbar(
+            [weighted],
+            [0.02 * shown.top_m[-1]],
+            xerr=[[weighted - last], [first - weighted]],
+            fmt="o",
+            color=theme.data[2],
+            capsize=3.0,
+            label="pulses: last, weighted and first returns",
         )
     right.set(xlabel="hidden share of the ground", xlim=(0.0, 1.0))
     legend_below(figure, right.get_legend_handles_labels()[0])

@@ -15,6 +15,7 @@ from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
+from aosplan.show.text.opacity_rows import opacity_rows
 from aosplan.show.text.terminal import (
     is_coloured,
     is_styled,
@@ -442,6 +443,8 @@ def print_scene(document: dict[str, Any]) -> None:
                 f"{document['voxel_m']:g} m, ground by {document['ground']}",
             )
         )
+    if "opacity" in document:
+        rows += opacity_rows(document["opacity"])
     if "edges" in document:
         width, depth = document["plot_m"]
         rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; it wraps around at its edges"))

@@ -1,0 +1,132 @@
+"""Attenuation of each voxel from intercepted energy and path lengths, and its scale.
+
+With I the energy intercepted in a voxel and L the weight times path that entered it, I/L is the
+likeliest attenuation λ [1/m].  Few rays make it uncertain, so it is shrunk towards that of the
+block of 2 x 2 x 2 around it, λ = (I + a)/(L + a/λ_parent), from the layer through blocks of up to
+4 m down to the voxel.  The strength a of the shrinkage is the one with which one half of the
+pulses predicts the other best.
+
+The mean transmission through voxels of one λ each is not quite the measured one, as leaves are
+clumped within voxels and λ is uncertain.  A scale for all λ makes each half of the pulses
+transmit, on average, what its pulses report (cross-fitting).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+    Singles = NDArray[np.float32]
+
+COARSEST_M = 4.0
+STRENGTHS = (0.1, 0.2, 0.3, 0.4, 0.6)
+SCALES = (0.02, 50.0)
+
+
+class Sums(NamedTuple):
+    """Energy intercepted [pulses] and weight times path [m] by voxel, both of one shape."""
+
+    intercepted: Singles
+    path_m: Singles
+
+
+def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:
+    """λ [1/m] of each voxel, shrunk through the pyramid.
+
+    Parameters
+    ----------
+    sums
+        Of shape (slices, rows, columns).
+    strength
+        a: pulses' worth of the parent in each voxel.
+    voxel_m
+        Edge of a voxel.
+    """
+    levels = [sums]
+    edge_m = voxel_m
+    while 2.0 * edge_m <= COARSEST_M * 1.001:
+        levels.append(Sums(*(_halved(each) for each in levels[-1])))
+        edge_m *= 2.0
+    total_i, total_l = (float(each.sum(dtype=np.float64)) for each in sums)
+    overall = total_i / total_l if total_l > 0.0 else 0.0
+    layers = Sums(*(each.sum(axis=(1, 2), keepdims=True) for each in levels[-1]))
+    parent = _shrunk(layers, np.full(layers.path_m.shape, overall, np.float32), strength)
+    for level in reversed(levels):
+        parent = _shrunk(level, _grown(parent, level.path_m.shape), strength)
+    return parent
+
+
+def _shrunk(sums: Sums, parent: Singles, strength: float) -> Singles:
+    """(I + a)/(L + a/λ), and 0 below a parent without attenuation."""
+    above = (sums.intercepted + np.float32(strength)) * parent
+    rate: Singles = above / np.maximum(sums.path_m * parent + np.float32(strength), 1e-30)
+    return rate
+
+
+def _halved(values: Singles) -> Singles:
+    """Sums over blocks of 2 x 2 x 2, the last ones padded."""
+    for axis in range(3):
+        if values.shape[axis] % 2:
+            pad = [(0, 0)] * 3
+            pad[axis] = (0, 1)
+            values = np.pad(values, pad)
+        even, odd = [slice(None)] * 3, [slice(None)] * 3
+        even[axis], odd[axis] = slice(0, None, 2), slice(1, None, 2)
+        values = values[tuple(even)] + values[tuple(odd)]
+    return values
+
+
+def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
+    """Values of blocks in each of their voxels."""
+    for axis, length in enumerate(shape):
+        if values.shape[axis] == 1 and axis > 0:
+            continue
+        values = np.repeat(values, 2, axis=axis)[
+            tuple(slice(0, length) if k == axis else slice(None) for k in range(3))
+        ]
+    return values
+
+
+def best_strength(halves: tuple[Sums, Sums], voxel_m: float) -> float:
+    """The strength with which each half of the pulses predicts the other best.
+
+    The likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
+    """
+
+    def likelihood(strength: float) -> float:
+        total = 0.0
+        for one, other in (halves, halves[::-1]):
+            rate = attenuation(one, strength, voxel_m)
+            hit = other.intercepted > 0.0
+            total += float(
+                (other.intercepted[hit] * np.log(np.maximum(rate[hit], 1e-9))).sum(dtype=np.float64)
+            )
+            total -= float(np.einsum("ijk,ijk->", other.path_m, rate, dtype=np.float64))
+        return total
+
+    return max(STRENGTHS, key=likelihood)
+
+
+def scale_for(depths: Floats, gap: float) -> float:
+    """Factor by which optical depths are to be multiplied so that their mean transmission is a gap.
+
+    Parameters
+    ----------
+    depths
+        Optical depths of pulses, shape (P,).
+    gap
+        Mean transmission that the pulses report, 0 to 1.
+    """
+    low, high = np.log(SCALES)
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if float(np.exp(-np.exp(middle) * depths).mean()) > gap:
+            low = middle
+        else:
+            high = middle
+    return float(np.exp(0.5 * (low + high)))

@@ -1,0 +1,382 @@
+"""From the pulses of a point cloud to a binary volume: all steps, and the reasons to stop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.scenes.opacity import Opacity
+from aosplan.scenes.pulses import attenuation, clean, grouping, realise, trace, track
+from aosplan.scenes.voxels import FACE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.files.las import PointFile
+    from aosplan.scenes.pulses.grouping import Pulses
+    from aosplan.scenes.pulses.returns import Returns
+    from aosplan.scenes.pulses.trajectory import Trajectory
+
+    Floats = NDArray[np.float64]
+
+MOST_POINTS = 30_000_000
+FEWEST_PULSES = 1000
+FEWEST_A_M2 = 2.0
+LEAST_COMPLETE = 0.5
+FEWEST_THROUGH = 500
+"""Pulses that cross all of the canopy within the plot from which they alone set the scale."""
+
+FOLD_SEED = 1
+ENERGIES = ("first", "weighted", "last")
+
+
+class UnsoundPulsesError(Exception):
+    """The pulses do not tell the opacity; the text says why."""
+
+
+class PulseVolume(NamedTuple):
+    """What pulses say of a stand.
+
+    Attributes
+    ----------
+    occupied
+        Opaque cells, shape (slices, rows, columns).
+    bounds
+        The same for the gaps of first and of last returns.
+    cell_m
+        Edge of a cell.
+    opacity
+        How they were found.
+    """
+
+    occupied: NDArray[np.bool_]
+    bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    cell_m: float
+    opacity: Opacity
+
+
+class Beams(NamedTuple):
+    """Pulses that are fit for the attenuation, and what goes with each.
+
+    Attributes
+    ----------
+    returns, pulses
+        The returns, and the pulses among them.
+    energy
+        Shape (n,): energy of each return.
+    low
+        Shape (n,): which returns lie below the cut, and so on the ground.
+    to_sensor
+        Shape (3, P): unit vectors.
+    kind
+        Energies of the returns: ``intensity`` or ``equal``.
+    """
+
+    returns: Returns
+    pulses: Pulses
+    energy: Floats
+    low: NDArray[np.bool_]
+    to_sensor: Floats
+    kind: str
+
+    def take(self, which: NDArray[np.bool_]) -> Beams:
+        """Some of the pulses."""
+        return self._replace(pulses=self.pulses.take(which), to_sensor=self.to_sensor[:, which])
+
+    def gaps(self) -> dict[str, Floats]:
+        """Share of each pulse's energy that reaches the ground, by `ENERGIES`, shape (P,)."""
+        reached = grouping.sums_of(self.pulses, self.energy * self.low)
+        whole = grouping.sums_of(self.pulses, self.energy)
+        return {
+            "first": self.low[self.pulses.first].astype(np.float64),
+            "weighted": reached / whole,
+            "last": self.low[self.pulses.last].astype(np.float64),
+        }
+
+    @property
+    def zenith_deg(self) -> Floats:
+        """Zenith angle of each pulse."""
+        angles: Floats = np.degrees(np.arccos(np.clip(self.to_sensor[2], -1.0, 1.0)))
+        return angles
+
+
+class Field(NamedTuple):
+    """Attenuation of a stand.
+
+    Attributes
+    ----------
+    rate
+        λ [1/m], shape (slices, rows, columns), before the scale.
+    scales
+        Factors of λ, by `ENERGIES`.
+    gaps
+        Share of energy that reaches the ground, by `ENERGIES`.
+    strength
+        Of the shrinkage.
+    sampled
+        Share of the voxels between the cut and the top that pulses crossed.
+    """
+
+    rate: NDArray[np.float32]
+    scales: dict[str, float]
+    gaps: dict[str, float]
+    strength: float
+    sampled: float
+
+
+def volume_from_pulses(
+    files: Sequence[PointFile],
+    grid: trace.Grid,
+    origin_m: Floats,
+    *,
+    leaf_m: float | None = None,
+    trajectory: Trajectory | None = None,
+) -> PulseVolume:
+    """Fit the attenuation of a stand to its pulses, and realise it.
+
+    Parameters
+    ----------
+    files
+        Point clouds of the stand.
+    grid
+        Voxels above the ground; its number of slices is found here.
+    origin_m
+        Shape (3,): the plot's corner, from which the grid counts.
+    leaf_m
+        Edge of the cells; None for the default, larger on large plots.
+    trajectory
+        Positions of the sensor, if they are known.
+
+    Raises
+    ------
+    UnsoundPulsesError
+        If the pulses do not tell.
+    """
+    beams, grid = sound_beams(files, grid, origin_m, trajectory)
+    field = fitted_field(beams, grid)
+    size_m = grid.size_m
+    if leaf_m is not None and leaf_m > min(size_m):
+        raise RequestError(
+            f"--leaf-size {leaf_m:g} m is larger than the plot, {size_m[0]:.4g} x {size_m[1]:.4g} m"
+        )
+    leaf_m = leaf_m or realise.leaf_size_for(size_m, grid.slices)
+    middle, dense, thin = realise.realised(
+        field.rate,
+        grid.voxel_m,
+        grid.cut_m,
+        leaf_m,
+        size_m,
+        [field.scales[name] for name in ("weighted", "first", "last")],
+    )
+    zenith = beams.zenith_deg
+    opacity = Opacity(
+        "pulses",
+        gap_first=field.gaps["first"],
+        gap_weighted=field.gaps["weighted"],
+        gap_last=field.gaps["last"],
+        energy=beams.kind,
+        zenith_deg=(float(np.quantile(zenith, 0.01)), float(np.quantile(zenith, 0.99))),
+        sampled_share=field.sampled,
+        pulses=len(beams.pulses),
+        lines=int(np.unique(beams.returns.line[beams.pulses.first]).size),
+        voxel_m=grid.voxel_m,
+        leaf_size_m=leaf_m,
+        scale=field.scales["weighted"],
+        scale_first=field.scales["first"],
+        scale_last=field.scales["last"],
+        shrinkage=field.strength,
+        seed=realise.SEED,
+    )
+    return PulseVolume(middle, (dense, thin), leaf_m, opacity)
+
+
+def sound_beams(
+    files: Sequence[PointFile],
+    grid: trace.Grid,
+    origin_m: Floats,
+    trajectory: Trajectory | None = None,
+) -> tuple[Beams, trace.Grid]:
+    """Clean, group and track the pulses of some files, and keep those that meet the plot's ground.
+
+    Raises
+    ------
+    UnsoundPulsesError
+        If too few are left.
+    """
+    from aosplan.scenes.pulses.returns import read_returns
+
+    if not any(file.later_returns for file in files):
+        raise UnsoundPulsesError("every point is the only return of its pulse")
+    points = sum(file.count for file in files)
+    if points > MOST_POINTS:
+        raise UnsoundPulsesError(
+            f"{points} points are more than the {MOST_POINTS} whose pulses are traced; crop the cloud"
+        )
+    returns, timed = read_returns(files, origin_m)
+    returns = clean.split_lines(clean.without_duplicates(returns), timed=timed)
+    if trajectory is not None and not timed:
+        raise RequestError(
+            "a trajectory is given, and the points have no GPS times", "leave out --trajectory"
+        )
+    low = grid.heights_m(returns.xyz_m) < grid.cut_m
+    returns = returns.take(clean.lines_with_ground(returns, low))
+    if returns.number.size == 0:
+        raise UnsoundPulsesError("no flight line has last returns near the ground")
+    returns, pulses, complete = grouping.grouped(returns, timed=timed)
+    if complete < LEAST_COMPLETE:
+        raise UnsoundPulsesError(
+            f"only {complete:.0%} of the pulses are complete by file order and by time"
+        )
+    to_sensor, sound, worst_deg = directions(returns, pulses, trajectory, origin_m)
+    if not sound.any():
+        if trajectory is not None:
+            raise RequestError(
+                "the trajectory does not cover the GPS times of the point cloud",
+                "its times and the cloud's must be of one kind (GPS seconds, adjusted or of week)",
+            )
+        raise UnsoundPulsesError(
+            "no flight line has enough pulses of several returns to find the sensor"
+            if worst_deg is None
+            else f"the pulses do not point to one moving sensor (they miss it by {worst_deg:.2g}°)"
+        )
+    heights = grid.heights_m(returns.xyz_m)
+    low = heights < grid.cut_m
+    equal = grouping.equal_energies(returns)
+    measured = grouping.intensity_energies(returns, pulses, low)
+    beams = Beams(
+        returns,
+        pulses,
+        equal if measured is None else measured,
+        low,
+        to_sensor,
+        "equal" if measured is None else "intensity",
+    )
+    foot = trace.points_at_height(returns.xyz_m[:, pulses.last], to_sensor, grid, 0.0)
+    beams = beams.take(sound & grid.inside(foot))
+    area_m2 = grid.size_m[0] * grid.size_m[1]
+    least = max(FEWEST_PULSES, FEWEST_A_M2 * area_m2)
+    if len(beams.pulses) < least:
+        raise UnsoundPulsesError(
+            f"{len(beams.pulses)} complete pulses meet the plot's ground, fewer than {least:.0f}"
+        )
+    inside = grid.inside(returns.xyz_m)
+    top_m = float(heights[inside].max(initial=grid.cut_m))
+    return beams, grid._replace(slices=int(top_m / grid.voxel_m + FACE) + 1)
+
+
+def directions(
+    returns: Returns, pulses: Pulses, trajectory: Trajectory | None, origin_m: Floats
+) -> tuple[Floats, NDArray[np.bool_], float | None]:
+    """Unit vectors from the last returns to the sensor, and whether they are sound.
+
+    Returns
+    -------
+    tuple
+        Vectors of shape (3, P), soundness (P,), and the residual [deg] of the worst flight line
+        that was rejected for it.
+    """
+    at_m = returns.xyz_m[:, pulses.last]
+    to_sensor = np.zeros_like(at_m)
+    to_sensor[2] = 1.0
+    sound = np.zeros(len(pulses), dtype=np.bool_)
+    worst: float | None = None
+    time_s = returns.time_s[pulses.last]
+    if trajectory is not None:
+        sound = trajectory.covers(time_s)
+        if sound.any():
+            away = trajectory.at(time_s) - origin_m[:, np.newaxis] - at_m
+            to_sensor = away / np.sqrt((away * away).sum(axis=0))
+    else:
+        line = returns.line[pulses.first]
+        for number in np.unique(line):
+            of = np.flatnonzero(line == number)
+            found = track.fitted(returns, pulses.take(of))
+            if found is None:
+                continue
+            if found.residual_deg > track.LARGEST_RESIDUAL_DEG:
+                worst = max(worst or 0.0, found.residual_deg)
+                continue
+            away = found.at(time_s[of]) - at_m[:, of]
+            to_sensor[:, of] = away / np.sqrt((away * away).sum(axis=0))
+            sound[of] = True
+    sound &= to_sensor[2] > 0.2
+    return to_sensor, sound, worst
+
+
+def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
+    """Attenuation of each voxel, its scale by cross-fitting, and the gaps.
+
+    Raises
+    ------
+    UnsoundPulsesError
+        If no energy reaches the ground, or all of it.
+    """
+    fold = np.random.Generator(np.random.PCG64(FOLD_SEED)).integers(0, 2, len(beams.pulses))
+    halves = _sums(beams.take(fold == 0), grid), _sums(beams.take(fold == 1), grid)
+    strength = attenuation.best_strength(halves, grid.voxel_m)
+    through = _through(beams, grid)
+    depths = np.zeros(len(beams.pulses))
+    for half, other in ((0, 1), (1, 0)):
+        rate = attenuation.attenuation(halves[half], strength, grid.voxel_m)
+        held_out = through & (fold == other)
+        depths[held_out] = optical_depths(rate, beams.take(held_out), grid)
+    gaps = {name: float(each[through].mean()) for name, each in beams.gaps().items()}
+    if not 0.0 < gaps["weighted"] < 1.0:
+        raise UnsoundPulsesError(
+            "no pulse reaches the ground"
+            if gaps["weighted"] == 0.0
+            else "nothing intercepts the pulses"
+        )
+    scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
+    both = attenuation.Sums(*(one + other for one, other in zip(*halves, strict=True)))
+    lowest = int(grid.cut_m / grid.voxel_m + FACE)
+    return Field(
+        attenuation.attenuation(both, strength, grid.voxel_m),
+        scales,
+        gaps,
+        strength,
+        float((both.path_m[lowest:] > 0.0).mean()) if lowest < grid.slices else 1.0,
+    )
+
+
+def _through(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
+    """Which pulses cross all of the canopy within the plot, and have every return.
+
+    The canopy outside the plot is unknown.  If these pulses are few, all with every return.
+    """
+    whole = beams.returns.number[beams.pulses.first] == 1
+    last = beams.returns.xyz_m[:, beams.pulses.last]
+    top = grid.slices * grid.voxel_m
+    entry = trace.points_at_height(last, beams.to_sensor, grid, top)
+    through: NDArray[np.bool_] = whole & grid.inside(entry)
+    return through if np.count_nonzero(through) >= FEWEST_THROUGH else whole
+
+
+def _sums(beams: Beams, grid: trace.Grid) -> attenuation.Sums:
+    """Intercepted energy and weighted path of each voxel."""
+    shape = grid.shape
+    returns = beams.returns
+    intercepted, path_m = (np.zeros(int(np.prod(shape)), dtype=np.float32) for _ in range(2))
+    paths = trace.paths_to_hits(returns, beams.pulses, beams.energy, beams.to_sensor, grid)
+    for part in trace.lengths_in_voxels(paths, grid):
+        weighted = part.length_m * paths.weight[part.piece]
+        np.add.at(path_m, part.cell, weighted.astype(np.float32))
+    members = grouping.members_of(beams.pulses)
+    hits = returns.xyz_m[:, members]
+    cell = grid.cells(hits[0], hits[1], grid.heights_m(hits))
+    hit = cell >= 0
+    np.add.at(intercepted, cell[hit], beams.energy[members[hit]].astype(np.float32))
+    return attenuation.Sums(intercepted.reshape(shape), path_m.reshape(shape))
+
+
+def optical_depths(rate: NDArray[np.float32], beams: Beams, grid: trace.Grid) -> Floats:
+    """Optical depth of each pulse's whole line, down to the cut, shape (P,)."""
+    paths = trace.paths_to_ground(beams.returns, beams.pulses, beams.to_sensor, grid)
+    flat, depths = rate.ravel(), np.zeros(len(beams.pulses))
+    for part in trace.lengths_in_voxels(paths, grid):
+        np.add.at(depths, paths.owner[part.piece], flat[part.cell] * part.length_m)
+    return depths

@@ -1,0 +1,156 @@
+"""From returns to pulses, by file order and rising return number, and the energy of returns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.pulses.returns import Returns
+
+    Floats = NDArray[np.float64]
+
+SAME_TIME_S = 1e-4
+"""Returns of one pulse have one time; files may round it."""
+
+PLAUSIBLE_SUM = 0.15
+"""Relative deviation from 1 that the energies of pulses of several returns may add up to."""
+
+FEWEST_OF_A_KIND = 200
+"""Returns of a kind from which their mean intensity calibrates."""
+
+
+class Pulses(NamedTuple):
+    """Complete pulses: of each, all returns from the first that is present to the last.
+
+    Attributes
+    ----------
+    first, stop
+        Shape (P,): the returns of pulse i are ``first[i]`` up to, without, ``stop[i]``.
+    """
+
+    first: NDArray[np.intp]
+    stop: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.first)
+
+    @property
+    def last(self) -> NDArray[np.intp]:
+        """Index of the last return of each pulse."""
+        return self.stop - 1
+
+    def take(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Pulses:
+        """Some of the pulses."""
+        return Pulses(self.first[which], self.stop[which])
+
+
+def grouped(returns: Returns, *, timed: bool) -> tuple[Returns, Pulses, float]:
+    """Group returns into pulses.
+
+    A pulse continues while the return number rises and the number of returns, the line and the
+    time stay.  If most pulses are broken, the file is not in the order of the measurement, and
+    the returns are sorted by line, time and return number first.
+
+    Returns
+    -------
+    tuple
+        The returns in the order of the pulses, the complete pulses, and their share of all.
+    """
+    pulses, share = _in_order(returns, timed=timed)
+    if share < 0.8 and timed:
+        order = np.lexsort((returns.number, returns.time_s, returns.line))
+        ordered = returns.take(order)
+        again, better = _in_order(ordered, timed=timed)
+        if better > share:
+            return ordered, again, better
+    return returns, pulses, share
+
+
+def _in_order(returns: Returns, *, timed: bool) -> tuple[Pulses, float]:
+    number, count = returns.number.astype(np.intp), returns.total.astype(np.intp)
+    begins = np.ones(number.size, dtype=np.bool_)
+    begins[1:] = (np.diff(number) <= 0) | (np.diff(count) != 0) | (np.diff(returns.line) != 0)
+    if timed:
+        begins[1:] |= np.abs(np.diff(returns.time_s)) > SAME_TIME_S
+    first = np.flatnonzero(begins)
+    stop = np.append(first[1:], number.size)
+    last = stop - 1
+    complete = (number[last] == count[last]) & (number[last] - number[first] == last - first)
+    complete &= number[first] >= 1
+    return Pulses(first[complete], stop[complete]), float(complete.mean()) if first.size else 0.0
+
+
+def equal_energies(returns: Returns) -> Floats:
+    """Energy of each return if all returns of a pulse share it equally: 1/n."""
+    energies: Floats = 1.0 / np.maximum(returns.total, 1)
+    return energies
+
+
+def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_]) -> Floats | None:
+    """Energy of each return by its intensity, or None if the intensities do not add up.
+
+    The intensity is divided by the mean intensity of single returns of the same kind (ground or
+    canopy), which have all the energy of their pulses.  Then the energies of pulses of several
+    returns add up to about 1 if the intensity measures energy, and to more if the instrument
+    adjusted its gain or its records are ranks.  They are normalised pulse by pulse.
+
+    Parameters
+    ----------
+    returns
+        All returns.
+    pulses
+        The complete pulses.
+    low
+        Shape (n,): which returns are ground.
+    """
+    intensity = returns.intensity.astype(np.float64)
+    single = np.zeros(intensity.size, dtype=np.bool_)
+    single[pulses.first[returns.total[pulses.first] == 1]] = True
+    energy = np.empty_like(intensity)
+    for kind in (low, ~low):
+        reference = intensity[single & kind]
+        if reference.size < FEWEST_OF_A_KIND or reference.mean() <= 0.0:
+            return None
+        energy[kind] = intensity[kind] / reference.mean()
+    whole = pulses.take(returns.number[pulses.first] == 1)
+    sums = sums_of(whole, energy)
+    several = returns.total[whole.first]
+    for n in range(2, int(several.max(initial=1)) + 1):
+        found = sums[several == n]
+        if found.size >= FEWEST_OF_A_KIND and abs(found.mean() - 1.0) > PLAUSIBLE_SUM:
+            return None
+    if not (several > 1).any() or np.ptp(intensity) == 0.0:
+        return None
+    present = sums_of(pulses, energy)
+    wanted: Floats = (pulses.stop - pulses.first) / returns.total[pulses.first]
+    scale = wanted / np.where(present > 0.0, present, 1.0)
+    normalised = equal_energies(returns)
+    of_pulse = np.repeat(scale, pulses.stop - pulses.first)
+    members = members_of(pulses)
+    normalised[members] = np.where(
+        np.repeat(present > 0.0, pulses.stop - pulses.first),
+        energy[members] * of_pulse,
+        normalised[members],
+    )
+    return normalised
+
+
+def members_of(pulses: Pulses) -> NDArray[np.intp]:
+    """Indices of the returns of pulses, pulse by pulse."""
+    lengths = pulses.stop - pulses.first
+    starts = np.cumsum(lengths) - lengths
+    members: NDArray[np.intp] = np.arange(int(lengths.sum())) + np.repeat(
+        pulses.first - starts, lengths
+    )
+    return members
+
+
+def sums_of(pulses: Pulses, values: Floats) -> Floats:
+    """Sum of a quantity of returns over each pulse, shape (P,)."""
+    owner = np.repeat(np.arange(len(pulses)), pulses.stop - pulses.first)
+    sums = np.bincount(owner, values[members_of(pulses)], len(pulses))
+    return sums.astype(np.float64, copy=False)

@@ -1,0 +1,91 @@
+"""A binary volume of cells of leaf size from attenuation and a seed.
+
+Each cell is opaque with the probability that its attenuation gives, 1 - exp(-λ t) for a slice
+of thickness t.  The cells are plates: a ray meets one of them in each slice, and further ones
+for its longer path (`aosplan.scenes.occlusion`).  Cubes would hide more than leaves do, because
+a slanted ray meets their side faces as well.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.scenes.voxels import FACE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+SEED = 1
+"""Seed of the cells, so that the same cloud gives the same stand."""
+
+LEAF_M = 0.06
+"""Edge of a cell.  Up to 0.1 m it makes little difference to a prediction."""
+
+MOST_CELLS = 400_000_000
+"""Cells of one volume; larger plots take larger cells."""
+
+
+def leaf_size_for(size_m: tuple[float, float], slices: int) -> float:
+    """Edge of a cell [m] for a plot: `LEAF_M`, or what keeps the volume within bounds."""
+    width, depth = size_m
+    return max(LEAF_M, math.sqrt(width * depth * max(slices, 1) / MOST_CELLS))
+
+
+def realised(
+    attenuation_per_m: NDArray[np.float32],
+    voxel_m: float,
+    cut_m: float,
+    leaf_m: float,
+    size_m: tuple[float, float],
+    scales: Sequence[float],
+    seed: int = SEED,
+) -> list[NDArray[np.bool_]]:
+    """Opaque cells of a stand, once for each scale of its attenuation.
+
+    All draw the same numbers, so what is opaque at one scale is opaque at every larger one.
+
+    Parameters
+    ----------
+    attenuation_per_m
+        λ, shape (slices, rows, columns), in cubes of `voxel_m`.
+    voxel_m
+        Edge of these cubes, and thickness of a slice of cells.
+    cut_m
+        Height below which nothing stands.
+    leaf_m
+        Edge of a cell along x and y.
+    size_m
+        Extent of the plot along x and y; a rim narrower than a cell is left out.
+    scales
+        Factors of λ.
+    seed
+        Seed of the draw.
+
+    Returns
+    -------
+    list of ndarray
+        Each of shape (slices, rows, columns) in cells.
+    """
+    slices, rows, columns = attenuation_per_m.shape
+    across, down = (max(int(length / leaf_m + FACE), 1) for length in size_m)
+    row, column = (
+        np.minimum(((np.arange(n) + 0.5) * (leaf_m / voxel_m)).astype(np.intp), most - 1)
+        for n, most in ((down, rows), (across, columns))
+    )
+    rng = np.random.Generator(np.random.PCG64(seed))
+    volumes = [np.zeros((slices, down, across), dtype=np.bool_) for _ in scales]
+    for k, plane in enumerate(attenuation_per_m):
+        thickness_m = min((k + 1) * voxel_m - cut_m, voxel_m)
+        if thickness_m <= 0.0 or not plane.any():
+            continue
+        # An exponential number below the optical depth: opaque.
+        drawn = rng.standard_exponential((down, across), dtype=np.float32)
+        depth = plane[row[:, np.newaxis], column] * np.float32(thickness_m)
+        for scale, volume in zip(scales, volumes, strict=True):
+            np.less(drawn, depth * np.float32(scale), out=volume[k])
+    return volumes

@@ -1,0 +1,99 @@
+"""Returns of laser pulses: the points of LAS and LAZ files with their numbers and times."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.files.las import PointFile
+
+    Floats = NDArray[np.float64]
+
+NOISE_CLASSES = (7, 18)
+
+
+class Returns(NamedTuple):
+    """Returns in the order of their files, each array of length n.
+
+    Attributes
+    ----------
+    xyz_m
+        Shape (3, n): metres from the plot's origin.
+    number, total
+        Return number and number of returns of the pulse.
+    line
+        Flight line: the point source ID of the file.
+    time_s
+        GPS time [s], or the place in the file if the files have no times.
+    intensity
+        As the file states it.
+    raw
+        Shape (3, n): the coordinates as integers of the file, which tell duplicates exactly.
+    """
+
+    xyz_m: Floats
+    number: NDArray[np.uint8]
+    total: NDArray[np.uint8]
+    line: NDArray[np.int32]
+    time_s: Floats
+    intensity: NDArray[np.float32]
+    raw: NDArray[np.int32]
+
+    def take(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> Returns:
+        """Some of the returns, by index or by mask."""
+        return Returns(
+            self.xyz_m[:, which],
+            self.number[which],
+            self.total[which],
+            self.line[which],
+            self.time_s[which],
+            self.intensity[which],
+            self.raw[:, which],
+        )
+
+
+def read_returns(files: Sequence[PointFile], origin_m: Floats) -> tuple[Returns, bool]:
+    """All returns of some files that are not noise.
+
+    Parameters
+    ----------
+    files
+        Of one stand, read in this order.
+    origin_m
+        Shape (3,): point from which the coordinates count.
+
+    Returns
+    -------
+    tuple
+        The returns, and whether their times are GPS times.
+    """
+    parts: list[Returns] = []
+    timed = True
+    read = 0
+    for file in files:
+        for chunk in file.pulse_chunks():
+            kept = ~chunk.withheld
+            for noise in NOISE_CLASSES:
+                kept &= chunk.kind != noise
+            xyz = chunk.raw * file.scales_m[:, np.newaxis]
+            xyz += (file.offsets_m - origin_m)[:, np.newaxis]
+            times = chunk.time_s
+            if times is None:
+                timed = False
+                times = np.arange(read, read + kept.size, dtype=np.float64)
+            read += kept.size
+            part = Returns(
+                xyz, chunk.number, chunk.total, chunk.line, times, chunk.intensity, chunk.raw
+            )
+            parts.append(part if kept.all() else part.take(kept))
+    joined = Returns(*(np.concatenate(each, axis=-1) for each in zip(*parts, strict=True)))
+    if timed and joined.time_s.size and np.ptp(joined.time_s) == 0.0:
+        timed = False
+        joined = joined._replace(time_s=np.arange(joined.time_s.size, dtype=np.float64))
+    return joined, timed

@@ -1,0 +1,117 @@
+"""Where the sensor was: from the pulses of several returns, or from a trajectory file.
+
+The first and the last return of a pulse lie on a line through the sensor.  For each flight line
+the sensor moves linearly, S(t) = S₀ + V t, and S₀ and V minimise the distances from the lines,
+robustly (Tukey's biweight), weighted by the square of the lever arm between the two returns.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.pulses.grouping import Pulses
+    from aosplan.scenes.pulses.returns import Returns
+
+    Floats = NDArray[np.float64]
+
+FEWEST_PULSES = 100
+"""Pulses of several returns from which a flight line's track is fitted."""
+
+SHORTEST_LEVER_M = 1.0
+LARGEST_RESIDUAL_DEG = 0.5
+"""Median residual of a direction up to which a track is sound; with no motion it is 1 to 3°."""
+
+TUKEY = 4.685
+ROUNDS = 20
+MOST_PULSES = 20_000
+
+
+class Track(NamedTuple):
+    """Sensor of one flight line: position at time `middle_s`, and velocity.
+
+    `residual_deg` is the median angle between the pulses and the directions to the sensor.
+    """
+
+    position_m: Floats
+    velocity_mps: Floats
+    middle_s: float
+    residual_deg: float
+    pulses: int
+
+    def at(self, time_s: Floats) -> Floats:
+        """Positions at some times, shape (3, n)."""
+        since = time_s - self.middle_s
+        places: Floats = self.position_m[:, np.newaxis] + self.velocity_mps[:, np.newaxis] * since
+        return places
+
+
+def fitted(returns: Returns, pulses: Pulses) -> Track | None:
+    """The track of one flight line, or None if it has too few pulses of several returns.
+
+    Parameters
+    ----------
+    returns, pulses
+        Pulses of one flight line.
+    """
+    top, bottom = returns.xyz_m[:, pulses.first], returns.xyz_m[:, pulses.last]
+    lever = top - bottom
+    length = np.sqrt((lever * lever).sum(axis=0))
+    used = np.flatnonzero((length >= SHORTEST_LEVER_M) & (lever[2] > 0.0))
+    if used.size < FEWEST_PULSES:
+        return None
+    if used.size > MOST_PULSES:
+        used = used[:: -(-used.size // MOST_PULSES)]
+    length, direction = length[used], lever[:, used] / length[used]
+    middle = 0.5 * (top + bottom)[:, used]
+    time_s = returns.time_s[pulses.first[used]]
+    middle_s = float(np.median(time_s))
+    spread_s = max(float(np.ptp(time_s)), 1e-9)
+    # Times of order 1, so that the equations are well conditioned.
+    since = (time_s - middle_s) / spread_s
+    weight = length * length
+    solution = None
+    for _ in range(ROUNDS):
+        found = _least_squares(middle, direction, since, weight)
+        place = found[:3, np.newaxis] + found[3:, np.newaxis] * since
+        angle, distance = _angles(place - middle, direction)
+        # An angle's error is the returns' error over the lever arm.
+        scaled = angle * length
+        spread = 1.4826 * float(np.median(scaled)) / 1.1774 + 1e-12
+        share = np.clip(scaled / (TUKEY * spread), 0.0, 1.0)
+        weight = length * length * (1.0 - share * share) ** 2 / np.maximum(distance, 1.0) ** 2
+        if solution is not None and np.abs(found - solution).max() < 1e-3:
+            break
+        solution = found
+    heavy = length >= np.median(length)
+    return Track(
+        found[:3],
+        found[3:] / spread_s,
+        middle_s,
+        float(np.degrees(np.median(angle[heavy]))),
+        int(used.size),
+    )
+
+
+def _least_squares(middle: Floats, direction: Floats, since: Floats, weight: Floats) -> Floats:
+    """S₀ and V that minimise Σ w |(I - d dᵀ)(S₀ + V t - m)|², shape (6,)."""
+    across = np.eye(3)[:, :, np.newaxis] - direction[:, np.newaxis] * direction[np.newaxis]
+    of_middle = np.einsum("ijn,jn->in", across, middle)
+    powers = [weight, weight * since, weight * since * since]
+    moment = [(across * power).sum(axis=2) for power in powers]
+    matrix = np.block([[moment[0], moment[1]], [moment[1], moment[2]]])
+    right = np.concatenate([(of_middle * power).sum(axis=1) for power in powers[:2]])
+    solution: Floats = np.linalg.lstsq(matrix, right, rcond=None)[0]
+    return solution
+
+
+def _angles(to_sensor: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Angle between directions [rad] and the distance to the sensor."""
+    distance = np.sqrt((to_sensor * to_sensor).sum(axis=0))
+    cross = np.cross(to_sensor.T, direction.T)
+    sine = np.sqrt((cross * cross).sum(axis=1)) / distance
+    return np.arcsin(np.minimum(sine, 1.0)), distance

@@ -1,0 +1,235 @@
+"""The steps from pulses to attenuation, each against a truth of its own."""
+
+import numpy as np
+import pytest
+
+from aosplan.errors import RequestError
+from aosplan.scenes.pulses import attenuation, clean, grouping, realise, trace, track
+from aosplan.scenes.pulses.returns import Returns
+from aosplan.scenes.pulses.trajectory import read_trajectory
+
+
+def returns_of(xyz, number, total, *, line=0, time_s=None, intensity=1.0):
+    xyz = np.asarray(xyz, dtype=np.float64).reshape(-1, 3).T
+    count = xyz.shape[1]
+    return Returns(
+        xyz,
+        np.asarray(number, dtype=np.uint8),
+        np.asarray(total, dtype=np.uint8),
+        np.broadcast_to(np.asarray(line, dtype=np.int32), count).copy(),
+        np.zeros(count) if time_s is None else np.asarray(time_s, dtype=np.float64),
+        np.broadcast_to(np.asarray(intensity, dtype=np.float32), count).copy(),
+        np.round(xyz * 1000).astype(np.int32),
+    )
+
+
+def flat(rows, columns, voxel_m, slices, cut_m=0.0):
+    ground = np.zeros((rows + 1, columns + 1), dtype=np.float32)
+    return trace.Grid(ground, voxel_m, slices, cut_m, (columns * voxel_m, rows * voxel_m))
+
+
+def test_exact_duplicates_go_and_the_order_stays():
+    one = returns_of([[1, 2, 3], [4, 5, 6], [1, 2, 3], [1, 2, 3]], [1, 1, 1, 2], [2, 1, 2, 2])
+    kept = clean.without_duplicates(one)
+    # The last has the same place and another return number.
+    assert kept.xyz_m[0].tolist() == [1, 4, 1]
+    assert kept.number.tolist() == [1, 1, 2]
+
+
+def test_lines_are_cut_at_pauses_and_dropped_without_low_returns():
+    xyz = np.zeros((6, 3))
+    found = returns_of(xyz, [1] * 6, [1] * 6, line=[7, 7, 7, 3, 3, 3], time_s=[0, 1, 60, 0, 1, 2])
+    split = clean.split_lines(found, timed=True)
+    assert split.line.tolist() == [1, 1, 2, 0, 0, 0]
+    low = np.array([False, True, False, False, False, True])
+    assert clean.lines_with_ground(split, low).tolist() == [True, True, False, True, True, True]
+
+
+def test_pulses_are_grouped_by_order_and_return_number():
+    number = [1, 2, 1, 1, 2, 3, 2, 3, 1, 3]
+    total = [2, 2, 1, 3, 3, 3, 3, 3, 2, 3]
+    found, pulses, share = grouping.grouped(
+        returns_of(np.zeros((10, 3)), number, total), timed=False
+    )
+    members = [found.number[i:k].tolist() for i, k in zip(pulses.first, pulses.stop, strict=True)]
+    # A pulse whose first return was clipped is complete to its end; (1 of 2) and (3 of 3) alone,
+    # after an end that is missing, are not and are.
+    assert members == [[1, 2], [1], [1, 2, 3], [2, 3], [3]]
+    assert share == pytest.approx(5 / 6)
+
+
+def test_shuffled_files_are_put_into_the_order_of_time():
+    rng = np.random.default_rng(3)
+    number, total = np.tile([1, 2, 3], 500), np.full(1500, 3)
+    time_s = np.repeat(np.arange(500) * 1e-3, 3)
+    order = rng.permutation(1500)
+    shuffled = returns_of(np.zeros((1500, 3)), number, total, time_s=time_s).take(order)
+    _, pulses, share = grouping.grouped(shuffled, timed=True)
+    assert (len(pulses), share) == (500, 1.0)
+
+
+@pytest.mark.parametrize(("gain", "plausible"), [(1.0, True), (0.3, False)])
+def test_intensities_are_energies_only_if_they_add_up(gain, plausible):
+    """Of pulses that share their energy, and of an instrument that lifts weak returns."""
+    rng = np.random.default_rng(5)
+    share = rng.uniform(0.2, 0.8, 600)
+    energy = np.concatenate([np.ones(600), np.column_stack([share, 1 - share]).ravel()])
+    low = np.concatenate([np.arange(600) % 2 == 0, np.tile([False, True], 600)])
+    number = np.concatenate([np.ones(600), np.tile([1, 2], 600)])
+    total = np.concatenate([np.ones(600), np.full(1200, 2)])
+    intensity = np.where(low, 900.0, 400.0) * energy**gain
+    found = returns_of(np.zeros((1800, 3)), number, total, intensity=intensity)
+    _, pulses, _ = grouping.grouped(found, timed=False)
+    energies = grouping.intensity_energies(found, pulses, low)
+    assert (energies is not None) is plausible
+    if energies is not None:
+        assert energies == pytest.approx(energy, abs=1e-6)
+
+
+def flown_pulses(rng, count=400, noise_m=0.01):
+    """Pulses of two returns from a sensor that moves, and where it was."""
+    time_s = np.sort(rng.uniform(100.0, 103.0, count))
+    sensor = np.array([[-20.0], [5.0], [90.0]]) + np.array([[1.0], [8.0], [0.3]]) * (time_s - 100)
+    low = np.stack([*rng.uniform(0, 25, (2, count)), rng.uniform(0, 3, count)])
+    share = rng.uniform(0.05, 0.2, count)
+    high = low + (sensor - low) * share
+    xyz = np.stack([high, low], axis=2).reshape(3, -1).T
+    xyz = xyz + noise_m * rng.standard_normal(xyz.shape)
+    return returns_of(
+        xyz, np.tile([1, 2], count), np.full(2 * count, 2), time_s=np.repeat(time_s, 2)
+    ), sensor
+
+
+def test_the_track_of_a_moving_sensor_is_found_despite_wild_pulses():
+    rng = np.random.default_rng(11)
+    found, sensor = flown_pulses(rng)
+    wild = rng.choice(800, 60, replace=False)
+    found.xyz_m[:, wild] += rng.uniform(-2, 2, (3, 60))
+    _, pulses, _ = grouping.grouped(found, timed=True)
+    at = track.fitted(found, pulses)
+    assert at is not None
+    missed = at.at(found.time_s[pulses.first]) - sensor
+    # 0.01 m over levers of 5 to 20 m is about 0.1° for a pulse; 340 of them fix the sensor.
+    assert np.abs(missed).max() < 1.0
+    assert 0.01 < at.residual_deg < 0.2
+
+
+def test_lengths_in_voxels_are_those_of_the_path():
+    rng = np.random.default_rng(2)
+    grid = flat(20, 30, 0.25, 40)
+    start, end = rng.uniform(-1, 9, (3, 200)), rng.uniform(-1, 9, (3, 200))
+    paths = trace.Paths(np.arange(200), start, end, np.ones(200), np.ones(200))
+    total = np.zeros(200)
+    for part in trace.lengths_in_voxels(paths, grid):
+        total += np.bincount(part.piece, part.length_m, 200)
+    # Brute force: the share of many points along each path that lie in the volume.
+    steps = (np.arange(20_000) + 0.5) / 20_000
+    for k in range(200):
+        x, y, z = start[:, k, np.newaxis] + (end - start)[:, k, np.newaxis] * steps
+        inside = (x >= 0) & (x < 7.5) & (y >= 0) & (y < 5) & (z >= 0) & (z < 10)
+        length = np.linalg.norm(end[:, k] - start[:, k])
+        assert total[k] == pytest.approx(inside.mean() * length, abs=2e-3)
+
+
+def test_each_length_is_credited_to_its_voxel():
+    grid = flat(4, 4, 0.5, 4)
+    start, end = np.array([[0.1], [0.6], [1.9]]), np.array([[1.3], [0.6], [0.1]])
+    paths = trace.Paths(np.zeros(1, np.intp), start, end, np.ones(1), np.ones(1))
+    (part,) = trace.lengths_in_voxels(paths, grid)
+    by_cell = np.zeros(grid.shape)
+    np.add.at(by_cell.reshape(-1), part.cell, part.length_m)
+    steps = (np.arange(200_000) + 0.5) / 200_000
+    x, _, z = start + (end - start) * steps
+    brute = np.zeros(grid.shape)
+    np.add.at(brute, ((z / 0.5).astype(int), 1, (x / 0.5).astype(int)), 1.0)
+    brute *= np.linalg.norm(end - start) / 200_000
+    assert by_cell == pytest.approx(brute, abs=1e-4)
+
+
+def test_paths_end_at_hits_with_the_energy_that_is_left():
+    """A pulse straight down with hits at 3 m and 1 m, over ground that rises to the east."""
+    ground = np.tile(np.arange(9) * 0.1, (9, 1)).astype(np.float32)
+    grid = trace.Grid(ground, 0.5, 10, 0.5, (4.0, 4.0))
+    z = 0.1 * 2.2 / 0.5
+    found = returns_of(
+        [[2.2, 1.2, z + 3.0], [2.2, 1.2, z + 1.0], [2.2, 1.2, z]], [1, 2, 3], [3] * 3
+    )
+    _, pulses, _ = grouping.grouped(found, timed=False)
+    up = np.array([[0.0], [0.0], [1.0]])
+    energy = np.array([0.5, 0.3, 0.2])
+    paths = trace.paths_to_hits(found, pulses, energy, up, grid)
+    weighted = np.zeros(10)
+    for part in trace.lengths_in_voxels(paths, grid):
+        np.add.at(weighted, part.cell // 64, part.length_m * paths.weight[part.piece])
+    expected = [0.0, 0.2 * 0.5, 0.5 * 0.5, *[0.5 * 0.5] * 3, *[0.5] * 4]
+    assert weighted == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
+    intercepted = np.zeros((16, 16, 16), np.float32)
+    path = np.zeros_like(intercepted)
+    intercepted[:, :, :8], path[:, :, :8] = 500.0, 1000.0
+    rate = attenuation.attenuation(attenuation.Sums(intercepted, path), 0.3, 0.25)
+    assert rate[:, :, :8] == pytest.approx(0.5, rel=1e-3)
+    # What no pulse crossed has the attenuation of the block around it.
+    assert rate[:, :, 8:] == pytest.approx(0.5, rel=1e-3)
+
+
+def test_one_level_of_shrinkage_by_hand():
+    """Two voxels of 4 m side by side: their parent is the layer, whose parent is the volume."""
+    sums = attenuation.Sums(
+        np.array([[[3.0, 0.0]]], np.float32), np.array([[[10.0, 2.0]]], np.float32)
+    )
+    a, overall = 0.4, 3.0 / 12.0
+    layer = (3.0 + a) / (12.0 + a / overall)
+    expected = [(3.0 + a) / (10.0 + a / layer), a / (2.0 + a / layer)]
+    assert attenuation.attenuation(sums, a, 4.0)[0, 0] == pytest.approx(expected, rel=1e-5)
+
+
+def test_the_scale_meets_the_gap():
+    depths = np.random.default_rng(1).gamma(1.5, 1.0, 1000)
+    scale = attenuation.scale_for(depths, 0.3)
+    assert np.exp(-scale * depths).mean() == pytest.approx(0.3, abs=1e-9)
+
+
+def test_realised_cells_have_the_density_of_their_attenuation():
+    rate = np.zeros((4, 30, 40), np.float32)
+    rate[1], rate[2] = 0.5, 3.0
+    size_m = 20.0, 15.0
+    some, more = realise.realised(rate, 0.5, 0.75, 0.1, size_m, (1.0, 2.0))
+    assert some.shape == (4, 150, 200)
+    assert not some[0].any()
+    assert not some[3].any()
+    assert not (some & ~more).any()
+    error = 4.0 * 0.5 / np.sqrt(some[0].size)
+    # The cut at 0.75 m leaves half of the second slice.
+    for cells, scale in ((some, 1.0), (more, 2.0)):
+        assert cells[1].mean() == pytest.approx(1 - np.exp(-0.25 * 0.5 * scale), abs=error)
+        assert cells[2].mean() == pytest.approx(1 - np.exp(-0.5 * 3.0 * scale), abs=error)
+
+
+def test_trajectories_are_read_and_interpolated(tmp_path):
+    path = tmp_path / "track.csv"
+    path.write_text("gps_time, x, y, z\n10,0,0,50\n12,8,2,52\n", encoding="utf-8")
+    found = read_trajectory(str(path))
+    assert found.at(np.array([11.0]))[:, 0].tolist() == [4.0, 1.0, 51.0]
+    assert found.covers(np.array([9.0, 11.0])).tolist() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,x,y,z\n1,2,3,4\n", "no column 'gps_time'"),
+        ("gps_time,x,y,z\n1,2,3\n", "line 2"),
+        ("gps_time,x,y,z\n1,2,3,4\n", "two or more"),
+        ("gps_time,x,y,z\n1,2,3,nan\n2,2,3,4\n", "two or more"),
+        ("", "no column"),
+    ],
+)
+def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
+    path = tmp_path / "track.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RequestError) as caught:
+        read_trajectory(str(path))
+    assert said in caught.value.message
+    assert str(path) in caught.value.message
