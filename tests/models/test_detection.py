@@ -8,11 +8,14 @@ import pytest
 from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.models.clutter import independent_windows
 from aosplan.models.counted_detection import count_detection, tail_level
+from aosplan.models.crown_clutter import crown_covariances
 from aosplan.models.detection import PERSON, DetectionModel, Signature
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.seen_share import SeenShare
 from aosplan.models.target_window import Target, kernels, points_of, rotation
 from aosplan.models.window_pairs import WindowPairs
+from aosplan.scenes.integral_image import CROWN_LENGTH_M, gaussian_field
+from aosplan.scenes.matched_window import MatchedWindow
 from aosplan.scenes.scene import Layer
 from aosplan.scenes.voxels import VoxelVolume
 from aosplan.simulation.forests import clumped_forest, generator
@@ -174,11 +177,35 @@ def test_what_is_colder_is_found_as_what_is_warmer():
 
 
 def test_clutter_at_crown_scale_hides_a_person():
-    """Half of the variance at the scale of crowns takes most of what is found."""
-    own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0))
-    crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5))
-    assert own.probability > 0.9
-    assert crowns.probability < 0.1
+    """Half of the variance at the scale of crowns: of those mostly found, none is."""
+    own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0), local=False)
+    crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5), local=False)
+    assert own.probability > 0.75
+    assert crowns.probability < 0.05
+    # The mean of the box takes part of the crowns away.
+    assert detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5)).probability > crowns.probability
+
+
+def test_crowns_have_the_covariance_of_drawn_fields():
+    """One photo over one slice: window and box means of fields that are smooth across crowns."""
+    target, altitude, height = PERSON, 40.0, 10.0
+    made = kernels(target, 0.3)
+    window, box = crown_covariances(
+        np.zeros((1, 2)), np.array([height]), np.array([1.0]), altitude, target, made
+    )
+    shape, pitch = (480, 480), 0.1  # on the ground, where a crown's length is 1 m/(1 - H/h)
+    detector = MatchedWindow((target.width_m, target.length_m), shape, (pitch, pitch))
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        field = gaussian_field(rng, shape, pitch, CROWN_LENGTH_M / (1.0 - height / altitude))
+        around = detector.box_mean(field)
+        means = np.array(detector.means(field))
+        found.append([(means**2).mean(), (means * around).mean(), (around**2).mean()])
+    predicted = [window[0], *box]
+    error = np.std(found, axis=0, ddof=1) / math.sqrt(len(found))
+    assert (np.abs(np.mean(found, axis=0) - predicted) < 4.0 * error + 0.01).all()
+    assert (error < 0.03).all()
 
 
 def test_points_that_nearly_always_see_give_certain_detection():

@@ -24,7 +24,9 @@ from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.result import Plan
     from aosplan.simulation.compare import Settings, Simulation
+    from aosplan.simulation.compare_search import SearchComparison
 
 LARGEST_SEED = 2**63 - 1
 
@@ -47,6 +49,10 @@ def run(
     """Fly a plan over a forest in the computer, and hold its prediction against what is seen."""
     wanted = request_of(request, flags, defaults=defaults)
     chosen = _settings(wanted, seed, precision, forest, max_targets)
+    if wanted.find is not None and chosen.forest == "noise":
+        raise RequestError(
+            "--forest noise has no ground to find anything on", "leave out --find, or --forest"
+        )
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
@@ -56,15 +62,31 @@ def run(
 
     with waiting_bar("simulating", quiet=quiet) as progress:
         simulation = simulate(result, chosen, progress=progress)
+    searched = _search(result, chosen, quiet=quiet)
     similar = _draw(simulation, outputs, force=force) if outputs else {}
     if not (simulation.precise or simulation.settings.forest == "cloud" or quiet):
         _say_imprecise(simulation)
     if as_json:
-        print_json(simulation.document() | similar)
+        found = {} if searched is None else {"search": searched.document()}
+        print_json(simulation.document() | similar | found)
     elif not quiet:
         from aosplan.show.text.tables import print_simulation
 
         print_simulation(simulation, similar, [path for _, path in outputs])
+        if searched is not None:
+            from aosplan.show.text.search_table import print_search
+
+            print_search(searched)
+
+
+def _search(result: Plan, settings: Settings, *, quiet: bool) -> SearchComparison | None:
+    """The search for what a plan looks for; None where it looks for nothing, or nothing hides it."""
+    if result.detection is None or result.coverage is None:
+        return None
+    from aosplan.simulation.compare_search import compare_search
+
+    with waiting_bar("searching", quiet=quiet) as progress:
+        return compare_search(result, seed=settings.seed, forest=settings.forest, progress=progress)
 
 
 def _settings(

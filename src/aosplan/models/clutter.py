@@ -51,7 +51,7 @@ PEAKS = 0.6
 HECTARE_M2 = 10_000.0
 
 SEEN, OWN, GROUND, CROWN = range(4)
-"""Rows of the integrals of `aosplan.models.window_pairs`."""
+"""Rows of the integrals of `aosplan.models.window_pairs`, and that of the crowns below them (`aosplan.models.crown_clutter`)."""
 
 
 class Radiances(NamedTuple):
@@ -135,7 +135,8 @@ def clutter_of(
     Parameters
     ----------
     mean
-        Mean of `aosplan.models.window_pairs.Pairs` over all ordered pairs of photos.
+        Mean of `aosplan.models.window_pairs.Pairs` over all ordered pairs of photos, and the row of
+        the crowns.
     kernels
         Those of the integrals.
     transparency

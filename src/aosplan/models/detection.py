@@ -18,6 +18,7 @@ import numpy as np
 from aosplan.grid.pair_offsets import offset_counts
 from aosplan.grid.patterns import Pattern
 from aosplan.models.clutter import Radiances, clutter_of, threshold
+from aosplan.models.crown_clutter import crown_covariances
 from aosplan.models.seen_share import CELL_M, UNSEEN, SeenShare, atom
 from aosplan.models.signatures import FALSE_ALARMS, PERSON_M, SIGNATURES, Signature
 from aosplan.models.target_window import Target
@@ -166,6 +167,7 @@ class DetectionModel:
     def _predict(self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats) -> Detection:
         mean = self._mean(x_m, y_m, share)
         transparency = self.pairs.transparency
+        mean = self._with_crowns(mean, sites_m)
         _, *canopy = upright(self.signature)
         clutter = clutter_of(
             mean, self.pairs.kernels, transparency, Radiances(*canopy), local=self._local
@@ -189,6 +191,24 @@ class DetectionModel:
             np.tensordot(weights, found.window, 1) + rest * far.window,
             np.tensordot(weights, found.box, 1) + rest * far.box,
         )
+
+    def _with_crowns(self, mean: Pairs, sites_m: Floats) -> Pairs:
+        """The means with a row for crowns: rays that end in canopy, together or each for itself."""
+        pairs = self.pairs
+        crowns = crown_covariances(
+            sites_m,
+            pairs.heights_m,
+            pairs.ends,
+            pairs.altitude_m,
+            self.target,
+            pairs.kernels,
+        )
+        hidden = (1.0 - pairs.transparency) ** 2
+        window, box = (
+            np.vstack([rows, rows[0] + hidden * crown])
+            for rows, crown in zip(mean, crowns, strict=True)
+        )
+        return Pairs(window, box)
 
     def _detect(self, clutter: Clutter, seen: SeenShare) -> Detection:
         level = threshold(clutter, seen, self.false_alarms)

@@ -10,11 +10,9 @@ that offset along both axes.  With q_j = 1 - D_j (design of `aosplan.models.laye
 - both are clear with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
 - both meet the same occluder first with probability
   C(δ, Δ) = Σ_j [Π_above (q² + D q τ)] D_j τ_j;
-- both see the same texture of the ground: G = Q ρ_g(δ);
-- both see canopy of the same crown: K = (1 - 2 T + Q) Σ_j π_j ρ_K(offset at H_j), π_j being the
-  share of hidden rays that end in slice j.  Both rays are taken to end at the same height.
+- both see the same texture of the ground: G = Q ρ_g(δ).
 
-`WindowPairs` integrates Q - T², C, G and K over δ with each kernel of
+`WindowPairs` integrates Q - T², C and G over δ with each kernel of
 `aosplan.models.target_window`.  These integrals depend on Δ alone, so the moments of any pattern
 are sums over its pairs; `WindowPairs.tabulate` makes them a table of Δ for searches.
 
@@ -31,7 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.models.target_window import Target, kernels
-from aosplan.scenes.integral_image import CROWN_LENGTH_M, TEXTURE_LENGTH_M
+from aosplan.scenes.integral_image import TEXTURE_LENGTH_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,7 +69,7 @@ class _Block(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Integrals for camera offsets, shape (..., 4, kernels): rows Q - T², C, G and K.
+    """Integrals for camera offsets, shape (..., 3, kernels): rows Q - T², C and G.
 
     `window` has the four window kernels, `box` the two box kernels.
     """
@@ -108,16 +106,16 @@ class WindowPairs:
         self._scale = 1.0 / altitude_m if rigid else 0.0
         self._blocks = list(_blocks(down))
         met = density * np.cumprod(np.concatenate([[1.0], 1.0 - density[:-1]]))
-        self._ends = met / met.sum()
-        self._heights = np.array([layer.height_m for layer in down])
+        self.ends = met / met.sum()
+        self.heights_m = np.array([layer.height_m for layer in down])
         sizes = np.array([layer.occluder_size_m for layer in down])
-        seen = sizes / (1.0 - self._heights * self._scale)
+        seen = sizes / (1.0 - self.heights_m * self._scale)
         # The size of the occluders that hide most, as it appears on the ground.
         order = np.argsort(seen)
         upto = np.cumsum(density[order]) / density.sum()
         self.kernels = kernels(target, round(float(seen[order][np.searchsorted(upto, 0.1)]), 2))
         self.reach_m = float(
-            ((sizes + target.diagonal_m) * altitude_m / np.maximum(self._heights, 1e-3)).max()
+            ((sizes + target.diagonal_m) * altitude_m / np.maximum(self.heights_m, 1e-3)).max()
         )
         self._known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
         self._table: tuple[Floats, Floats] | None = None
@@ -155,7 +153,7 @@ class WindowPairs:
     @property
     def _width_m(self) -> float:
         """Camera offset at which the highest slice has moved by the target's width."""
-        return self.target.width_m * self.altitude_m / float(self._heights.max())
+        return self.target.width_m * self.altitude_m / float(self.heights_m.max())
 
     def _nodes(self) -> Floats:
         """Camera offsets of the table, closer together near 0."""
@@ -189,27 +187,12 @@ class WindowPairs:
         return self._known[key]
 
     def _on(self, axis: Floats, weights: Floats, x: float, y: float) -> Floats:
-        """Integrals with kernels on one lattice, shape (4, kernels)."""
+        """Integrals with kernels on one lattice, shape (3, kernels)."""
         both, same = self.maps(axis, x, y)
         t = self.transparency
         texture = _gaussian(axis, TEXTURE_LENGTH_M)
-        share = self._heights[:, None] / self.altitude_m
-        along_x, along_y = (
-            _gaussian(
-                axis * (1.0 - self._heights[:, None] * self._scale) + at * share, CROWN_LENGTH_M
-            )
-            for at in (x, y)
-        )
-        crowns = (along_y * self._ends[:, None]).T @ along_x
-        values = np.stack(
-            [
-                both - t * t,
-                same,
-                both * np.outer(texture, texture),
-                (1.0 - 2.0 * t + both) * crowns,
-            ]
-        )
-        found: Floats = values.reshape(4, -1) @ weights.reshape(len(weights), -1).T
+        values = np.stack([both - t * t, same, both * np.outer(texture, texture)])
+        found: Floats = values.reshape(3, -1) @ weights.reshape(len(weights), -1).T
         return found
 
     def maps(self, axis: Floats, x: float, y: float) -> tuple[Floats, Floats]:

@@ -147,6 +147,13 @@ def detection_warnings(
             f"{detection.signature.crown_share:.0%} of the clutter are at the scale of crowns: the "
             "probability of detection may be off by 0.1, and hangs on that share",
         )
+    if detection.standard_error is None:
+        yield Message(
+            "detection_independent_occluders",
+            "the probability of detection takes occluders for independent of each other; below "
+            "generated stands with crowns as dense, about half as many targets were found: take it "
+            "for an upper bound, or give the point cloud of a stand",
+        )
     if request.hold_error > 0.0 or request.rays not in (None, "nadir"):
         yield Message(
             "detection_plain_rays",

@@ -368,7 +368,7 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
         positions = _sites(plan, 0.0)
         area = _target_area(plan, settings.view)
         size = min(layer.occluder_size_m for layer in above.slices())
-        make = _maker(above, str(settings.forest))
+        make = maker(above, str(settings.forest))
         flown = positions, h, above.canopy_top_m
         experiment = ForestExperiment(settings.seed, make, *flown, size, settings.view, area)
         experiment.check()
@@ -398,7 +398,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
     return across, along
 
 
-def _maker(above: Scene, forest: str) -> Callable[..., Any]:
+def maker(above: Scene, forest: str) -> Callable[..., Any]:
     """What grows a volume of a scene from random numbers, over a size along x and y."""
     if forest == "uniform":
         assert isinstance(above, UniformScene)

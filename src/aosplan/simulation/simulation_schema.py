@@ -39,6 +39,25 @@ class SimilarityDocument(OpenDocument):
     integral: Finite
 
 
+class SearchDocument(OpenDocument):
+    """A search in the computer beside the predicted probability of detection."""
+
+    predicted: Finite
+    simulated: Finite
+    standard_error: Finite
+    agree: bool
+    tolerance: Finite
+    simulated_at_rate: Finite
+    false_alarms_per_hectare: Finite
+    stated_per_hectare: Finite
+    seen_at_least: dict[str, Finite]
+    forest: Literal["uniform", "layered", "clumped", "cloud"]
+    forests: int
+    targets: int
+    hectares: Finite
+    seed: int
+
+
 class SimulationDocument(PlanDocument):
     """What `aosplan simulate --json` prints."""
 
@@ -56,3 +75,4 @@ class SimulationDocument(PlanDocument):
     targets: int
     volumes: int
     similarity: SimilarityDocument | None = None
+    search: SearchDocument | None = None

@@ -1,0 +1,50 @@
+"""A search in the computer, beside the detection that was predicted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+from aosplan.models.seen_share import SHARES
+from aosplan.show.text.tables import one_line, show
+
+if TYPE_CHECKING:
+    from aosplan.simulation.compare_search import SearchComparison
+
+
+def print_search(found: SearchComparison) -> None:
+    """What was predicted and what was found, and whether they agree."""
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for name in ("", "predicted", "found", "standard error"):
+        table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
+    table.add_row(
+        one_line("targets found"),
+        *_percents(found.predicted, found.simulated, found.standard_error),
+    )
+    for share, *numbers in zip(
+        SHARES, found.seen_predicted, found.seen, found.seen_errors, strict=True
+    ):
+        table.add_row(one_line(f"at least {share:.0%} seen"), *_percents(*numbers))
+    verdict = "They agree" if found.agree else "They disagree"
+    show(
+        Text(""),
+        one_line(
+            f"Search of {found.forests} {found.forest} forests, {found.targets} targets on "
+            f"{found.hectares:.2f} ha, seed {found.seed}, at the predicted threshold"
+        ),
+        Text(""),
+        table,
+        Text(""),
+        one_line(f"{verdict} at the same threshold."),
+        one_line(
+            f"False alarms: {found.false_alarms_per_hectare:.2g} a hectare for "
+            f"{found.stated_per_hectare:g} stated; with a threshold for as many as stated, "
+            f"{found.simulated_at_rate:.0%} of the targets are found."
+        ),
+    )
+
+
+def _percents(*shares: float) -> list[str]:
+    return [f"{100.0 * share:.1f} %" for share in shares]

@@ -1,0 +1,214 @@
+"""A plan's probability of detection beside a search in the computer.
+
+The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_detection`, for the
+plan's own scene.  The search (`aosplan.simulation.search`) is of forests that the model has not
+seen: slices or stands from a seed, or, of a point cloud, its voxels with other radiances.
+
+Two questions are kept apart.  *At the same threshold*: how many targets does the detector find
+with the threshold that the model has predicted?  That is the detection itself, and holds within
+`TOLERANCE` from nine photos on.  *At the same false-alarm rate*: how many false alarms a hectare
+does that threshold give, and how many targets are found with a threshold that gives the stated
+rate in the searched forests?  Of a few hectares, that threshold is extrapolated, and a factor of 2
+to 3 in the rate is to be expected.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.grid.patterns import local_sites
+from aosplan.models.clutter import HECTARE_M2
+from aosplan.models.counted_detection import tail_level
+from aosplan.models.seen_share import SHARES
+from aosplan.simulation.compare import FOREST_OF, MOST_VIEWS, maker
+from aosplan.simulation.forests import generator
+from aosplan.simulation.search import SIZE_M, Look, search_layers, search_volume
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from aosplan.planning.result import Plan
+    from aosplan.simulation.search import Searched
+
+FORESTS = 8
+"""Forests that are searched."""
+
+TOLERANCE = 0.05
+"""Difference at the same threshold that the model is allowed."""
+
+MOST_ERRORS = 2.5
+"""Standard errors of the simulation that are allowed on top."""
+
+
+class SearchComparison(NamedTuple):
+    """A predicted probability of detection, and what searches in the computer found.
+
+    Attributes
+    ----------
+    predicted
+        Of the plan.
+    simulated, standard_error
+        Share of the targets that were found at the predicted threshold; the error from forest to
+        forest.
+    simulated_at_rate
+        Share found at the threshold that gives the stated false alarms in the searched forests.
+    false_alarms_per_hectare, stated_per_hectare
+        Found at the predicted threshold, and stated.
+    seen, seen_errors
+        Share of the targets that show at least each of `SHARES`, found, with standard errors.
+    seen_predicted
+        The same, predicted.
+    forest, forests, targets, hectares, seed
+        What was searched.
+    """
+
+    predicted: float
+    simulated: float
+    standard_error: float
+    simulated_at_rate: float
+    false_alarms_per_hectare: float
+    stated_per_hectare: float
+    seen: tuple[float, ...]
+    seen_errors: tuple[float, ...]
+    seen_predicted: tuple[float, ...]
+    forest: str
+    forests: int
+    targets: int
+    hectares: float
+    seed: int
+
+    @property
+    def agree(self) -> bool:
+        """Whether the prediction holds at the same threshold."""
+        allowed = TOLERANCE + MOST_ERRORS * self.standard_error
+        return abs(self.predicted - self.simulated) <= allowed
+
+    def document(self) -> dict[str, Any]:
+        """``search`` of a simulation's JSON."""
+        names = [f"{share:g}" for share in SHARES]
+        return {
+            "predicted": self.predicted,
+            "simulated": self.simulated,
+            "standard_error": self.standard_error,
+            "agree": self.agree,
+            "tolerance": TOLERANCE,
+            "simulated_at_rate": self.simulated_at_rate,
+            "false_alarms_per_hectare": self.false_alarms_per_hectare,
+            "stated_per_hectare": self.stated_per_hectare,
+            "seen_at_least": dict(zip(names, self.seen, strict=True)),
+            "forest": self.forest,
+            "forests": self.forests,
+            "targets": self.targets,
+            "hectares": self.hectares,
+            "seed": self.seed,
+        }
+
+
+def compare_search(
+    plan: Plan,
+    *,
+    seed: int = 1,
+    forest: str | None = None,
+    forests: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> SearchComparison:
+    """Search forests in the computer for what a plan looks for.
+
+    Parameters
+    ----------
+    plan
+        With a detection.
+    seed
+        Of forests, radiances, places and directions.
+    forest
+        ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for that of the scene.
+    forests
+        How many, 2 at least; `FORESTS` unless told otherwise.
+    progress
+        Called with forests done and forests in all.
+
+    Raises
+    ------
+    RequestError
+        Where the plan looks for nothing, or the forest is not one that can be searched.
+    """
+    detection = plan.detection
+    if detection is None:
+        raise RequestError("the plan looks for nothing", "give --find person")
+    if (views := plan.solution.pattern.samples) > MOST_VIEWS:
+        raise RequestError(
+            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated"
+        )
+    forests = forests or FORESTS
+    forest = forest or FOREST_OF[plan.scene.kind if plan.volume is None else "cloud"]
+    found = []
+    for index, each in enumerate(_searches(plan, forest, seed, forests)):
+        found.append(each)
+        if progress is not None:
+            progress(index + 1, forests)
+    level, area = detection.threshold, sum(each.area_m2 for each in found) / HECTARE_M2
+    peaks = np.sort(np.concatenate([each.peaks for each in found]))[::-1]
+    at_rate = tail_level(peaks, detection.false_alarms * area)
+    shares = [_mean_of([each.seen >= share for each in found]) for share in SHARES]
+    mean, error = _mean_of([each.outputs > level for each in found])
+    return SearchComparison(
+        predicted=detection.probability,
+        simulated=mean,
+        standard_error=error,
+        simulated_at_rate=_mean_of([each.outputs > at_rate for each in found])[0],
+        false_alarms_per_hectare=float(np.count_nonzero(peaks > level)) / area,
+        stated_per_hectare=detection.false_alarms,
+        seen=tuple(share for share, _ in shares),
+        seen_errors=tuple(error for _, error in shares),
+        seen_predicted=tuple(detection.seen.at_least(share) for share in SHARES),
+        forest=forest,
+        forests=len(found),
+        targets=sum(len(each.outputs) for each in found),
+        hectares=area,
+        seed=seed,
+    )
+
+
+def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Searched]:
+    """The searches of one forest after the other."""
+    detection = plan.detection
+    assert detection is not None
+    contrast, offset, crowns = detection.signature
+    sign = -1.0 if contrast < 0.0 else 1.0  # what is colder is looked for as what is warmer
+    look = Look(*detection.target, sign * contrast, sign * offset, crowns)
+    above = plan.scene.above(plan.request.focal_height)
+    pattern, baseline, altitude = plan.solution.pattern, plan.solution.baseline_m, plan.altitude_m
+    heading = plan.heading_deg if forest == "cloud" else 0.0
+    sites = np.column_stack(local_sites(pattern, baseline, heading))
+    if above is None or plan.coverage is None:
+        raise RequestError("nothing stands above the focal plane: there is nothing to search")
+    if forest in ("uniform", "layered"):
+        for index in range(forests):
+            yield search_layers(above.slices(), sites, altitude, look, seed=seed, index=index)
+        return
+    if forest == "cloud" and plan.volume is None:
+        raise RequestError("--forest cloud needs the voxels of a point cloud")
+    if forest not in ("clumped", "cloud"):
+        raise RequestError(
+            f"--forest {forest}: a search needs uniform, layered, clumped or cloud",
+            "a search cannot be made in noise patterns",
+        )
+    for index in range(forests):
+        volume, height = plan.volume, plan.request.focal_height
+        if forest == "clumped":
+            volume, height = maker(above, forest)(generator(seed, index), (SIZE_M, SIZE_M)), 0.0
+        assert volume is not None
+        yield search_volume(
+            volume, sites, altitude, look, seed=seed + 1, index=index, focal_height_m=height
+        )
+
+
+def _mean_of(hits: list[Any]) -> tuple[float, float]:
+    """Mean over all targets, and its standard error from forest to forest."""
+    means = [float(each.mean()) for each in hits]
+    error = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
+    return float(np.mean(means)), error
