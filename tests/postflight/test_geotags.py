@@ -4,7 +4,9 @@ import pytest
 from support.geotagged import photo, rational
 
 from aosplan.errors import RequestError
+from aosplan.postflight import geotags
 from aosplan.postflight.geotags import read_photos
+from aosplan.postflight.views import read_views
 
 Image = pytest.importorskip("PIL.Image")
 
@@ -14,7 +16,7 @@ Image = pytest.importorskip("PIL.Image")
 )
 def test_exif_positions_are_read(tmp_path, latitude, longitude):
     photo(tmp_path / "a.jpg", latitude, longitude)
-    (place,) = read_photos(str(tmp_path)).values()
+    (place,) = read_photos(str(tmp_path)).places.values()
     assert place.altitude_m is None
     assert place.latitude == pytest.approx(latitude, abs=1e-7)
     assert place.longitude == pytest.approx(longitude, abs=1e-7)
@@ -33,7 +35,7 @@ def test_exif_positions_are_read(tmp_path, latitude, longitude):
 )
 def test_xmp_goes_before_exif(tmp_path, xmp):
     photo(tmp_path / "a.JPG", 1.0, 2.0, xmp)
-    (place,) = read_photos(str(tmp_path)).values()
+    (place,) = read_photos(str(tmp_path)).places.values()
     assert place == (48.123456789, -14.5, 40.1)
 
 
@@ -45,7 +47,7 @@ def test_photos_without_a_place_are_named_and_others_kept_in_order(tmp_path):
     (tmp_path / "e.jpg").write_bytes(b"\xff\xd8 no photo")
     (tmp_path / "f.jpg").write_bytes(b"")
     (tmp_path / "notes.txt").write_text("no photo")
-    places = read_photos(str(tmp_path))
+    places = read_photos(str(tmp_path)).places
     assert list(places) == ["a.jpg", "b.jpg", "c.jpg", "d.jpg", "e.jpg", "f.jpg"]
     latitudes = [place.latitude for place in list(places.values())[:2]]
     assert latitudes == pytest.approx([11.0, 10.0])
@@ -59,7 +61,7 @@ def test_damaged_positions_are_none(tmp_path, gps):
         photo(tmp_path / "b.jpg", 10.0, 20.0, gps=gps)
     except Exception:  # noqa: BLE001 (what cannot be written cannot be read either)
         return
-    assert read_photos(str(tmp_path))["b.jpg"] is None
+    assert read_photos(str(tmp_path)).places["b.jpg"] is None
 
 
 def test_no_folder_and_no_photo_are_errors(tmp_path):
@@ -67,3 +69,85 @@ def test_no_folder_and_no_photo_are_errors(tmp_path):
         read_photos(str(tmp_path / "none"))
     with pytest.raises(RequestError, match="0 photos looked at"):
         read_photos(str(tmp_path))
+
+
+# Hemispheres and parts that are missing or contradict each other
+
+
+def exif(tmp_path, gps, latitude=-33.5, longitude=-70.25):
+    photo(tmp_path / "good.jpg", 1.0, 2.0)
+    photo(tmp_path / "a.jpg", latitude, longitude, gps=gps)
+    photos = read_photos(str(tmp_path))
+    return photos.places["a.jpg"], photos.doubtful.get("a.jpg", "")
+
+
+@pytest.mark.parametrize("letter", ["S", "s", "S\0", "South", b"S", b"S\0"])
+def test_a_hemisphere_is_read_in_any_type(tmp_path, letter):
+    place, _ = exif(tmp_path, {1: letter})
+    assert place.latitude == pytest.approx(-33.5)
+
+
+@pytest.mark.parametrize(
+    ("gps", "said"),
+    [
+        ({1: ""}, "without its hemisphere"),
+        ({1: "E"}, "without its hemisphere"),
+        ({3: "?"}, "without its hemisphere"),
+    ],
+)
+def test_a_position_without_its_hemisphere_is_not_guessed(tmp_path, gps, said):
+    place, why = exif(tmp_path, gps)
+    assert place is None
+    assert said in why
+
+
+def test_a_negative_angle_has_to_agree_with_its_hemisphere():
+    assert geotags.degrees_of({1: "S", 2: (-33.0, 30.0, 0.0)}, 1, "NS") == -33.5
+    with pytest.raises(geotags.DoubtfulError, match="contradict each other"):
+        geotags.degrees_of({1: "N", 2: (-33.0, 30.0, 0.0)}, 1, "NS")
+
+
+def test_seconds_of_nothing_are_none_if_minutes_have_decimals(tmp_path):
+    from PIL.TiffImagePlugin import IFDRational
+
+    nothing = IFDRational(0, 0)
+    place, _ = exif(tmp_path, {2: (rational(33), rational("30.125"), nothing)})
+    assert place.latitude == pytest.approx(-(33 + 30.125 / 60), abs=1e-7)
+    place, why = exif(tmp_path, {2: (rational(33), rational(30), nothing)})
+    assert place is None
+    assert "seconds" in why
+
+
+def test_zeros_of_xmp_beside_good_exif_are_no_position(tmp_path):
+    xmp = b'<x drone-dji:GpsLatitude="+0.0" drone-dji:GpsLongitude="0.0" '
+    photo(tmp_path / "a.jpg", -33.5, -70.25, xmp + b'drone-dji:RelativeAltitude="+40.1"/>')
+    place = read_photos(str(tmp_path)).places["a.jpg"]
+    assert place == pytest.approx((-33.5, -70.25, 40.1))
+
+
+def test_xmp_on_the_other_hemisphere_than_exif_is_refused(tmp_path):
+    photo(tmp_path / "good.jpg", 1.0, 2.0)
+    xmp = b'<x drone-dji:GpsLatitude="33.5" drone-dji:GpsLongitude="-70.25"/>'
+    photo(tmp_path / "a.jpg", -33.5, -70.25, xmp)
+    photos = read_photos(str(tmp_path))
+    assert photos.places["a.jpg"] is None
+    assert "33.5 by its XMP, and at -33.5 by its EXIF" in photos.doubtful["a.jpg"]
+
+
+def test_photos_that_are_all_doubtful_are_an_error_that_says_why(tmp_path):
+    photo(tmp_path / "a.jpg", -33.5, -70.25, gps={1: ""})
+    with pytest.raises(RequestError, match=r"a.jpg has a position without its hemisphere"):
+        read_photos(str(tmp_path))
+
+
+def test_thermal_and_visible_photos_of_a_shot_count_once_and_that_is_said(tmp_path):
+    for number in range(1, 4):
+        for second, letter in enumerate("TVW"):
+            name = f"DJI_202501011200{number}{second}_000{number}_{letter}.JPG"
+            photo(tmp_path / name, 48.0 + 1e-3 * number, 14.0)
+    photo(tmp_path / "DJI_20250101120050_0001_V.JPG", 48.01, 14.0)  # another flight's first
+    photos = read_photos(str(tmp_path))
+    assert [name[-10:-4] for name in photos.places] == ["0001_T", "0002_T", "0003_T", "0001_V"]
+    assert len(photos.paired) == 6
+    codes = dict(read_views(str(tmp_path), on_earth=True).messages())
+    assert codes["paired_photos"].startswith("6 photos")

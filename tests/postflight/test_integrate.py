@@ -303,7 +303,9 @@ CHANGES = {
     "exactly the names": lambda d: d["camera"].pop("cx"),
     "width": lambda d: d["camera"].update(width=1.5),
     "its camera 100 x 120": lambda d: d["camera"].update(width=100),
-    "no image '../000.tif'": lambda d: d["images"][0].update(imagefile="../000.tif"),
+    "image '../000.tif' leads out of the folder": lambda d: d["images"][0].update(
+        imagefile="../000.tif"
+    ),
     "zero": lambda d: d["images"][0].update(imagefile="\0"),
 }
 
@@ -316,7 +318,7 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
 
 
 BEYOND_A_SCHEMA = {"no rotation", "rotation", "not a finite number", "farther", "given twice",
-                   "its camera 100 x 120", "no image '../000.tif'", "zero"}  # fmt: skip
+                   "its camera 100 x 120", "image '../000.tif' leads out of the folder", "zero"}  # fmt: skip
 
 
 @pytest.mark.parametrize("part", CHANGES)
@@ -330,9 +332,7 @@ def test_the_schema_of_poses_refuses_what_has_the_wrong_shape(recorded, folder, 
 
 def damaged(path, how):
     content = path.read_bytes()
-    if how == "gone":
-        path.unlink()
-    elif how == "short":
+    if how == "short":
         path.write_bytes(content[: len(content) // 2])
     elif how == "text":
         path.write_text("no image")
@@ -344,7 +344,7 @@ def damaged(path, how):
         Image.new("RGB", (WIDTH, HEIGHT)).save(path)
 
 
-@pytest.mark.parametrize("how", ["gone", "short", "text", "empty", "size", "colour"])
+@pytest.mark.parametrize("how", ["short", "text", "empty", "size", "colour"])
 def test_an_image_that_is_not_like_the_others_is_named(command, recorded, folder, how):
     damaged(folder / "images" / "004.tif", how)
     assert "004.tif" in refused(command, *recorded, "--out", "i.png")

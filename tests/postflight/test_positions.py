@@ -188,3 +188,53 @@ def test_many_places_are_read(tmp_path):
         assert len(read_places(file_of(tmp_path, mission, name))) == 2500
     rows = csv.reader(io.StringIO(render(mission, formats()["csv"]).decode()))
     assert sum(1 for _ in rows) == 2501
+
+
+# Commands that place a vehicle
+
+
+def waypoints(rows):
+    home = "0\t1\t0\t16\t0\t0\t0\t0\t48\t14\t300\t1"
+    lines = [
+        f"{index}\t0\t{frame}\t{command}\t0\t0\t0\t0\t{48 + 1e-4 * index}\t14\t40\t1"
+        for index, (command, frame) in enumerate(rows, 1)
+    ]
+    return "\n".join(["QGC WPL 110", home, *lines, ""])
+
+
+@pytest.mark.parametrize("command", [16, 17, 18, 19, 31, 82])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_every_command_that_places_the_vehicle_is_a_position(tmp_path, command, encoding):
+    path = tmp_path / "a.waypoints"
+    path.write_bytes(waypoints([(16, 3), (command, 3), (203, 2), (16, 3)]).encode(encoding))
+    places = read_places(str(path))
+    photographed = [(48.0002,)]
+    assert [(round(place.latitude, 6),) for place in places] == photographed
+    path.write_text(waypoints([(16, 3), (command, 0), (command, 10)]))
+    assert [round(place.latitude, 6) for place in read_places(str(path))] == [
+        48.0001,
+        48.0002,
+        48.0003,
+    ]
+
+
+def test_unknown_commands_with_a_place_are_named(tmp_path):
+    path = tmp_path / "a.waypoints"
+    path.write_text(waypoints([(16, 3), (999, 3)]))
+    with pytest.raises(RequestError, match="line 4: command 999 is unknown"):
+        read_places(str(path))
+    path.write_text(waypoints([(22, 3), (201, 3), (16, 3), (21, 3)]))  # take-off, interest, landing
+    assert len(read_places(str(path))) == 1
+
+
+def test_places_in_metres_of_a_local_frame_are_refused(tmp_path):
+    path = tmp_path / "a.waypoints"
+    path.write_text(waypoints([(16, 1)]))
+    with pytest.raises(RequestError, match="line 3: frame 1 is not one of latitude"):
+        read_places(str(path))
+
+
+def test_blank_rows_of_spreadsheets_are_no_positions(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("east_m,north_m,\r\n1,2,\r\n,,\r\n\r\n3,4,\r\n")
+    assert read_positions(str(path)) == [(1.0, 2.0), (3.0, 4.0)]

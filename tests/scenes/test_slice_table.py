@@ -68,7 +68,7 @@ def test_a_table_plans(table):
         (GOOD.replace("density", "density_percent"), "no column density", "density_percent"),
         (GOOD.replace("top_m", "bottom_m"), "two columns bottom_m", ""),
         (GOOD + '"2,4', "is not valid CSV", ""),
-        (b"\xff\xfe\x00", "not UTF-8", ""),
+        (b"\xff\xfe\x00", "not UTF-16", ""),
         (b"\x00" * 100, "no column bottom_m", ""),
     ],
 )
@@ -90,3 +90,17 @@ def test_a_table_without_end_is_refused(table, monkeypatch):
 def test_options_of_clouds_are_refused(table):
     with pytest.raises(RequestError, match="--voxel goes with a point cloud"):
         plan(PlanRequest(altitude=40, scene=table(GOOD), voxel=0.5))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "bottom_m,top_m,density,occluder_size_m,,\r\n2,4,5%,0.3,,\r\n,,,,,\r\n4,6,7%,0.3\r\n",
+        "bottom_m,top_m,density,occluder_size_m\n2,4,5%,0.3,,\n\n,,\n4,6,7%,0.3,\n",
+    ],
+)
+def test_blank_rows_and_trailing_commas_of_spreadsheets_are_passed_over(tmp_path, encoding, text):
+    path = tmp_path / "slices.csv"
+    path.write_bytes(text.encode(encoding))
+    assert [tuple(layer)[2] for layer in read_slices(str(path)).layers] == [0.05, 0.07]

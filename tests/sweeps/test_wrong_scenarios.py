@@ -90,7 +90,8 @@ TABLES = [
     (b"altitude\ntrue\n", ["'true'", "(row 1)"]),
     (b"altitude\n2020-01-01\n", ["'2020-01-01'"]),
     (b"altitude,scene\n40,\xe9\n", ["not a table", "utf-8"]),
-    ("altitude\n40\n".encode("utf-16"), ["UTF-16"]),
+    (b"\xff\xfea", ["is no option"]),
+    (b"altitude,\n40,0.9\n", ["column ''"]),
     (b'altitude,vhat\n"40,0.9\n50,0.8\n', ["not a table"]),
     (b"PK\x03\x04" + bytes(100), ["is a spreadsheet", "CSV or Parquet"]),
 ]
@@ -252,3 +253,18 @@ def test_the_index_of_pandas_is_called_so(folder, refused):
     pytest.importorskip("pyarrow")
     pd.DataFrame({"altitude": [40.0, 50.0]}, index=[3, 7]).to_parquet(folder / "s.parquet")
     assert "index=False" in refused("s.parquet")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "altitude,vhat\n40,0.9\n",
+        "altitude,vhat,\n40,0.9,\n",
+        "altitude,vhat,,\r\n,,,\r\n40,0.9,,\r\n,,,\r\n",
+    ],
+)
+def test_blank_rows_and_trailing_commas_are_no_scenarios(folder, encoding, text):
+    (folder / "s.csv").write_bytes(text.encode(encoding))
+    table = read_scenarios("s.csv")
+    assert (table.names, table.rows) == (["altitude", "vhat"], 1)

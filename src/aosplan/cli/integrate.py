@@ -225,6 +225,15 @@ def _described(
 
 def _warnings(recording: Recording, integral: Integral, least: int) -> list[dict[str, str]]:
     found = []
+    if recording.missing:
+        count = len(recording.missing)
+        found.append(
+            (
+                "missing_images",
+                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
+                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
+            )
+        )
     if integral.blind:
         found.append(
             ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")

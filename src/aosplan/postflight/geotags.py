@@ -7,11 +7,12 @@ take-off.  Neither the pictures nor anything else of the files is decoded.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from aosplan.errors import RequestError, needs_extra
+from aosplan.errors import MissingExtraError, RequestError, needs_extra
 from aosplan.files import decoding
 from aosplan.postflight.positions import Place
 
@@ -27,23 +28,47 @@ GPS = 0x8825
 XMP_BYTES = 1 << 18
 """Makers write XMP at the beginning of a file."""
 
+_SHOT = re.compile(r"(?P<series>.*?)_(?:\d{14}_)?(?P<number>\d{3,})_[A-Z]{1,4}")
+"""Names of DJI's photos that come in pairs: ``DJI_20250101120000_0001_T``."""
+
+PAIR_DEG = 2e-5
+"""Photos of one shot are nearer to each other: 2 m."""
+
 _XMP = re.compile(
     rb"(?:drone-dji|Camera):(GpsLatitude|GpsLongt?itude|RelativeAltitude)"
     rb"(?:=\"|>)\s*([+-]?\d+(?:\.\d+)?)"
 )
 
 
-def read_photos(folder: str) -> dict[str, Place | None]:
-    """Places of the photos in a folder by their names, in order; None where a photo says none.
+class Photos(NamedTuple):
+    """The photos of a folder.
 
-    Altitudes are above the take-off where the XMP says them.
+    Attributes
+    ----------
+    places
+        Where each was taken, by its name, in order; None if it does not say so.
+    doubtful
+        Why a photo that has a position is not placed by it, by its name.
+    paired
+        Photos that are left out, as another of the same shot counts: its name by theirs.
+    """
+
+    places: dict[str, Place | None]
+    doubtful: dict[str, str]
+    paired: dict[str, str]
+
+
+def read_photos(folder: str) -> Photos:
+    """Places of the photos in a folder.
+
+    Altitudes are above the take-off if the XMP has them.
 
     Raises
     ------
     RequestError
-        Where there is no folder, or no photo in it has a place.
+        If there is no folder, or no photo in it has a place.
     MissingExtraError
-        Where Pillow is not installed.
+        If Pillow is not installed.
     """
     try:
         names = sorted(
@@ -55,49 +80,115 @@ def read_photos(folder: str) -> dict[str, Place | None]:
         )
     except OSError as error:
         raise RequestError(f"folder '{folder}': {(error.strerror or str(error)).lower()}") from None
-    places = {name: _place(os.path.join(folder, name)) for name in names}
+    places: dict[str, Place | None] = {}
+    doubtful = {}
+    for name in names:
+        try:
+            places[name] = _place(os.path.join(folder, name))
+        except DoubtfulError as error:
+            places[name], doubtful[name] = None, str(error)
     if not any(places.values()):
+        why = next(iter(doubtful.values()), "")
         raise RequestError(
-            f"folder '{folder}' has no photo with a position ({len(names)} photos looked at)",
-            "photos end in .jpg or .tif and have GPS in their EXIF or XMP",
+            f"folder '{folder}' has no photo with a position ({len(names)} photos looked at)"
+            + (f": {next(iter(doubtful))} {why}" if why else ""),
+            "photos end in .jpg or .tif and have GPS in their EXIF or XMP"
+            if not why
+            else "write the metadata anew, as exiftool does",
         )
-    return places
+    paired = _pairs(places)
+    return Photos(
+        {name: place for name, place in places.items() if name not in paired}, doubtful, paired
+    )
+
+
+class DoubtfulError(Exception):
+    """A position that may be on the other side of the earth."""
+
+
+def _pairs(places: dict[str, Place | None]) -> dict[str, str]:
+    """Photos of one shot by several cameras of a drone: each but the first, and the first's name.
+
+    DJI names them alike but for a last letter, such as T and V, and at times the second.
+    """
+    first: dict[str, str] = {}
+    found = {}
+    for name, place in places.items():
+        match = _SHOT.fullmatch(os.path.splitext(name)[0])
+        if match is None or place is None:
+            continue
+        shot = f"{match['series']}_{match['number']}"
+        other = places.get(first.setdefault(shot, name))
+        if first[shot] != name and other is not None and _are_near(place, other):
+            found[name] = first[shot]
+    return found
+
+
+def _are_near(one: Place, other: Place) -> bool:
+    return (
+        abs(one.latitude - other.latitude) < PAIR_DEG
+        and abs(one.longitude - other.longitude) < PAIR_DEG
+    )
 
 
 def _place(path: str) -> Place | None:
     with open(path, "rb") as file:
         found = {name.decode(): float(text) for name, text in _XMP.findall(file.read(XMP_BYTES))}
-    latitude = found.get("GpsLatitude")
     # Early firmware of DJI misspells it.
-    longitude = found.get("GpsLongitude", found.get("GpsLongtitude"))
-    if latitude is None or longitude is None:
+    by_xmp = _fix(found.get("GpsLatitude"), found.get("GpsLongitude", found.get("GpsLongtitude")))
+    if by_xmp is None:
         exif = _exif_place(path)
-        if exif is None:
-            return None
-        latitude, longitude = exif
-    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0) or latitude == longitude == 0.0:
-        return None  # without a fix cameras write zeros
-    return Place(latitude, longitude, found.get("RelativeAltitude"))
+        by_exif = _fix(*exif) if exif else None
+        return by_exif and Place(*by_exif, found.get("RelativeAltitude"))
+    _check_signs(by_xmp, path)
+    return Place(*by_xmp, found.get("RelativeAltitude"))
+
+
+def _fix(latitude: float | None, longitude: float | None) -> tuple[float, float] | None:
+    """A position, unless it is incomplete, off the earth, or the zeros of a camera without a fix."""
+    if latitude is None or longitude is None or latitude == longitude == 0.0:
+        return None
+    if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
+        return None
+    return latitude, longitude
+
+
+def _check_signs(by_xmp: tuple[float, float], path: str) -> None:
+    """Refuse a position whose hemisphere is another one in EXIF than in XMP."""
+    try:
+        exif = _exif_place(path)
+    except (DoubtfulError, MissingExtraError):
+        return  # XMP has its own signs
+    for one, other in zip(by_xmp, exif or by_xmp, strict=True):
+        if one * other < 0.0 and math.isclose(abs(one), abs(other), abs_tol=0.01):
+            raise DoubtfulError(f"is at {one:g} by its XMP, and at {other:g} by its EXIF")
 
 
 def _exif_place(path: str) -> tuple[float, float] | None:
+    """Latitude and longitude by EXIF; None if it has none, or is damaged.
+
+    Raises
+    ------
+    DoubtfulError
+        If the hemisphere, or a part of the angle, is missing.
+    """
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
     try:
         with decoding("photo", path), _of_any_size(Image), Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)
-        return next(_degrees(tags, 1)), next(_degrees(tags, 3))
+        latitude, longitude = degrees_of(tags, 1, "NS"), degrees_of(tags, 3, "EW")
     except (
         RequestError,
         OSError,
         ValueError,
         TypeError,
         ZeroDivisionError,
-        StopIteration,
         SyntaxError,
         KeyError,
     ):
         return None  # damaged metadata are none
+    return None if latitude is None or longitude is None else (latitude, longitude)
 
 
 @contextlib.contextmanager
@@ -110,11 +201,37 @@ def _of_any_size(pillow: Any) -> Iterator[None]:
         pillow.MAX_IMAGE_PIXELS = kept
 
 
-def _degrees(tags: dict[int, object], reference: int) -> Iterator[float]:
-    """Degrees of a latitude or longitude: its letter at a tag, three numbers at the next."""
-    letter, parts = tags.get(reference), tags.get(reference + 1)
-    if isinstance(parts, tuple) and len(parts) == 3:
-        whole, minutes, seconds = map(float, parts)
-        value = whole + minutes / 60.0 + seconds / 3600.0
-        if abs(value) <= 180.0:  # nan is not
-            yield -value if str(letter).upper()[:1] in {"S", "W"} else value
+def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float | None:
+    """Degrees of a latitude or longitude: its hemisphere at a tag, three numbers at the next."""
+    parts = tags.get(reference + 1)
+    if not isinstance(parts, tuple) or len(parts) != 3:
+        return None
+    whole, minutes, seconds = (_number(part) for part in parts)
+    if whole is None or abs(whole) > 180.0:
+        return None
+    if minutes is None or seconds is None:
+        # A part of 0/0 is one that is not used: the part before it then has decimals.
+        before = whole if minutes is None else minutes
+        if before == math.floor(before) and not (whole == before == 0.0):
+            raise DoubtfulError("has a position without its minutes or seconds")
+        minutes, seconds = minutes or 0.0, 0.0
+    value = abs(whole) + minutes / 60.0 + seconds / 3600.0
+    if value == 0.0:
+        return 0.0
+    given = tags.get(reference)
+    text = given.decode("ascii", "replace") if isinstance(given, bytes) else str(given)
+    letter = text.strip("\0 ").upper()[:1]
+    if not letter or letter not in letters:
+        raise DoubtfulError(f"has a position without its hemisphere ({letters[0]} or {letters[1]})")
+    if whole < 0.0 and letter == letters[0]:
+        raise DoubtfulError(f"is at {whole:g} degrees and at {letter}, which contradict each other")
+    return -value if letter == letters[1] else value
+
+
+def _number(part: Any) -> float | None:
+    """A number of EXIF; None for 0/0."""
+    try:
+        value = float(part)
+    except ZeroDivisionError:
+        return None
+    return None if math.isnan(value) else value

@@ -9,7 +9,7 @@ import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.files import read_bytes, read_table
+from aosplan.files import read_bytes, read_table, text_of
 from aosplan.mission import mavlink as mav
 from aosplan.units import number, shown
 
@@ -99,13 +99,31 @@ def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> P
     return Place(north, east, None if altitude is None else number(altitude, f"{where} altitude"))
 
 
+PLACING = {mav.WAYPOINT, 17, 18, 19, 31, 82}
+"""Commands that bring the vehicle to a place: waypoint, loiter (without end, by turns, by time, to an
+altitude), and spline waypoint."""
+
+PLACELESS = {
+    # Take-off, landing, return, delays, jumps, changes of speed and home, cameras, gimbals, servos,
+    # relays, regions of interest, grippers, fences, rally points and the state of the vehicle.
+    20, 21, 22, 23, 24, 30, 32, 84, 85, 92, 93, 94, 95, 112, 113, 114, 115, 159, *range(176, 190),
+    *range(193, 223), 240, 241, 242, 252, 300, *range(400, 402), *range(500, 540), 600, 601,
+    *range(1000, 1003), *range(2000, 2006), *range(2500, 2521), 2800, 3000, *range(4501, 4505),
+    *range(5000, 5005), 5100, *range(30001, 30003), *range(31000, 31015), *range(42600, 42705),
+}  # fmt: skip
+"""Commands whose latitude and longitude, if they have any, are not where a photo is taken."""
+
+GLOBAL_FRAMES = {0, 3, 5, 6, 10, 11}
+"""Frames of MAVLink whose x and y are latitude and longitude."""
+
+
 def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> list[Place]:
-    """Waypoints at which the camera fires, or all where it never does."""
+    """Waypoints at which the camera fires, or all if it never does."""
     places: list[Place] = []
     shot: set[int] = set()
     firing = False
     for where, command, params in commands:
-        if command == mav.WAYPOINT:
+        if command in PLACING:
             places.append(_place(where, *params[4:7]))
             if firing:
                 shot.add(len(places) - 1)
@@ -117,20 +135,38 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             else:
                 # A line runs out to here; if it has a photo, that is a command of its own.
                 shot.discard(len(places) - 1)
-        elif command not in {mav.TAKEOFF, mav.SPEED, mav.GIMBAL, mav.YAW, mav.RETURN}:
-            continue  # what else a mission does is no position
+        elif command not in PLACELESS and any(_is_set(value) for value in params[4:6]):
+            raise RequestError(
+                f"{where} command {command} is unknown, and it has a place: nothing tells whether a "
+                "photo is taken there",
+                "leave it out, or make it a waypoint (16)",
+            )
     if not places:
         raise RequestError(f"'{path}' holds no waypoints")
     shot.discard(-1)  # before the first waypoint
     return [place for index, place in enumerate(places) if not shot or index in shot]
 
 
+def _is_set(value: Any) -> bool:
+    """Whether a parameter is a number other than zero."""
+    try:
+        return bool(float(value))
+    except (TypeError, ValueError):
+        return False
+
+
+def _check_frame(where: str, command: int, frame: Any) -> None:
+    """Refuse a place in metres of a local frame."""
+    if command in PLACING and number(frame, f"{where} frame") not in GLOBAL_FRAMES:
+        raise RequestError(
+            f"{where} frame {frame} is not one of latitude and longitude",
+            f"frames are {', '.join(map(str, sorted(GLOBAL_FRAMES)))}",
+        )
+
+
 def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
     """Commands of a ``.waypoints`` file; its first row is home."""
-    try:
-        lines = read_bytes(path).decode().split("\n")
-    except UnicodeDecodeError as error:
-        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    lines = text_of(read_bytes(path), path).split("\n")
     if not lines[0].startswith("QGC WPL 1"):
         raise RequestError(f"'{path}' does not begin with QGC WPL 110")
     for line_number, line in enumerate(lines[2:], 3):
@@ -140,7 +176,9 @@ def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
         where = f"'{path}', line {line_number}:"
         if len(fields) != 12:
             raise RequestError(f"{where} {len(fields)} fields, not 12")
-        yield where, _code(fields[3], where), fields[4:11]
+        command = _code(fields[3], where)
+        _check_frame(where, command, fields[2])
+        yield where, command, fields[4:11]
 
 
 def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
@@ -160,7 +198,9 @@ def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
         params = item.get("params")
         if not isinstance(params, list) or len(params) != 7:
             raise RequestError(f"{where} params are not seven values")
-        yield where, _code(item.get("command"), where), params
+        command = _code(item.get("command"), where)
+        _check_frame(where, command, item.get("frame", mav.RELATIVE))
+        yield where, command, params
 
 
 def _code(value: Any, where: str) -> int:
@@ -284,10 +324,7 @@ def read_csv(path: str) -> Table:
     RequestError
         Where it is none; the message names the line.
     """
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    text = text_of(read_bytes(path), path)
     reader = csv.reader(io.StringIO(text, newline=""))
     rows = []
     try:
@@ -296,6 +333,8 @@ def read_csv(path: str) -> Table:
         photo = names.index("photo") if "photo" in names else None
         for row in reader:
             where = f"'{path}', line {reader.line_num}:"
+            if not any(cell.strip() for cell in row):
+                continue
             if row and len(row) <= (photo or 0):
                 raise RequestError(f"{where} {len(row)} values are too few")
             if row and (photo is None or row[photo].strip().lower() not in {"false", "0"}):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from aosplan.postflight.positions import (
 from aosplan.units import number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
@@ -37,7 +37,8 @@ class Views(NamedTuple):
     """Photos by their places on earth, or by their positions [m], and what else their source says.
 
     `header` and `rows` are the source's own columns; of a folder the names of the photos.
-    `unplaced` are the names of photos that say nothing of where they were taken.
+    `unplaced` are the names of photos that are not placed, `doubtful` the reason for some of them,
+    and `paired` those that are left out as another photo of the same shot counts.
     """
 
     path: str
@@ -48,6 +49,8 @@ class Views(NamedTuple):
     altitudes_m: list[float | None]
     is_folder: bool = False
     unplaced: tuple[str, ...] = ()
+    doubtful: Mapping[str, str] = {}
+    paired: Mapping[str, str] = {}
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -80,10 +83,27 @@ class Views(NamedTuple):
 
     def messages(self) -> Iterator[Message]:
         """Yield what is missing of the views."""
-        if self.unplaced:
-            named = ", ".join(map(_readable, self.unplaced[:5]))
-            named += " ..." if len(self.unplaced) > 5 else ""
-            count = len(self.unplaced)
+        if self.paired:
+            name, other = next(iter(self.paired.items()))
+            count = len(self.paired)
+            yield Message(
+                "paired_photos",
+                f"{count} photo{'s' * (count > 1)} of a shot that another photo shows count once: "
+                f"{_readable(name)} with {_readable(other)}{' ...' * (count > 1)}",
+            )
+        if self.doubtful:
+            name, why = next(iter(self.doubtful.items()))
+            count = len(self.doubtful)
+            yield Message(
+                "doubtful_positions",
+                f"{count} photo{'s' * (count > 1)} with a position that is not clear "
+                f"{'are' if count > 1 else 'is'} not placed: {_readable(name)} {why}",
+            )
+        silent = [name for name in self.unplaced if name not in self.doubtful]
+        if silent:
+            named = ", ".join(map(_readable, silent[:5]))
+            named += " ..." if len(silent) > 5 else ""
+            count = len(silent)
             yield Message(
                 "photos_without_position",
                 f"{count} photo{'s say' if count > 1 else ' says'} nothing of where "
@@ -110,14 +130,16 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         from aosplan.postflight.geotags import read_photos
 
         photos = read_photos(path)
-        placed = {name: place for name, place in photos.items() if place is not None}
+        placed = {name: place for name, place in photos.places.items() if place is not None}
         return _views(
             path,
             ["name"],
             [[name] for name in placed],
             list(placed.values()),
             is_folder=True,
-            unplaced=tuple(name for name in photos if name not in placed),
+            unplaced=tuple(name for name in photos.places if name not in placed),
+            doubtful=photos.doubtful,
+            paired=photos.paired,
         )
     if os.path.splitext(path)[1].lower() in (*SUFFIXES, ".json"):
         places = read_places(path)
@@ -148,11 +170,11 @@ def _views(
     places: list[Place],
     *,
     is_folder: bool = False,
-    unplaced: tuple[str, ...] = (),
+    **photos: Any,
 ) -> Views:
     _check_some(path, places)
     altitudes = [place.altitude_m for place in places]
-    return Views(path, header, rows, places, [], altitudes, is_folder, unplaced)
+    return Views(path, header, rows, places, [], altitudes, is_folder, **photos)
 
 
 def _check_some(path: str, found: Sequence[object]) -> None:

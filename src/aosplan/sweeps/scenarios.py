@@ -7,6 +7,7 @@ crossing's columns keep an axis each, so what depends on few of them is computed
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
-from aosplan.files import decoding, read_table
+from aosplan.files import decoding, read_bytes, read_start, read_table, text_of
 from aosplan.planning.options import BY_NAME
 from aosplan.sweeps.block import Block
 from aosplan.units import nearest_hint, number, shown, whole
@@ -223,7 +224,9 @@ def read_rows(path: str) -> Table:
     with decoding("table of scenarios", path):
         # A name with brackets is no pattern of other names.
         if as_text:
-            frame = pl.read_csv(path, infer_schema=False, glob=False)
+            wide = read_start(path, 2) in (b"\xff\xfe", b"\xfe\xff")
+            source = io.BytesIO(text_of(read_bytes(path), path).encode()) if wide else path
+            frame = _without_blanks(pl.read_csv(source, infer_schema=False, glob=False))
         else:
             _check_size(pl.scan_parquet(path, glob=False), path)
             frame = pl.read_parquet(path, glob=False)
@@ -244,19 +247,19 @@ def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
 
 def _check_start(path: str, *, as_text: bool) -> None:
     """Refuse what is no table by its first bytes: before a library reads all of it."""
-    from aosplan.files import read_start
-
     start = read_start(path, MOST_HEADER)
     if start.startswith(b"PK\x03\x04"):
         raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
     if not as_text:
         return
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise RequestError(f"'{path}' is UTF-16 text, not UTF-8", "save it as CSV in UTF-8")
-    line = start.decode("utf-8-sig", errors="replace").partition("\n")[0].rstrip("\r")
+    wide = start.startswith((b"\xff\xfe", b"\xfe\xff"))
+    text = start.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    line = text.partition("\n")[0].rstrip("\r")
     if len(start) == MOST_HEADER and "\n" not in start.decode("latin-1"):
         raise RequestError(f"'{path}': its header is longer than {MOST_HEADER} bytes")
     header = next(csv.reader([line]), [])
+    while len(header) > 1 and not header[-1].strip():
+        header.pop()  # of a trailing comma; a column that is not empty is refused later
     for other, title in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and other in line:
             raise RequestError(
@@ -264,6 +267,19 @@ def _check_start(path: str, *, as_text: bool) -> None:
                 "save it with commas between columns, and points in numbers",
             )
     _check_names(header, path)
+
+
+def _without_blanks(frame: Any) -> Any:
+    """A table without the rows and trailing columns that spreadsheets leave: those without a value."""
+    pl = polars()
+    blank = pl.all().is_null() | (pl.all().str.strip_chars() == "")
+    frame = frame.filter(~pl.all_horizontal(blank))
+    names = list(frame.columns)
+    while len(names) > 1 and (not names[-1].strip() or names[-1].startswith("_duplicated_")):
+        if not frame.select(pl.col(names[-1]).fill_null("").str.strip_chars().eq("").all()).item():
+            break
+        names.pop()
+    return frame.select(names)
 
 
 def _check_size(frame: Any, path: str) -> None:

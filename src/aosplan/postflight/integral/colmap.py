@@ -109,9 +109,10 @@ def _cameras(path: str) -> dict[str, Intrinsics]:
 def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
     is_points = False
     for line, text in _lines(path):
-        if is_points:  # may be empty
+        if is_points:
             is_points = False
-            continue
+            if not text or _are_points(text):
+                continue
         if not text or text.startswith("#"):
             continue
         is_points = True
@@ -128,6 +129,23 @@ def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
             raise RequestError(f"{place}: the name holds a zero byte")
         rotation = _rotation(values[:4], place)
         yield View(words[9], rotation, np.array(values[4:]), cameras[words[8]])
+
+
+def _are_points(text: str) -> bool:
+    """Whether a line has the points of an image, X Y POINT3D_ID each, and is not the next image.
+
+    Programs that drop empty lines drop those of images without points.  The line of an image has a
+    name where points have numbers.
+    """
+    words = text.split(maxsplit=12)[:12]
+    if len(words) < 10:
+        return True
+    try:
+        for word in words[9:]:
+            float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _rotation(quaternion: list[float], place: str) -> NDArray[np.float64]:

@@ -9,12 +9,13 @@ from __future__ import annotations
 import io
 import os
 import warnings
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from aosplan.errors import RequestError, SurroundingsError, needs_extra
-from aosplan.units import nearest_hint
+from aosplan.files import decoding
+from aosplan.units import nearest_hint, shown
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,6 +31,10 @@ BANDS = {
     "I": "F", "F": "F", "I;16": "F", "I;16L": "F", "I;16B": "F", "I;16N": "F",
 }  # fmt: skip
 """The mode that each of Pillow's is read as."""
+
+
+BITS_PER_SAMPLE, SAMPLE_FORMAT = 258, 339
+"""Tags of TIFF; formats of samples are 1 without a sign, 2 with it, 3 floats."""
 
 
 class Picture(NamedTuple):
@@ -85,6 +90,24 @@ class Folder:
         for name in found:
             self._by_stem.setdefault(os.path.splitext(name)[0].lower(), []).append(name)
 
+    def holds(self, name: str) -> bool:
+        """Whether there is a file for a name, or more than one.
+
+        Raises
+        ------
+        RequestError
+            If the name leads out of the folder.
+        """
+        if os.path.isabs(name) or ".." in name.replace("\\", "/").split("/"):
+            raise RequestError(
+                f"image {shown(name)} leads out of the folder '{self.path}'",
+                "names of images are relative to the folder of images",
+            )
+        stem = os.path.splitext(os.path.basename(name))[0].lower()
+        return os.path.isfile(os.path.join(self.path, name)) or (
+            not os.path.dirname(name) and stem in self._by_stem
+        )
+
     def file_of(self, name: str) -> str:
         """Path of an image.
 
@@ -94,7 +117,7 @@ class Folder:
         Raises
         ------
         RequestError
-            Where there is none, or more than one.
+                If there is none, or more than one.
         """
         path = os.path.join(self.path, name)
         if os.path.isfile(path):
@@ -143,9 +166,62 @@ def read_picture(path: str) -> Picture:
         if mode is None:
             raise RequestError(f"image '{path}' has pixels of the unknown mode {image.mode}")
         try:
-            return _floats(image, mode)
+            deep = _deep(image, path)
+            return _floats(image, mode) if deep is None else _deep_bands(deep)
         except (OSError, SyntaxError, ValueError, IndexError, EOFError) as error:
             raise RequestError(f"image '{path}' is damaged: {error}") from None
+
+
+def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
+    """Pixels of an image that Pillow would cut or wrap; None of any other.
+
+    It keeps 8 of the 16 bits of colours, and takes 32 bits without a sign for ones with it.
+    """
+    tags = getattr(image, "tag_v2", {})
+    raw = " ".join(str(tile[3]) for tile in getattr(image, "tile", ()))
+    bits = tags.get(BITS_PER_SAMPLE) or (16 if ";16" in raw else 8)
+    bits = max(bits) if isinstance(bits, tuple) else bits
+    if image.mode == "I" and bits == 32 and tags and _first(tags.get(SAMPLE_FORMAT), 1) == 1:
+        return np.asarray(image).view(np.uint32)
+    if image.mode not in ("RGB", "RGBA", "LA", "CMYK") or bits <= 8:
+        return None
+    try:
+        if image.format == "TIFF":
+            import tifffile
+
+            pixels: NDArray[np.generic] = tifffile.imread(path)
+            if pixels.ndim == 3 and pixels.shape[:2] != image.size[::-1]:
+                pixels = np.moveaxis(pixels, 0, 2)  # band after band
+        else:
+            import rasterio
+
+            with decoding("image", path), rasterio.open(path, driver="PNG") as raster:
+                pixels = np.moveaxis(raster.read(), 0, 2)
+    except Exception:  # noqa: BLE001 (not installed, or one of the codecs is not)
+        pixels = np.empty(0)
+    if pixels.ndim != 3 or pixels.shape[:2] != image.size[::-1] or pixels.dtype != np.uint16:
+        raise RequestError(
+            f"image '{path}' has {bits} bits a colour in a form that is not read",
+            "save it as a TIFF of 16 bits a colour, without compression",
+        )
+    return pixels
+
+
+def _first(value: Any, otherwise: int) -> int:
+    value = value[0] if isinstance(value, tuple) else value
+    return otherwise if value is None else int(value)
+
+
+def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
+    """Bands of an array, shape (rows, columns) or (rows, columns, bands); the second or fourth is alpha."""
+    if pixels.ndim == 2:
+        return Picture((_float_band(pixels),), None, is_byte=False)
+    colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
+    bands = tuple(_float_band(pixels[..., band]) for band in range(colours))
+    if colours == pixels.shape[2]:
+        return Picture(bands, None, is_byte=False)
+    weight = _float_band(np.asarray(pixels[..., -1], dtype=np.float32) / np.float32(65535.0))
+    return Picture(bands, weight, is_byte=False)
 
 
 def _floats(image: Image, mode: str) -> Picture:

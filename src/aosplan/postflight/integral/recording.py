@@ -41,10 +41,17 @@ class Recording:
     camera
         Makes the intrinsics of an image of a width and a height; None to have them from the poses.
 
+    Attributes
+    ----------
+    views
+        Views whose image is in the folder.
+    missing
+        Names of the images that are not.
+
     Raises
     ------
     RequestError
-        Where the poses or the folder are wrong, an image is missing, no camera is known or two
+        If the poses or the folder are wrong, all images are missing, no camera is known or two
         are, or a camera is below the plane.
     """
 
@@ -57,7 +64,12 @@ class Recording:
         up: str | None = None,
         camera: Callable[[int, int], Intrinsics] | None = None,
     ) -> None:
-        self.views = read_poses(poses)
+        posed = read_poses(poses)
+        folder = Folder(images)
+        self.views = [view for view in posed if folder.holds(view.name)]
+        self.missing = [view.name for view in posed if not folder.holds(view.name)]
+        if not self.views:
+            folder.file_of(self.missing[0])  # raises
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
         self.plane = Plane(upward(self.views) if up is None else up, focal_height_m)
@@ -71,7 +83,6 @@ class Recording:
                 f"the focal plane at {focal_height_m:g} m",
                 f"heights count along {self.plane.up} of the world; --up is one of {', '.join(UPS)}",
             )
-        folder = Folder(images)
         paths = [folder.file_of(view.name) for view in self.views]
         self.sources = [
             Source(view, intrinsics, path)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.files import read_bytes
+from aosplan.files import read_bytes, text_of
 from aosplan.scenes.scene import MOST_SLICES, Layer, LayeredScene
 
 if TYPE_CHECKING:
@@ -38,18 +38,16 @@ def read_slices(path: str) -> LayeredScene:
     RequestError
         Where the file is no such table; the message names the line and the column.
     """
-    try:
-        text = read_bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RequestError(f"'{path}' is not UTF-8 text (byte {error.start})") from None
+    text = text_of(read_bytes(path), path)
     rows = csv.reader(text.splitlines(), strict=True)
     try:
         header = [name.strip().lower() for name in next(rows, [])]
         places = _places(header, path)
         layers = []
-        for row in rows:
-            if not any(cell.strip() for cell in row):
+        for cells in rows:
+            if not any(cell.strip() for cell in cells):
                 continue
+            row = _as_long_as(header, cells)
             if len(row) != len(header):
                 raise RequestError(
                     f"'{path}' line {rows.line_num} has {len(row)} cells, and the header "
@@ -71,6 +69,18 @@ def read_slices(path: str) -> LayeredScene:
     if not layers:
         raise RequestError(f"'{path}' has a header and no slices")
     return LayeredScene(name=os.path.basename(path), layers=tuple(sorted(layers)), source=path)
+
+
+def _as_long_as(header: list[str], cells: list[str]) -> list[str]:
+    """A row without the empty cells behind the header's, or with those that it leaves out.
+
+    Spreadsheets write commas behind the last column, and may leave them out again.
+    """
+    if not any(cell.strip() for cell in cells[len(header) :]):
+        cells = cells[: len(header)]
+    if not any(header[len(cells) :]):
+        cells = cells + [""] * (len(header) - len(cells))
+    return cells
 
 
 def _places(header: list[str], path: str) -> dict[str, int]:
