@@ -266,8 +266,10 @@ def test_what_cannot_be_simulated_is_refused(change, settings, words):
 
 def test_a_uniform_forest_needs_a_uniform_scene(flight):
     scene = LayeredScene("stand", (Layer(2.0, 3.0, 0.2, 0.5),))
+    loaded = replace(flight.inputs.loaded, scene=scene)
+    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded))
     with pytest.raises(RequestError, match="'stand' has layers"):
-        simulate(replace(flight, scene=scene), Settings(forest="uniform"))
+        simulate(made, Settings(forest="uniform"))
 
 
 def test_occluders_count_from_the_focal_plane():

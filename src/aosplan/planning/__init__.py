@@ -1,6 +1,7 @@
 """Planning: one request, one plan.
 
 - `aosplan.planning.request`: the request; `aosplan.planning.options` its options and defaults.
+- `aosplan.planning.option_relations`: which options exclude each other, and which need another.
 - `aosplan.planning.request_file`: requests and saved plans from files.
 - `aosplan.planning.user_defaults`: the user's own defaults.
 - `aosplan.planning.loaded_scene`: the scene of a request, read from its file or made of numbers.

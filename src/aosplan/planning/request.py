@@ -16,45 +16,20 @@ from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled
 from aosplan.planning.find import completed
-from aosplan.planning.options import BY_NAME, OPTIONS, READING
+from aosplan.planning.option_relations import (
+    ALTERNATIVES,
+    LANE_DEFAULTS,
+    LANE_OPTIONS,
+    beneath,
+    check_alternatives,
+    check_needs,
+    fitting,
+    given_flags,
+)
+from aosplan.planning.options import BY_NAME, OPTIONS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-
-ALTERNATIVES = (
-    (("altitude",), ("gsd",), ("target_size", "target_pixels")),
-    (("vhat",), ("visibility",)),
-    (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
-    (
-        ("scene", *READING),
-        ("density", "volume_height", "volume_base"),
-        ("integrated_density", "volume_height", "volume_base"),
-        (
-            "stems_per_hectare",
-            "crown_diameter",
-            "leaf_area_index",
-            "volume_height",
-            "volume_base",
-        ),
-    ),
-    (
-        ("camera",),
-        ("focal_length", "sensor_width", "sensor_height", "image_width", "image_height"),
-        ("fov", "image_width", "image_height"),
-    ),
-)
-"""Ways to say the same thing: options of different ways contradict each other."""
-
-LANE_DEFAULTS: dict[str, Any] = {"lanes": 3, "lane_pitch": 4.0}
-"""Defaults of the options of lanes."""
-
-LANE_OPTIONS = {
-    "lanes": ("lanes", "lane_pitch"),
-    "spiral": ("lane_pitch",),
-    "best": ("lanes", "lane_pitch"),
-}
-"""Which of them each kind of grid takes."""
 
 
 @dataclass(frozen=True)
@@ -163,8 +138,7 @@ class PlanRequest:
             value = getattr(self, option.name)
             if value is not None:
                 object.__setattr__(self, option.name, option.parse(value, option.name))
-        for alternatives in ALTERNATIVES:
-            self._check_alternatives(alternatives)
+        check_alternatives(vars(self))
         if self.vhat is None and self.visibility is None:
             object.__setattr__(self, "vhat", 0.98)
         for name, value in completed(vars(self)).items():
@@ -172,6 +146,7 @@ class PlanRequest:
         self._check_altitude()
         self._check_scene()
         self._check_flight()
+        check_needs(vars(self))
         self._check_camera()
         for name, value in settled(self).items():
             object.__setattr__(self, name, value)
@@ -198,22 +173,7 @@ class PlanRequest:
         }
 
     def _given(self, names: tuple[str, ...]) -> list[str]:
-        return [BY_NAME[name].flag for name in names if getattr(self, name) is not None]
-
-    def _check_alternatives(self, alternatives: tuple[tuple[str, ...], ...]) -> None:
-        leading = [names[0] for names in alternatives if getattr(self, names[0]) is not None]
-        if len(leading) > 1:
-            flags = " and ".join(BY_NAME[name].flag for name in leading)
-            raise RequestError(f"{flags} say the same thing twice", "keep one of them")
-        for names in alternatives:
-            if leading and names[0] == leading[0]:
-                foreign = {name for others in alternatives for name in others} - set(names)
-                unexpected = self._given(tuple(sorted(foreign)))
-                if unexpected:
-                    raise RequestError(
-                        f"{BY_NAME[leading[0]].flag} and {' and '.join(unexpected)} contradict each other",
-                        "keep one of them",
-                    )
+        return given_flags(vars(self), names)
 
     def _check_altitude(self) -> None:
         if self.target_pixels is not None and self.target_size is None:
@@ -305,18 +265,6 @@ class PlanRequest:
         }.items():
             if getattr(self, name) is None and value is not None:
                 object.__setattr__(self, name, value)
-        for names, needed, given in (
-            (("max_blur", "exposure_time"), "--trigger distance", self.trigger == "distance"),
-            (("wind_from",), "--wind-speed", self.wind_speed is not None),
-            (("wind_speed",), "--wind-from", self.wind_from is not None),
-            (("takeoff", "terrain"), "--origin LAT,LON", self.has_place),
-            (("terrain_units", "terrain_tolerance"), "--terrain", self.terrain is not None),
-        ):
-            unpaired = self._given(names)
-            if unpaired and not given:
-                raise RequestError(
-                    f"{' and '.join(unpaired)} without {needed}", f"give {needed} too"
-                )
 
     def _check_bounds(self) -> None:
         if self.samples and self.max_samples and self.samples > self.max_samples:
@@ -348,11 +296,6 @@ class PlanRequest:
 
     def _check_area(self) -> None:
         if self.area is None:
-            unpaired = self._given(("clear", "no_fly", "buffer", "max_sites"))
-            if unpaired:
-                raise RequestError(
-                    f"{' and '.join(unpaired)} without --area", "give --area FILE too"
-                )
             if self.heading == "auto":
                 raise RequestError("--heading auto needs --area", "give a number of degrees")
         else:
@@ -363,8 +306,6 @@ class PlanRequest:
             object.__setattr__(self, "max_sites", self.max_sites or 10_000)
         if self.no_fly is not None:
             object.__setattr__(self, "buffer", 5.0 if self.buffer is None else self.buffer)
-        elif self.buffer is not None:
-            raise RequestError("--buffer without --no-fly", "give --no-fly FILE too")
         if self.line_length is not None and self.grid != "line":
             raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
 
@@ -405,57 +346,10 @@ def request_from(
     place = f" in {where}" if where else ""
     given = {name: _parsed(name, value, f"{name}{place}") for name, value in given.items()}
     flags = {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
-    asked = _beneath(given, flags) | flags
+    asked = beneath(given, flags) | flags
     if own:
         asked = own_beneath(own, asked, defaults_where) | asked
     return PlanRequest(**asked)
-
-
-BROUGHT_BY_DRONE = (
-    "speed",
-    "acceleration",
-    "climb",
-    "photo_interval",
-    "airspeed",
-    "autopilot",
-    "camera_control",
-    "payload",
-)
-"""What a drone brings along, beside its camera."""
-
-PARTNERS = {
-    "takeoff": ("origin", None),
-    "terrain": ("origin", None),
-    "terrain_tolerance": ("terrain", None),
-    "terrain_units": ("terrain", None),
-    "max_blur": ("trigger", "distance"),
-    "exposure_time": ("trigger", "distance"),
-    "lanes": ("grid", "lanes"),
-    "lane_pitch": ("grid", "lanes"),
-}
-"""Options that mean something only beside another one, or beside one of its values."""
-
-
-def _beneath(lower: dict[str, Any], upper: dict[str, Any]) -> dict[str, Any]:
-    """What is left of a layer of options below one that overrides it."""
-    dropped = set(upper)
-    for alternatives in ALTERNATIVES:
-        for names in alternatives:
-            if names[0] in upper:
-                dropped |= {name for others in alternatives for name in others} - set(names)
-    if "scene" in upper and "scene" not in lower:
-        dropped.add("occluder_size")  # it belonged to the uniform scene below
-    if "grid" in upper:
-        dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
-    if upper.get("trigger") == "stop":
-        dropped |= {"max_blur", "exposure_time"}
-    elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
-        dropped |= {"grid", *LANE_DEFAULTS}
-    elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
-        dropped |= {"trigger", "max_blur", "exposure_time"}
-    if "drone" in upper:
-        dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
-    return {name: value for name, value in lower.items() if name not in dropped}
 
 
 def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
@@ -468,26 +362,10 @@ def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) 
     """
     own = {name: _parsed(name, value, f"{name} in {where}") for name, value in defaults.items()}
     try:
-        PlanRequest(**({"altitude": 40.0} if not _has_altitude(own) else {}) | _fitting(own, {}))
+        PlanRequest(**({"altitude": 40.0} if not _has_altitude(own) else {}) | fitting(own, {}))
     except RequestError as error:
         raise RequestError(f"'{where}': {error.message}", error.hint) from None
-    return _fitting(_beneath(own, asked), asked)
-
-
-def _fitting(own: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
-    """The options of a layer whose partners are there, among them or among what is asked for."""
-    together = own | asked
-    unpaired = {
-        name
-        for name in own.keys() & PARTNERS.keys()
-        for partner, wanted in (PARTNERS[name],)
-        if (partner not in together and not (partner == "origin" and "area" in together))
-        or wanted not in (None, together.get(partner))
-    }
-    if not unpaired:
-        return own
-    # What lost its partner may be one itself.
-    return _fitting({name: value for name, value in own.items() if name not in unpaired}, asked)
+    return fitting(beneath(own, asked), asked)
 
 
 def _has_altitude(values: Mapping[str, Any]) -> bool:

@@ -1,0 +1,197 @@
+"""Relations between the options of a plan: which exclude each other, and which need another.
+
+`PlanRequest` refuses what these tables exclude.  Where layers of options lie above each other, such
+as flags above a file, an upper layer takes away what the tables exclude from a lower one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.planning.options import BY_NAME, READING
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+
+ALTERNATIVES = (
+    (("altitude",), ("gsd",), ("target_size", "target_pixels")),
+    (("vhat",), ("visibility",)),
+    (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
+    (
+        ("scene", *READING),
+        ("density", "volume_height", "volume_base"),
+        ("integrated_density", "volume_height", "volume_base"),
+        (
+            "stems_per_hectare",
+            "crown_diameter",
+            "leaf_area_index",
+            "volume_height",
+            "volume_base",
+        ),
+    ),
+    (
+        ("camera",),
+        ("focal_length", "sensor_width", "sensor_height", "image_width", "image_height"),
+        ("fov", "image_width", "image_height"),
+    ),
+)
+"""Ways to say the same thing: options of different ways contradict each other."""
+
+
+class Need(NamedTuple):
+    """Options that mean something only beside another one, or beside one of its values.
+
+    Attributes
+    ----------
+    options
+        The options.
+    partners
+        Any one of these is enough.
+    value
+        Value that the partner must have; None for any.
+    shown
+        The partner as messages name it.
+    remedy
+        The partner as hints name it.
+    waits
+        Whether a user's own default is left out while its partner is missing.  Other defaults
+        without their partner are refused.
+    """
+
+    options: tuple[str, ...]
+    partners: tuple[str, ...]
+    value: str | None
+    shown: str
+    remedy: str
+    waits: bool
+
+    def is_met(self, values: Mapping[str, Any]) -> bool:
+        """Whether a partner is among the options that are given."""
+        given = (values.get(partner) for partner in self.partners)
+        return any(each is not None and self.value in (None, each) for each in given)
+
+
+_TRIGGER = "--trigger distance"
+_ORIGIN = "--origin LAT,LON"
+
+NEEDS = (
+    Need(("max_blur", "exposure_time"), ("trigger",), "distance", _TRIGGER, _TRIGGER, waits=True),
+    Need(("wind_from",), ("wind_speed",), None, "--wind-speed", "--wind-speed", waits=False),
+    Need(("wind_speed",), ("wind_from",), None, "--wind-from", "--wind-from", waits=False),
+    Need(("takeoff", "terrain"), ("origin", "area"), None, _ORIGIN, _ORIGIN, waits=True),
+    Need(
+        ("terrain_units", "terrain_tolerance"),
+        ("terrain",),
+        None,
+        "--terrain",
+        "--terrain",
+        waits=True,
+    ),
+    Need(
+        ("clear", "no_fly", "buffer", "max_sites"),
+        ("area",),
+        None,
+        "--area",
+        "--area FILE",
+        waits=False,
+    ),
+    Need(("buffer",), ("no_fly",), None, "--no-fly", "--no-fly FILE", waits=False),
+)
+"""Options that need another one."""
+
+LANE_DEFAULTS: dict[str, Any] = {"lanes": 3, "lane_pitch": 4.0}
+"""Defaults of the options of lanes."""
+
+LANE_OPTIONS = {
+    "lanes": ("lanes", "lane_pitch"),
+    "spiral": ("lane_pitch",),
+    "best": ("lanes", "lane_pitch"),
+}
+"""Which of them each kind of grid takes."""
+
+BROUGHT_BY_DRONE = (
+    "speed",
+    "acceleration",
+    "climb",
+    "photo_interval",
+    "airspeed",
+    "autopilot",
+    "camera_control",
+    "payload",
+)
+"""What a drone brings along, beside its camera."""
+
+
+def check_alternatives(values: Mapping[str, Any]) -> None:
+    """Refuse options that say the same thing twice, or contradict each other."""
+    for alternatives in ALTERNATIVES:
+        leading = [names[0] for names in alternatives if values[names[0]] is not None]
+        if len(leading) > 1:
+            flags = " and ".join(BY_NAME[name].flag for name in leading)
+            raise RequestError(f"{flags} say the same thing twice", "keep one of them")
+        for names in alternatives:
+            if leading and names[0] == leading[0]:
+                unexpected = given_flags(values, sorted(_foreign(alternatives, names)))
+                if unexpected:
+                    raise RequestError(
+                        f"{BY_NAME[leading[0]].flag} and {' and '.join(unexpected)} contradict "
+                        "each other",
+                        "keep one of them",
+                    )
+
+
+def check_needs(values: Mapping[str, Any]) -> None:
+    """Refuse options whose partner is missing."""
+    for need in NEEDS:
+        unpaired = given_flags(values, need.options)
+        if unpaired and not need.is_met(values):
+            raise RequestError(
+                f"{' and '.join(unpaired)} without {need.shown}", f"give {need.remedy} too"
+            )
+
+
+def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
+    """Flags of the options that have a value."""
+    return [BY_NAME[name].flag for name in names if values[name] is not None]
+
+
+def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
+    """What is left of a layer of options below one that overrides it."""
+    dropped = set(upper)
+    for alternatives in ALTERNATIVES:
+        for names in alternatives:
+            if names[0] in upper:
+                dropped |= _foreign(alternatives, names)
+    if "scene" in upper and "scene" not in lower:
+        dropped.add("occluder_size")  # it belonged to the uniform scene below
+    if "grid" in upper:
+        dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
+    if upper.get("trigger") == "stop":
+        dropped |= {"max_blur", "exposure_time"}
+    elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
+        dropped |= {"grid", *LANE_DEFAULTS}
+    elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
+        dropped |= {"trigger", "max_blur", "exposure_time"}
+    if "drone" in upper:
+        dropped |= {*BROUGHT_BY_DRONE, *(name for names in ALTERNATIVES[-1] for name in names)}
+    return {name: value for name, value in lower.items() if name not in dropped}
+
+
+def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a layer whose partners are in it, or in what is asked for."""
+    together = {**own, **asked}
+    unpaired = {
+        name for need in NEEDS if need.waits and not need.is_met(together) for name in need.options
+    }
+    if together.get("grid") != "lanes":
+        unpaired |= set(LANE_DEFAULTS)
+    left = {name: value for name, value in own.items() if name not in unpaired}
+    # An option that is left out may have been the partner of another.
+    return left if len(left) == len(own) else fitting(left, asked)
+
+
+def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
+    """Options of the other alternatives that do not belong to one."""
+    return {name for others in alternatives for name in others} - set(names)
