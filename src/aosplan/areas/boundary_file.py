@@ -25,7 +25,7 @@ from aosplan.files import MOST_BYTES, parse_table, read_bytes, read_start, text_
 from aosplan.units import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
@@ -100,7 +100,7 @@ def read_outline(path: str) -> Outline:
 def _read_document(content: bytes, outline: Outline) -> None:
     path = outline.path
     if content[:2] == b"PK":
-        content = _member(content, path)
+        content = archive_member(content, path, _document_name)
     encoding = None  # as the document says
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         content, encoding = text_of(content, path).encode(), "utf-8"
@@ -379,8 +379,14 @@ class _KmlReader:
         return checked_ring(np.array(pairs).reshape(-1, 2), self._place)
 
 
-def _member(content: bytes, path: str) -> bytes:
-    """The KML document in a KMZ: the one at the top of the archive."""
+def archive_member(content: bytes, path: str, choose: Callable[[list[str], str], str]) -> bytes:
+    """One member of a KMZ, which is chosen from the names of all of them.
+
+    Raises
+    ------
+    RequestError
+        If the archive is broken, has too many members, or one that is too large.
+    """
     end = content.rfind(b"PK\x05\x06")
     if end < 0 or len(content) < end + 22:
         raise RequestError(f"'{path}' is a broken KMZ archive")
@@ -389,7 +395,7 @@ def _member(content: bytes, path: str) -> bytes:
         raise RequestError(f"'{path}' has more members than a KMZ archive should")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            name = _document_name(archive.namelist(), path)
+            name = choose(archive.namelist(), path)
             with archive.open(name) as member:
                 document = member.read(MOST_BYTES + 1)
     except BROKEN as error:

@@ -88,7 +88,8 @@ COMMAND = command(
     ),
     parameters=[
         file_argument(
-            "positions", "Folder of photos, CSV, .geojson, .waypoints or .plan with positions."
+            "positions",
+            "Folder of photos, a mission (.waypoints, .plan, .kmz, .mavlink), CSV or .geojson.",
         ),
         file_argument(
             "request",

@@ -23,7 +23,7 @@ PLACE_NAMES = (("latitude", "longitude"), ("lat", "lon"), ("lat", "lng"), ("lat"
 ALTITUDES = ("altitude_m", "altitude(m)", "altitude", "alt")
 """Names that a CSV's column of altitudes may have."""
 
-SUFFIXES = (".waypoints", ".plan", ".geojson")
+SUFFIXES = (".waypoints", ".plan", ".geojson", ".kmz", ".mavlink")
 """Files that say where on earth their places are."""
 
 
@@ -36,7 +36,7 @@ class Place(NamedTuple):
 
 
 def read_places(path: str) -> list[Place]:
-    """Places of photos in the order of a file: ``.waypoints``, ``.plan``, ``.geojson``, else CSV.
+    """Places of photos in the order of a file: a mission, ``.geojson``, or a CSV (also Litchi's).
 
     Of a mission in which the camera fires at some waypoints, those; else all waypoints.
 
@@ -47,8 +47,12 @@ def read_places(path: str) -> list[Place]:
         names the line or item.
     """
     suffix = os.path.splitext(path)[1].lower()
-    if suffix == ".waypoints":
+    if suffix in {".waypoints", ".mavlink"}:
         places = _flown(_rows(path), path)
+    elif suffix == ".kmz":
+        from aosplan.postflight.wpml_route import read_route
+
+        places = [_place(*site) for site in read_route(path)]
     elif suffix == ".plan":
         places = _flown(_items(path), path)
     elif suffix in {".geojson", ".json"}:
@@ -169,7 +173,8 @@ def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
     lines = text_of(read_bytes(path), path).split("\n")
     if not lines[0].startswith("QGC WPL 1"):
         raise RequestError(f"'{path}' does not begin with QGC WPL 110")
-    for line_number, line in enumerate(lines[2:], 3):
+    first = 1 if path.lower().endswith(".mavlink") else 2  # Parrot's has no row for home
+    for line_number, line in enumerate(lines[first:], first + 1):
         fields = line.split()
         if not fields or line.startswith("#"):
             continue
@@ -254,7 +259,7 @@ FARTHEST_M = 1e9
 def read_positions(path: str) -> list[tuple[float, float]]:
     """Positions [m] from a CSV with a header, such as aosplan's own waypoints, or from a mission.
 
-    Places of ``.waypoints``, ``.plan`` and ``.geojson`` files count east and north from the first.
+    Places of missions and ``.geojson`` files count east and north from the first.
 
     Raises
     ------
@@ -341,7 +346,24 @@ def read_csv(path: str) -> Table:
                 rows.append((where, row))
     except csv.Error as error:
         raise RequestError(f"'{path}', line {reader.line_num}: {error}") from None
-    return Table(path, header, rows)
+    return Table(path, header, _photographed(names, rows))
+
+
+def _photographed(
+    names: list[str], rows: list[tuple[str, list[str]]]
+) -> list[tuple[str, list[str]]]:
+    """Of a Litchi mission the rows with a photo, or all if it takes none; else all rows."""
+    actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
+    every = names.index("photo_distinterval") if "photo_distinterval" in names else -1
+    if not actions:
+        return rows
+
+    def shoots(row: list[str]) -> bool:
+        if any(row[place].strip() == "1" for place in actions if place < len(row)):
+            return True
+        return 0 <= every < len(row) and number(row[every], "photo_distinterval") > 0.0
+
+    return [each for each in rows if shoots(each[1])] or rows
 
 
 def positions_of(table: Table) -> list[tuple[float, float]]:

@@ -112,7 +112,7 @@ class Views(NamedTuple):
 
 
 def read_views(path: str, *, on_earth: bool) -> Views:
-    """Views from a folder of photos, ``.waypoints``, ``.plan``, ``.geojson`` or a CSV.
+    """Views from a folder of photos, a mission, ``.geojson`` or a CSV.
 
     Parameters
     ----------

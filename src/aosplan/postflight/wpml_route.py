@@ -1,0 +1,114 @@
+"""Sites of a WPML route, as DJI Pilot 2, DJI Fly and Autel Enterprise fly it: a ``.kmz``."""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.parsers import expat
+
+from aosplan.areas.boundary_file import DEEPEST, archive_member
+from aosplan.errors import RequestError
+from aosplan.files import read_bytes
+from aosplan.units import number
+
+MEMBER = "waylines.wpml"
+"""The member that the drone executes; the other one is what its application shows."""
+
+SHOOTING = {"takePhoto", "orientedShoot", "accurateShoot"}
+"""Actions that store a photo."""
+
+
+def read_route(path: str) -> list[tuple[str, Any, Any, Any]]:
+    """Where in the file, latitude, longitude and height of the waypoints with a photo, in order.
+
+    A photo by distance is taken from the first to the last waypoint of its action group.  If no
+    action takes a photo, every waypoint counts.
+
+    Raises
+    ------
+    RequestError
+        If it is not such an archive; the message says what is wrong.
+    """
+    content = read_bytes(path)
+    if content[:2] != b"PK":
+        raise RequestError(f"'{path}' is not a KMZ archive")
+    reader = _Reader(path)
+    reader.read(archive_member(content, path, _waylines))
+    indices = range(len(reader.sites))
+    chosen = [index for index in indices if not reader.shot or index in reader.shot]
+    return [(f"'{path}', waypoint {index}:", *reader.sites[index]) for index in chosen]
+
+
+def _waylines(names: list[str], path: str) -> str:
+    found = [name for name in names if name.replace("\\", "/").rpartition("/")[2] == MEMBER]
+    if len(found) != 1:
+        raise RequestError(
+            f"'{path}' holds {len(found) or 'no'} {MEMBER}: it is not one WPML route",
+            "an area is read by --area",
+        )
+    return found[0]
+
+
+class _Reader:
+    """Collects sites and photos while expat walks through the document."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.depth = 0
+        self.texts: dict[str, str] = {}
+        self.text: list[str] = []
+        self.functions: list[str] = []
+        self.sites: list[tuple[str, str, str | None]] = []
+        self.shot: set[int] = set()
+
+    def read(self, content: bytes) -> None:
+        parser = expat.ParserCreate()
+        parser.buffer_text = True
+        parser.StartDoctypeDeclHandler = self._doctype
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self.text.append
+        try:
+            parser.Parse(content, True)
+        except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding, too
+            raise RequestError(f"'{self.path}': {MEMBER} is not valid XML: {error}") from None
+
+    def _doctype(self, *_: Any) -> None:
+        raise RequestError(f"'{self.path}': {MEMBER} has a document type, which may hide entities")
+
+    def _start(self, name: str, _attributes: dict[str, str]) -> None:
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise RequestError(f"'{self.path}' is nested too deeply")
+        tag = name.rpartition(":")[2]
+        if tag == "Placemark":
+            self.texts = {}
+        elif tag == "actionGroup":
+            self.functions = []
+        self.text.clear()
+
+    def _end(self, name: str) -> None:
+        self.depth -= 1
+        tag, text = name.rpartition(":")[2], "".join(self.text).strip()
+        if tag == "actionActuatorFunc":
+            self.functions.append(text)
+        elif tag == "actionGroup":
+            self._group()
+        elif tag == "Placemark":
+            self._site()
+        else:
+            self.texts[tag] = text
+        self.text.clear()
+
+    def _group(self) -> None:
+        if SHOOTING & set(self.functions):
+            first, last = (
+                int(number(self.texts.get(name, ""), f"'{self.path}', {name}"))
+                for name in ("actionGroupStartIndex", "actionGroupEndIndex")
+            )
+            self.shot |= set(range(max(first, 0), min(last, 65_535) + 1))
+
+    def _site(self) -> None:
+        pair = self.texts.get("coordinates", "").split(",")
+        if len(pair) < 2:
+            raise RequestError(f"'{self.path}', waypoint {len(self.sites)}: has no coordinates")
+        self.sites.append((pair[1], pair[0], self.texts.get("executeHeight")))
