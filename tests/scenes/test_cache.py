@@ -218,3 +218,55 @@ def test_scene_says_where_its_voxels_come_from(place, cloud, capsys):
     assert "AOSPLAN_CACHE=0" in second.err
     assert run(["scene", str(cloud), "--json", "--quiet"]) == 0
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links and pipes")
+@pytest.mark.parametrize("kind", ["link", "dangling link", "pipe", "somebody else's"])
+def test_only_own_regular_files_are_entries(place, cloud, readings, tmp_path, monkeypatch, kind):
+    whole = resolved(cloud)
+    (name,) = entries(place)
+    entry, elsewhere = place / name, tmp_path / "elsewhere"
+    content = entry.read_bytes()
+    if kind == "somebody else's":
+        monkeypatch.setattr(os, "geteuid", lambda: entry.stat().st_uid + 1)
+    else:
+        entry.unlink()
+        if kind == "pipe":
+            os.mkfifo(entry)
+        else:
+            entry.symlink_to(elsewhere)
+            if kind == "link":
+                elsewhere.write_bytes(content)
+    again = resolved(cloud)
+    assert same(again, whole)
+    assert not again.from_cache
+    assert len(readings) == 2
+    assert entry.is_file()
+    assert not entry.is_symlink()
+    assert elsewhere.exists() == (kind == "link")
+
+
+def test_a_file_copied_over_another_with_its_times_is_read_again(place, tmp_path, readings):
+    cloud, other = tmp_path / "stand.las", tmp_path / "other.las"
+    write_cloud(cloud, seed=0)
+    write_cloud(other, seed=1)
+    times = os.stat(cloud)
+    assert other.stat().st_size == times.st_size
+    resolved(cloud)
+    cloud.write_bytes(other.read_bytes())
+    os.utime(cloud, ns=(times.st_atime_ns, times.st_mtime_ns))
+    assert not resolved(cloud).from_cache
+    assert len(readings) == 2
+
+
+@pytest.mark.parametrize("at", [0.0, 0.3, 0.7, 1.0])
+def test_samples_are_spread_over_a_large_file(tmp_path, at, monkeypatch):
+    monkeypatch.setattr(cache, "SAMPLE_OCTETS", 64)
+    path = tmp_path / "large"
+    content = bytearray(100_000)
+    path.write_bytes(content)
+    before = cache.sampled(str(path), len(content))
+    index = round(at * (cache.SAMPLES - 1))
+    content[(len(content) - 64) * index // (cache.SAMPLES - 1)] = 1
+    path.write_bytes(content)
+    assert cache.sampled(str(path), len(content)) != before

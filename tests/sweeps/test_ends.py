@@ -246,3 +246,78 @@ def ended(folder, act):
             os.killpg(process.pid, signal.SIGKILL)
             raise
     return process.returncode, error
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
+def test_workers_end_when_the_first_process_is_killed(tmp_path):
+    workers = []
+
+    def kill(pid):
+        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
+            workers.extend(map(int, children.read().split()))
+        os.kill(pid, signal.SIGKILL)
+
+    assert ended(tmp_path, kill)[0] == -signal.SIGKILL
+    assert len(workers) >= 2
+    until = time.monotonic() + 20
+    while left := [pid for pid in workers if os.path.exists(f"/proc/{pid}")]:
+        assert time.monotonic() < until, left
+        time.sleep(0.1)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="without locks")
+@pytest.mark.parametrize("out", ["r.csv", "r.parquet/"])
+@pytest.mark.parametrize("again", ["--force", "--resume"])
+def test_a_second_sweep_to_the_same_output_is_refused(
+    campaign, tmp_path, small_blocks, monkeypatch, capsys, out, again
+):
+    solve, second = run_module.solve_part, []
+
+    def beside(sweep_, index, path):
+        monkeypatch.setattr(run_module, "solve_part", solve)
+        second.append(sweep(campaign, "--out", f"{tmp_path}/{out}", again))
+        return solve(sweep_, index, path)
+
+    monkeypatch.setattr(run_module, "solve_part", beside)
+    assert sweep(campaign, "--out", f"{tmp_path}/{out}") == 0
+    assert second == [2]
+    assert "another sweep is writing" in capsys.readouterr().err
+    assert not [name for name in os.listdir(tmp_path) if "lock" in name or "parts" in name]
+    assert sweep(campaign, "--out", f"{tmp_path}/{out}", "--force") == 0
+
+
+def test_names_of_files_are_no_formulas(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    stand = 'name = "a"\ndensity = 0.02\noccluder_size_m = 0.3\nvolume_base_m = 2\nvolume_height_m = 10\n'
+    names = ["=1+1.toml", "+a.toml", "-a.toml", "@a.toml", "a.toml"]
+    for name in names:
+        (tmp_path / name).write_text(stand, encoding="utf-8")
+    rows = "".join(f"{name},40\n" for name in names)
+    (tmp_path / "in.csv").write_text(f"scene,altitude\n{rows}", encoding="utf-8")
+    assert sweep("in.csv", "--out", "out.csv") == 0
+    assert list(pl.read_csv("out.csv")["scene"]) == [f"'{name}" for name in names[:4]] + names[4:]
+    assert sweep("in.csv", "--out", "out.parquet") == 0
+    assert list(pl.read_parquet("out.parquet")["scene"]) == names
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of addresses")
+@pytest.mark.parametrize("megabytes", [300, 600, 900])
+@pytest.mark.parametrize("where", [["--summary"], ["--out", "r.csv"]])
+def test_too_little_memory_is_one_error_line(campaign, tmp_path, megabytes, where):
+    # The columnar library would end the process, with words of its own.
+    import resource
+
+    done = subprocess.run(
+        [sys.executable, "-m", "aosplan", "sweep", str(campaign), *where],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20,) * 2),
+    )
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.startswith("error: not enough memory for a sweep")
+    assert done.stderr.count("\n") == 2
+    assert os.listdir(tmp_path) == [campaign.name]

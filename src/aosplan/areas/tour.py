@@ -14,9 +14,8 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-from scipy.spatial import Delaunay, cKDTree
+
+from aosplan.areas.nearest import Nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -113,6 +112,14 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         stop.append(at[there])
         border |= ~there
         border[np.setdiff1d(np.arange(len(cells)), at[there], assume_unique=True)] = True
+    one, other = np.concatenate(start), np.concatenate(stop)
+    if len(cells) <= MOST_IMPROVED and len(one):
+        lengths = np.hypot(*(points[one] - points[other]).T)
+        least = float(lengths.min())
+        short = lengths <= least * (1.0 + 1e-9)
+        # No two sites of a lattice are nearer to each other than its nearest neighbours.
+        if _are_joined(one[short], other[short], len(cells)):
+            return least * (len(cells) - 1)
     outer = np.flatnonzero(border)
     for one, other in _triangulated(points[outer]):
         start.append(outer[one])
@@ -122,11 +129,32 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
     # Edges of the least length are most of a lattice's, and any that join are in some tree.
     least = float(lengths.min())
     short = lengths <= least * (1.0 + 1e-9)
+    from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
+
     pieces, labels = connected_components(_graph(lengths, one, other, short, len(cells)))
     piece = labels.astype(np.int64)
     rest = ~short & (piece[one] != piece[other])
     joined = _graph(lengths, piece[one], piece[other], rest, pieces)
     return least * (len(cells) - pieces) + float(minimum_spanning_tree(joined).sum())
+
+
+def _are_joined(one: Whole, other: Whole, size: int) -> bool:
+    """Whether edges join all nodes: as SciPy's connected components, without its import."""
+    above = list(range(size))
+
+    def root(node: int) -> int:
+        while above[node] != node:
+            above[node] = above[above[node]]
+            node = above[node]
+        return node
+
+    pieces = size
+    for start, stop in zip(one.tolist(), other.tolist(), strict=True):
+        first, last = root(start), root(stop)
+        if first != last:
+            above[first] = last
+            pieces -= 1
+    return pieces == 1
 
 
 def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], size: int) -> Any:
@@ -136,6 +164,8 @@ def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], s
     low, high, length = low[order], high[order], lengths[kept][order]
     first = np.append(True, (low[1:] != low[:-1]) | (high[1:] != high[:-1]))[: len(low)]
     places = low[first].astype(np.int32), high[first].astype(np.int32)  # all that old SciPy takes
+    from scipy.sparse import coo_array
+
     return coo_array((length[first], places), shape=(size, size)).tocsr()
 
 
@@ -148,6 +178,8 @@ def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.in
         if len(points) == 3 and spread[1][1] > 1e-9 * spread[1][0]:
             return [(along[[0, 1, 0]], along[[1, 2, 2]])]
         return [(along[:-1], along[1:])]
+    from scipy.spatial import Delaunay
+
     corners = Delaunay(points).simplices.astype(np.int64)
     return [(corners[:, k], corners[:, k - 1]) for k in range(3)]
 
@@ -182,7 +214,7 @@ def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
     way: list[tuple[int, bool]] = []
     entry = 0
     names = np.arange(2 * count)
-    tree = cKDTree(ends)
+    tree = Nearest(ends)
     while True:
         line = entry % count
         way.append((line, entry < count))
@@ -191,23 +223,23 @@ def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
             return way
         if 2 * (count - len(way)) < 0.5 * len(names):
             names = np.flatnonzero(left)
-            tree = cKDTree(ends[names])
+            tree = Nearest(ends[names])
         entry = _nearest(ends[line + count if entry < count else line], tree, names, left, zones)
 
 
 def _nearest(
-    here: Points, tree: cKDTree, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
+    here: Points, tree: Nearest, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
 ) -> int:
     """The nearest end that is left; of the nearest few, one that no zone hides comes first."""
     wanted = 16
     while True:
-        found = np.atleast_1d(tree.query(here, min(wanted, len(names)))[1])
+        found = tree.to(here[None], min(wanted, len(names)))[0]
         free = names[found][left[names[found]]]
         if len(free) or wanted >= len(names):
             break
         wanted *= 4
     if zones and len(free) > 1:
-        targets = tree.data[np.searchsorted(names, free)]
+        targets = tree.points[np.searchsorted(names, free)]
         clear = free[~zones.cross(np.broadcast_to(here, targets.shape), targets)]
         free = clear if len(clear) else free
     return int(free[0])
@@ -348,7 +380,7 @@ def _improved(
 ) -> NDArray[np.intp]:
     """A tour after 2-opt and Or-opt moves among near neighbours, until none gains."""
     circle = _Circle(order, points, leg_s, zones)
-    found = np.asarray(cKDTree(points).query(points, min(NEIGHBOURS + 1, len(points)))[1])
+    found = Nearest(points).to(points, min(NEIGHBOURS + 1, len(points)))
     near = [[other for other in row if other != site] for site, row in enumerate(found.tolist())]
     waiting = deque(order.tolist())
     queued = set(waiting)

@@ -28,6 +28,11 @@ class Named(NamedTuple):
     files: tuple[str, ...]
 
 
+def is_file_option(name: str) -> bool:
+    """Whether values of an option may be names of files."""
+    return any(mark in BY_NAME[name].metavar for mark in ("FILE", "."))
+
+
 def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Named]:
     """The values of a sweep that stand for files which are there.
 
@@ -39,7 +44,7 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
         Where they are looked for first.
     """
     for name, column in values.items():
-        if not any(mark in BY_NAME[name].metavar for mark in ("FILE", ".")):
+        if not is_file_option(name):
             continue
         for value in sorted({value for value in column.flat if isinstance(value, str)}):
             found = located(value, folder)

@@ -12,14 +12,19 @@ import io
 import json
 import os
 import shutil
+import sys
 import uuid
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import check_output
+from aosplan.planning.options import BY_NAME
+from aosplan.sweeps.input_files import is_file_option
 from aosplan.sweeps.scenarios import polars
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import polars as pl
 
     from aosplan.sweeps.summary import Gathered
@@ -79,6 +84,30 @@ class Parts:
             shutil.rmtree(self.folder)
         os.mkdir(self.folder)
         self.note_all()
+
+    @contextlib.contextmanager
+    def alone(self) -> Iterator[None]:
+        """Around a run: no other one to the same result, at the same time.
+
+        Raises
+        ------
+        RequestError
+            If another process is at it.
+        """
+        lock = f"{self.out}.lock"
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
+        try:
+            if not _is_first(handle, lock):
+                raise RequestError(
+                    f"another sweep is writing '{self.out}'", "wait for it, or name another --out"
+                )
+            try:
+                yield
+            finally:
+                with contextlib.suppress(OSError):
+                    os.unlink(lock)
+        finally:
+            os.close(handle)
 
     def _take_up(self) -> None:
         notes = _notes(self.journal)
@@ -164,18 +193,51 @@ class Parts:
         shutil.rmtree(self.folder)
 
 
+def _is_first(handle: int, lock: str) -> bool:
+    """Whether no other process holds a lock, which is this one's from now on."""
+    if sys.platform == "win32":
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    # A run that has just ended takes its lock's name away.
+    return os.path.exists(lock) and os.path.samestat(os.fstat(handle), os.stat(lock))
+
+
 def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tuple[int, str]:
     """Write a frame in the format of the path's ending, as `write_durably`; its bytes and SHA-256."""
     content = io.BytesIO()
     if path.endswith(".parquet"):
         frame.write_parquet(content, compression="lz4")
     elif path.endswith(".csv"):
-        frame.write_csv(content)
+        _guarded(frame).write_csv(content)
     else:
         frame.write_ndjson(content)
     with content.getbuffer() as whole:
         write_durably(whole, path, folder)
         return len(whole), hashlib.sha256(whole).hexdigest()
+
+
+def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
+    """A frame in which no name of a file begins as a formula of a spreadsheet does."""
+    pl = polars()
+    names = [
+        name
+        for name, kind in frame.schema.items()
+        if kind == pl.String and name in BY_NAME and is_file_option(name)
+    ]
+    return frame.with_columns(
+        pl.when(pl.col(name).str.contains(r"^[=+\-@\t\r]"))
+        .then(pl.lit("'") + pl.col(name))
+        .otherwise(pl.col(name))
+        .alias(name)
+        for name in names
+    )
 
 
 def write_durably(content: bytes | memoryview, path: str, folder: str | None = None) -> None:

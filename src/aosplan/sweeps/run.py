@@ -9,13 +9,14 @@ the result.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from itertools import islice
-from multiprocessing import active_children, get_context
-from threading import current_thread, main_thread
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread, current_thread, main_thread
 from typing import TYPE_CHECKING
 
 from aosplan.errors import AosplanError, SurroundingsError
@@ -68,6 +69,20 @@ def run(
         Where something cannot be written, or a worker dies; what is done stays, for `resume`.
     """
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
+    with parts.alone():
+        return _run(sweep, parts, out, resume, force, workers, scheduler, progress)
+
+
+def _run(
+    sweep: Sweep,
+    parts: Parts,
+    out: str,
+    resume: bool,  # noqa: FBT001
+    force: bool,  # noqa: FBT001
+    workers: int,
+    scheduler: str | None,
+    progress: Callable[[int], None] | None,
+) -> tuple[int, Gathering | None]:
     parts.start(resume=resume, force=force)
     gathering = None
     if sweep.gather is not None:
@@ -221,8 +236,17 @@ def _take(sweep: Sweep) -> None:
     """Keep the sweep of a worker process, which is sent once; Ctrl-C is the first process's."""
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
+    Thread(target=_end_with_parent, daemon=True).start()
     polars()  # brings a handler of its own
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it has ended, even if that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _part(index: int, path: str | None) -> Part:

@@ -10,13 +10,14 @@ import csv
 import io
 import math
 import os
+import sys
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.errors import RequestError, needs_extra
+from aosplan.errors import RequestError, SurroundingsError, needs_extra
 from aosplan.files import decoding, read_bytes, read_start, read_table, text_of
 from aosplan.planning.options import BY_NAME
 from aosplan.sweeps.block import Block
@@ -37,6 +38,9 @@ SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 MOST_HEADER = 1 << 16
 """Bytes that the header of a CSV may have; all options take a fiftieth of it."""
+
+ROOM_OCTETS, THREAD_OCTETS = 1_250_000_000, 50_000_000
+"""Addresses that the columnar library reserves for a block, and for each of its threads."""
 
 PLAIN_CELLS = 2_000_000
 """A Parquet file may always have so many cells,"""
@@ -373,11 +377,34 @@ def polars() -> Any:
     Raises
     ------
     MissingExtraError
-        Where it is not installed.
+        If it is not installed.
+    SurroundingsError
+        If a limit leaves too little memory for it: it would end the process without an error.
     """
+    if "polars" not in sys.modules:
+        _check_room()
     with needs_extra("a sweep", "sweep"):
         import polars as pl
     return pl
+
+
+def _check_room() -> None:
+    """Refuse to begin under a limit (``ulimit -v``) of which too little is left."""
+    try:
+        import resource
+
+        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+        with open("/proc/self/statm", encoding="ascii") as file:
+            used = int(file.read().split()[0]) * resource.getpagesize()
+    except (ImportError, AttributeError, OSError):  # not on Linux
+        return
+    needed = ROOM_OCTETS + THREAD_OCTETS * (os.cpu_count() or 1)
+    if limit != resource.RLIM_INFINITY and limit - used < needed:
+        raise SurroundingsError(
+            f"not enough memory for a sweep: the limit leaves {max(limit - used, 0) // 10**6} MB of "
+            f"addresses, and it takes {needed // 10**6} MB",
+            "ulimit -v sets the limit",
+        )
 
 
 def _lines(path: str) -> list[str]:

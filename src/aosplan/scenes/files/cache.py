@@ -1,9 +1,10 @@
 """Clouds that were read before: their voxels, kept in the user's cache folder.
 
-An entry is a voxel file (`aosplan.scenes.files.voxel_file`) under a name made of everything that decides its
-content: the files, by path, size and time of their last change, how they were read, and the
-version of aosplan.  A file that changes gets another name, and the old entry is dropped with
-the oldest when the folder grows too large.  The cache only ever saves time: whatever goes wrong
+An entry is a voxel file (`aosplan.scenes.files.voxel_file`) under a name made of everything that
+decides its content: the files, by path, size, time of their last change and samples of their bytes,
+how they were read, and the version of aosplan.  A file that changes gets another name, and the old
+entry is dropped with the oldest when the folder grows too large.  Only regular files of the user's
+own are read as entries, no links are followed.  The cache only ever saves time: whatever goes wrong
 with it, the cloud is read.
 
 The environment variable ``AOSPLAN_CACHE`` names another folder; ``0`` turns the cache off.
@@ -14,6 +15,8 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import stat
+import tempfile
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
@@ -32,6 +35,9 @@ READING = 2
 
 MOST_OCTETS = 512 * 1024 * 1024
 """Size of all entries together."""
+
+SAMPLES, SAMPLE_OCTETS = 16, 1 << 16
+"""A file is told from another of its name by so many samples of so many bytes."""
 
 LARGEST_SHARE = 8
 """One entry alone may have the eighth part of it."""
@@ -59,12 +65,12 @@ def stand(
     tuple
         The stand, and whether it comes from the cache.
     """
-    from aosplan.scenes.files.voxel_file import Stand, read_stand, stand_npz
+    from aosplan.scenes.files.voxel_file import Stand, stand_in, stand_npz
 
     path = _entry(files, reading)
-    if path is not None and os.path.exists(path):
+    if path is not None:
         with contextlib.suppress(AosplanError, OSError):
-            found = read_stand(path)
+            found = stand_in(_own_content(path), path)
             os.utime(path)  # the oldest is what was used longest ago
             return found, True
     volume = read()
@@ -88,6 +94,18 @@ def folder() -> str | None:
     return os.path.join(user_cache_dir("aosplan", appauthor=False), "clouds")
 
 
+def _own_content(path: str) -> bytes:
+    """Content of an entry that is a regular file of the user's own; OSError if it is not."""
+    # A link is not followed, and a pipe does not wait for a writer.
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    with open(os.open(path, flags | getattr(os, "O_BINARY", 0)), "rb") as file:
+        status = os.fstat(file.fileno())
+        own = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
+        if not (stat.S_ISREG(status.st_mode) and own and status.st_size <= MOST_OCTETS):
+            raise OSError(f"{path} is not an entry")
+        return file.read()
+
+
 def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
     """Path of the entry of a cloud; None where there can be none."""
     import hashlib
@@ -99,21 +117,48 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
     try:
         for file in files:
             status = os.stat(file)
-            parts.append((file, os.path.realpath(file), status.st_size, status.st_mtime_ns))
+            if not stat.S_ISREG(status.st_mode):
+                return None
+            known = (status.st_size, status.st_mtime_ns, sampled(file, status.st_size))
+            parts.append((file, os.path.realpath(file), *known))
     except (OSError, ValueError):
         return None
     name = hashlib.sha1(repr(parts).encode(), usedforsecurity=False).hexdigest()
     return os.path.join(place, f"{name}.npz")
 
 
-def _keep(path: str, content: bytes) -> None:
-    from aosplan.files import write_all
+def sampled(path: str, size: int) -> str:
+    """Checksum of a file's head, its tail and samples between; of a small one, of all of it.
 
+    Size and time alone miss a file that was copied over another with the times kept.
+    """
+    import hashlib
+
+    checksum = hashlib.sha1(usedforsecurity=False)
+    with open(path, "rb") as file:
+        if size <= SAMPLES * SAMPLE_OCTETS:
+            checksum.update(file.read())
+        else:
+            for index in range(SAMPLES):
+                file.seek((size - SAMPLE_OCTETS) * index // (SAMPLES - 1))
+                checksum.update(file.read(SAMPLE_OCTETS))
+    return checksum.hexdigest()
+
+
+def _keep(path: str, content: bytes) -> None:
     if len(content) > MOST_OCTETS // LARGEST_SHARE:
         return
     place = os.path.dirname(path)
     os.makedirs(place, exist_ok=True)
-    write_all({path: content}, force=True)
+    handle, temporary = tempfile.mkstemp(prefix=".aosplan-", dir=place)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.replace(temporary, path)  # a link is replaced, never written through
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
     _drop_oldest(place)
 
 

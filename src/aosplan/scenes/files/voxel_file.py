@@ -132,7 +132,11 @@ def read_stand(path: str) -> Stand:
     RequestError
         Where the file is something else, is damaged, or would not fit in memory.
     """
-    stored = read_bytes(path, most=MOST_OCTETS)
+    return stand_in(read_bytes(path, most=MOST_OCTETS), path)
+
+
+def stand_in(stored: bytes, path: str) -> Stand:
+    """The stand in the content of a file; the errors of `read_stand`."""
     content = io.BytesIO(stored)
     try:
         with zipfile.ZipFile(content) as archive:

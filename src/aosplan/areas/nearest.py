@@ -1,0 +1,54 @@
+"""Nearest points: by looking at all of them, or by a tree of many.
+
+SciPy's tree takes longer to import than all else of a plan over a small area.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Points = NDArray[np.float64]
+
+MOST_COMPARED = 800
+"""Of more points a tree is made."""
+
+
+class Nearest:
+    """Points of which the nearest ones to a place are wanted.
+
+    Parameters
+    ----------
+    points
+        Shape (n, 2) [m].
+    """
+
+    def __init__(self, points: Points) -> None:
+        self.points = points
+        self._tree: Any = None
+        if len(points) > MOST_COMPARED:
+            from scipy.spatial import cKDTree
+
+            self._tree = cKDTree(points)
+
+    def to(self, places: Points, count: int) -> NDArray[np.intp]:
+        """Indices of the nearest points to each place, shape (m, count), nearest first.
+
+        Parameters
+        ----------
+        places
+            Shape (m, 2) [m].
+        count
+            How many, at most as many as there are points.
+        """
+        if self._tree is not None:
+            found = np.asarray(self._tree.query(places, count)[1], np.intp)
+            return found.reshape(len(places), count)
+        off = places[:, None, :] - self.points[None, :, :]
+        distances = off[..., 0] * off[..., 0] + off[..., 1] * off[..., 1]
+        order: NDArray[np.intp] = np.argsort(distances, axis=1, kind="stable")[:, :count]
+        return order
