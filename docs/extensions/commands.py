@@ -8,6 +8,7 @@ from re import fullmatch
 from aosplan import crs
 from aosplan import units as q
 from aosplan.cli.app import COMMANDS, GROUP
+from aosplan.planning import find
 from aosplan.planning import options as table
 from aosplan.planning.options import BY_NAME
 
@@ -36,6 +37,10 @@ DOMAINS = {
     q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
     table.target_share: "from 0 to below 1, or a percentage",
     table.heading_or_auto: "any number, `best`, or `auto`",
+    find.target_name: "`person` (lying), or width and length such as `2x4`, from 0.1 to 10 m",
+    find.contrast: "a number that is not 0",
+    find.radiance: "any number up to 1,000",
+    find.false_alarms: "a number from 1e-06 to 100",
     crs.parse_unit: "a unit of length by its short name or its name in EPSG",
     crs.parse_units: "one or two units of length by their short names or their names in EPSG",
     table.payload: "a payload of [](presets.md#payloads)",

@@ -34,3 +34,18 @@ def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
     assert (status, err) == (0, "")
     assert all(len(line) <= 80 for line in out.splitlines())
     assert sum("◀" in line for line in out.splitlines()) == 2  # the plan, and the note
+
+
+def test_rows_tell_how_likely_a_target_is_found(document, command):
+    scene = ["--integrated-density", "0.8", "--occluder-size", "0.5", "--volume-height", "3"]
+    own = ["--contrast", "3", "--canopy-offset", "0", "--crown-share", "0", "--find", "person"]
+    line = ["--altitude", "40", "--vhat", "0.9", "--max-samples", "14", *scene]
+    rows = document("tradeoff", *line, *own)["rows"]
+    planned = document("plan", *line, *own)
+    (chosen,) = (row for row in rows if row["chosen"])
+    # A table of offsets stands behind the rows.
+    assert chosen["detection"] == pytest.approx(planned["detection"]["probability"], abs=0.02)
+    assert len({row["detection"] for row in rows}) > 5
+    assert all("detection" not in row for row in document("tradeoff", *line)["rows"])
+    _, out, _ = command("tradeoff", *line, *own)
+    assert "found" in out

@@ -50,6 +50,7 @@ FIELD_DESCRIPTIONS = {
     "DetectionDocument.uncertainty": "Standard error of the probability from the plot's quarters; null: unknown.",
     # Searches in the computer
     "search": "Targets found in simulated forests, beside the prediction; with --find.",
+    "TradeoffRowDocument.detection": "Probability of detection, with --find; null: not counted for this row.",
     "SearchDocument.predicted": "Predicted probability of detection.",
     "SearchDocument.simulated": "Share of the targets that were found at the predicted threshold.",
     "standard_error": "Standard error of it, from forest to forest.",

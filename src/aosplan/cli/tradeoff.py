@@ -23,6 +23,9 @@ from aosplan.planning.user_defaults import request_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from aosplan.planning.result import Plan
+    from aosplan.solver.tradeoff import Row
+
 ENDINGS = (".csv", ".json", ".jsonl")
 
 
@@ -48,7 +51,10 @@ def run(
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
         chosen = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
-        rows = [row.document() for row in chosen.tradeoff()]
+        found = chosen.tradeoff()
+        rows = [row.document() for row in found]
+        if wanted.find is not None:
+            _add_detection(chosen, found, rows)
     print_warnings(chosen.warnings, quiet=quiet)
     document = {
         "schema": SCHEMA,
@@ -62,6 +68,15 @@ def run(
         print_json(document)
     elif not quiet:
         _show(rows, out)
+
+
+def _add_detection(chosen: Plan, found: Sequence[Row], documents: Sequence[dict[str, Any]]) -> None:
+    """Add the probability of detection to the rows' documents; null where it was not counted."""
+    from aosplan.planning.detection import detections_of_rows
+
+    asked = [(row.pattern, row.baseline_m, row.front or row.chosen) for row in found]
+    for document, detection in zip(documents, detections_of_rows(chosen, asked), strict=True):
+        document["detection"] = None if detection is None else detection.probability
 
 
 def _rendered(document: dict[str, Any], rows: Sequence[dict[str, Any]], path: str) -> bytes:
@@ -86,7 +101,8 @@ def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     from aosplan.show.text.tables import one_line, print_rows, show
 
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows
-    header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", "contrast", "")
+    last = "found" if "detection" in shown[0] else "contrast"
+    header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", last, "")
     print_rows(header, [_line(row) for row in shown])
     note = f"{len(rows)} rows; these are the ones that no other is better than, and the plan's own"
     show(
@@ -109,7 +125,7 @@ def _line(row: dict[str, Any]) -> list[str]:
         number("time_s", ".0f"),
         number("expected", ".4f"),
         number("normalized", ".4f"),
-        number("contrast", ".3g"),
+        number("detection", ".0%") if "detection" in row else number("contrast", ".3g"),
         "◀" if row["chosen"] else "",
     ]
 

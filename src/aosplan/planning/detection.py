@@ -20,13 +20,15 @@ from aosplan.planning.find import PERSON, target_m
 from aosplan.scenes.scene import Layer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from aosplan.grid.patterns import Sites
     from aosplan.models.detection import Detection
     from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.planning.plan_data import PlanData
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.scene import Scene
+    from aosplan.scenes.voxels import VoxelVolume
 
 CLEAR = (Layer(1.0, 1.1, 1e-6, 0.2),)
 """Used instead of a scene without occluders: a millionth of the ground is hidden."""
@@ -105,7 +107,19 @@ def detection_of(
     """
     if model != "measured":
         return detection_model(found.scene, request, altitude_m).predict(pattern, baseline_m)
-    if found.volume is None:
+    return _counted(request, found.volume, altitude_m, pattern, baseline_m, heading_deg)
+
+
+def _counted(
+    request: PlanRequest,
+    volume: VoxelVolume | None,
+    altitude_m: float,
+    pattern: Sites,
+    baseline_m: float,
+    heading_deg: float,
+) -> Detection:
+    """Detection counted in the voxels of a stand."""
+    if volume is None:
         raise RequestError(
             "--find needs the voxels of the stand, and this scene has statistics alone",
             "give the point cloud, or what scene --save NAME.npz wrote; or --model layered",
@@ -113,7 +127,7 @@ def detection_of(
     signature, name = signature_of(request)
     assert request.false_alarms is not None
     return count_detection(
-        found.volume,
+        volume,
         np.column_stack(local_sites(pattern, baseline_m, heading_deg)),
         altitude_m,
         target_of(request),
@@ -122,6 +136,31 @@ def detection_of(
         assumed=name,
         focal_height_m=request.focal_height,
     )
+
+
+def detections_of_rows(
+    plan: PlanData, rows: Sequence[tuple[Sites, float, bool]]
+) -> list[Detection | None]:
+    """Detection by many grids over the scene of a plan.
+
+    Parameters
+    ----------
+    plan
+        With what is looked for.
+    rows
+        Pattern, baseline and whether the row matters.  Counting in voxels takes seconds a row, so
+        only those that matter are counted; the others are None.
+    """
+    request = plan.request
+    if plan.model != "measured":
+        model = detection_model(plan.scene, request, plan.altitude_m).for_search()
+        return [model.predict(pattern, baseline) for pattern, baseline, _ in rows]
+    return [
+        _counted(request, plan.volume, plan.altitude_m, pattern, baseline, plan.heading_deg)
+        if matters
+        else None
+        for pattern, baseline, matters in rows
+    ]
 
 
 def detection_warnings(

@@ -7,6 +7,8 @@
 - `aosplan.simulation.pictures`: a resolution chart seen through the trees; PNG files.
 - `aosplan.simulation.search`: targets on the ground, found by a detector or not.
 - `aosplan.simulation.compare`: a plan's prediction beside its simulation.
+- `aosplan.simulation.compare_search`: a predicted detection beside a search.
 
-None of them but `compare` knows the models: theory and experiment meet there alone.
+None of them but `compare` and `compare_search` know the models: theory and experiment
+meet there alone.
 """

@@ -97,7 +97,9 @@ class Searched(NamedTuple):
     area_m2: float
 
 
-def search(rng: np.random.Generator, integral: Integral, look: Look) -> Searched:
+def search(
+    rng: np.random.Generator, integral: Integral, look: Look, *, wraps: bool = False
+) -> Searched:
     """Run the detector over an integral, with targets and without.
 
     Parameters
@@ -108,24 +110,31 @@ def search(rng: np.random.Generator, integral: Integral, look: Look) -> Searched
         Of one forest.
     look
         Targets and radiances.
+    wraps
+        Whether the integral goes on at its other side, as that of a wrapped plot does.
     """
     shape, pitch = integral.seen.shape, integral.pitch_m
     ground = TEXTURE * gaussian_field(rng, (shape[0], shape[1]), pitch[0], TEXTURE_LENGTH_M)
     plain = integral.canopy + integral.seen * ground
     detector = MatchedWindow((look.width_m, look.length_m), (shape[0], shape[1]), pitch)
-    margin = math.ceil(0.5 * detector.box_m / min(pitch)) + 1
+    margin = 0 if wraps else math.ceil(0.5 * detector.box_m / min(pitch)) + 1
     inner = tuple(slice(margin, count - margin) for count in shape)
     heights = peaks(detector.output(plain)[inner], pitch)
+    # Of what wraps all places are alike, but a target has to lie on one side of the seam.
+    room = max(margin, *detector.cover(0.0).shape)
     outputs, shares = [], []
     for _ in range(PLACINGS):
-        image = plain.copy()
+        seam = rng.integers(0, shape).tolist() if wraps else (0, 0)
+        image, below, open_share = (
+            np.roll(each, seam, axis=(0, 1)) for each in (plain, ground, integral.seen)
+        )
         places = []
-        for row, column, angle in _places(rng, shape, margin, pitch[0]):
+        for row, column, angle in _places(rng, shape, room, pitch[0]):
             cover = detector.cover(angle, *(rng.random(2) - 0.5).tolist())
             rows, columns = (count // 2 for count in cover.shape)
             at = np.s_[row - rows : row + rows + 1, column - columns : column + columns + 1]
-            image[at] += cover * integral.seen[at] * (look.contrast - ground[at])
-            shares.append(float((cover * integral.seen[at]).sum() / cover.sum()))
+            image[at] += cover * open_share[at] * (look.contrast - below[at])
+            shares.append(float((cover * open_share[at]).sum() / cover.sum()))
             places.append((row, column))
         found = detector.output(image)
         near = round(NEAR_M / pitch[0])
@@ -189,4 +198,4 @@ def search_volume(
     rng = generator(seed, index)
     planes = planes_of_volume(rng, volume, look.canopy, focal_height_m)
     integral = integrate_planes(planes, sites_m, altitude_m, volume.size_m, parallel=parallel)
-    return search(rng, integral, look)
+    return search(rng, integral, look, wraps=parallel)

@@ -32,6 +32,7 @@ class TradeoffRowDocument(OpenDocument):
     normalized: Finite | None
     effective_samples: Finite | None
     contrast: Finite | None
+    detection: Finite | None = None
     meets: bool
     front: bool
     chosen: bool
