@@ -11,6 +11,7 @@ an editable install under PYTHONDONTWRITEBYTECODE compiles every module at every
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import statistics
 import subprocess
@@ -27,6 +28,7 @@ COMMANDS = {
     "plan --json": ([*PLAN, "--json"], 10),
     "plan --json with a place": ([*PLAN, "--json", "--origin", "48.3358,14.3261"], 18),
     "plan, table": (PLAN, 14),
+    "plan --json over an area": ([*PLAN, "--json", "--area", "area.geojson"], 33),
     "--help": ([*AOSPLAN, "--help"], 7),
     "plan --help": ([*AOSPLAN, "plan", "--help"], 12),
     "import aosplan": ([sys.executable, "-c", "import aosplan"], 1.2),
@@ -54,6 +56,9 @@ def save_stand(folder: str) -> None:
 
     with open(os.path.join(folder, "voxels.npz"), "wb") as file:
         file.write(stand_npz(Stand.of(clumped_forest(STANDS["spruce"]))))
+    ring = [[14.0, 48.0], [14.0006, 48.0], [14.0006, 48.0004], [14.0, 48.0004], [14.0, 48.0]]
+    with open(os.path.join(folder, "area.geojson"), "w", encoding="utf-8") as file:
+        json.dump({"type": "Polygon", "coordinates": [ring]}, file)
     for name in ("stand.npz", "stand.toml"):
         save = [*AOSPLAN, "scene", "voxels.npz", "--save", name, "--quiet"]
         subprocess.run(save, check=True, cwd=folder)

@@ -325,3 +325,23 @@ def test_a_rotation_that_overflows(folder, command):  # RuntimeWarning
     status, out, err = command("integrate", "poses.json", "images", "--fov", 60, "--out", "a.png")
     check_refusal(status, out, err)
     assert "is no rotation" in err
+
+
+def test_the_largest_plan_that_is_written_is_read(command):
+    from aosplan.grid.patterns import MOST_SITES
+    from aosplan.planning import saved_plan
+
+    grid = ("--origin", "48.3,14.3", "--baseline", 0.5)
+    sizes = [len(command(*PLAN, *grid, "--samples", count, "--json")[1]) for count in (100, 1100)]
+    assert (sizes[1] - sizes[0]) / 1000 * MOST_SITES < saved_plan.MOST_BYTES
+
+
+@pytest.mark.slow
+def test_export_reads_a_plan_beyond_what_other_documents_may_have(folder, command):
+    from aosplan.files import MOST_BYTES
+
+    _, text, _ = command(*PLAN, "--origin", "48.3,14.3", "--json")
+    text = text.replace("\n", " " * (MOST_BYTES // text.count("\n") + 1) + "\n")
+    assert len(text) > MOST_BYTES
+    (folder / "plan.json").write_text(text, encoding="utf-8")
+    assert command("export", "plan.json", "--out", "a.csv")[0] == 0

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
 
     Points = NDArray[np.float64]
 
-MOST_COMPARED = 800
+MOST_COMPARED = 3_000
 """Of more points a tree is made."""
+
+PLACES_AT_ONCE = 256
 
 
 class Nearest:
@@ -48,7 +50,20 @@ class Nearest:
         if self._tree is not None:
             found = np.asarray(self._tree.query(places, count)[1], np.intp)
             return found.reshape(len(places), count)
+        parts = [
+            self._compared(places[start : start + PLACES_AT_ONCE], count)
+            for start in range(0, len(places), PLACES_AT_ONCE)
+        ]
+        return np.concatenate(parts)
+
+    def _compared(self, places: Points, count: int) -> NDArray[np.intp]:
         off = places[:, None, :] - self.points[None, :, :]
         distances = off[..., 0] * off[..., 0] + off[..., 1] * off[..., 1]
-        order: NDArray[np.intp] = np.argsort(distances, axis=1, kind="stable")[:, :count]
-        return order
+        if count < len(self.points):
+            near = np.argpartition(distances, count - 1, axis=1)[:, :count]
+            near.sort(axis=1)  # of points as far away, the first comes first
+        else:
+            near = np.broadcast_to(np.arange(count), distances.shape)
+        order = np.argsort(np.take_along_axis(distances, near, axis=1), axis=1, kind="stable")
+        nearest: NDArray[np.intp] = np.take_along_axis(near, order, axis=1)
+        return nearest
