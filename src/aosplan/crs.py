@@ -303,15 +303,23 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     )
 
 
-def true_lengths(crs: CRS, across_m: float, x: float, y: float, what: str) -> tuple[float, float]:
+def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple[float, float]:
     """Metres on the ground in a unit of x and of y at a place, `across_m` if that is near it.
+
+    Parameters
+    ----------
+    scale
+        What `ground_scale` finds there.
+    across_m
+        Metres in the unit of x and y.
+    what
+        What has the coordinates, for messages.
 
     Raises
     ------
     RequestError
         If the axes of the projection are not at a right angle on the ground here.
     """
-    scale = ground_scale(crs, x, y)
     if scale is None:
         return across_m, across_m
     if max(abs(scale.x_m / across_m - 1.0), abs(scale.y_m / across_m - 1.0)) <= SCALED:

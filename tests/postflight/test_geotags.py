@@ -101,6 +101,12 @@ def test_a_position_without_its_hemisphere_is_not_guessed(tmp_path, gps, said):
     assert said in why
 
 
+@pytest.mark.parametrize(("reference", "letters"), [(1, "NS"), (3, "EW")])
+def test_a_hemisphere_that_is_not_there_is_not_guessed(reference, letters):
+    with pytest.raises(geotags.DoubtfulError, match="without its hemisphere"):
+        geotags.degrees_of({reference + 1: (33.0, 51.0, 24.5)}, reference, letters)
+
+
 def test_a_negative_angle_has_to_agree_with_its_hemisphere():
     assert geotags.degrees_of({1: "S", 2: (-33.0, 30.0, 0.0)}, 1, "NS") == -33.5
     with pytest.raises(geotags.DoubtfulError, match="contradict each other"):

@@ -318,3 +318,15 @@ def test_a_cliff_and_an_emergent_tree_are_no_outliers(tmp_path):
     xyz[2] += np.where(xyz[0] > 10.0, 8.0, 0.0)
     xyz[2, -30:] += 8.0
     assert read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("origin", "said"), [((46.95, 15.0), []), ((37.5, -120.5), ["scene_elsewhere"])]
+)
+def test_a_scene_from_elsewhere_is_named(tmp_path, origin, said):
+    path = write_dressed(
+        tmp_path / "a.las", XYZ, KIND, before=[(2112, wkt("m").encode())], bit=True
+    )
+    assert read_voxels(path).place == pytest.approx((46.9530, 15.0), abs=1e-3)
+    found = plan(PlanRequest(altitude=60, scene=str(path), origin=origin, vhat=0.5))
+    assert [code for code, _ in found.warnings if code == "scene_elsewhere"] == said

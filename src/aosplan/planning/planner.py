@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
+from aosplan.geodesy import to_local
 from aosplan.messages import Message
 from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.resolve import resolve_inputs
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.solver.problem import OnTrial
+
+SCENE_NEARBY_M = 50_000.0
+"""A scene that was measured farther from the plan is named: either place may be a mistake."""
 
 SATURATED = 0.98
 """Mean share of the ground that views hide, from which on a prediction hangs on few gaps."""
@@ -76,6 +81,7 @@ def plan(
     notices: tuple[Message, ...] = (
         *inputs.loaded.warnings,
         *_measured_notices(solved, compares_headings=inputs.compares_headings),
+        *_elsewhere(inputs.loaded, layout.origin),
         *layout.notices,
         *ways_in_zones(solved.inputs, route),
         *found,
@@ -94,6 +100,21 @@ def plan(
             notices=notices,
         )
     )
+
+
+def _elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> Iterator[Message]:
+    """Yield the warning of a scene that was measured far from where the plan is."""
+    place = None if loaded.volume is None else loaded.volume.place
+    if place is None or origin is None:
+        return
+    (east_m,), (north_m,) = to_local(origin, [place[0]], [place[1]])
+    apart_m = math.hypot(east_m, north_m)
+    if apart_m > SCENE_NEARBY_M:
+        yield Message(
+            "scene_elsewhere",
+            f"the scene was measured {apart_m / 1000.0:.3g} km away, at {place[0]:.4f},"
+            f"{place[1]:.4f}: check --origin or --area if it is to be the stand of this place",
+        )
 
 
 def _detection(solved: SolvedPlan) -> tuple[Detection, tuple[Message, ...]]:

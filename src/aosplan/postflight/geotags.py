@@ -218,7 +218,7 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
     value = abs(whole) + minutes / 60.0 + seconds / 3600.0
     if value == 0.0:
         return 0.0
-    given = tags.get(reference)
+    given = tags.get(reference, "")
     text = given.decode("ascii", "replace") if isinstance(given, bytes) else str(given)
     letter = text.strip("\0 ").upper()[:1]
     if not letter or letter not in letters:

@@ -71,6 +71,8 @@ class VoxelVolume:
     bounds
         The same voxels if the first return of each pulse had all of its energy, and if the last
         one had: the densest and the most open stand that the pulses admit.
+    place
+        Latitude and longitude [deg] of the plot, if its source says where on earth it is.
 
     Raises
     ------
@@ -92,6 +94,7 @@ class VoxelVolume:
     slice_m: float | None = None
     opacity: Opacity | None = None
     bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
+    place: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         where = f"voxel volume '{self.source}'" if self.source else "voxel volume"

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 VARIABLE = "AOSPLAN_CACHE"
 
-READING = 2
+READING = 3
 """Counts up whenever the same cloud is read into other voxels."""
 
 MOST_OCTETS = 512 * 1024 * 1024

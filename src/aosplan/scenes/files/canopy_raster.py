@@ -19,6 +19,7 @@ from aosplan.crs import (
     are_same,
     crs_of_wkt,
     given_units,
+    ground_scale,
     height_unit_m,
     true_lengths,
     unit_text,
@@ -124,7 +125,7 @@ def _volume(
     crown_base: float,
     given: Units,
 ) -> VoxelVolume:
-    lengths_m, up_m, doubts = _metres(raster, path, given)
+    lengths_m, up_m, doubts, on_earth = _metres(raster, path, given)
     _check_layout(raster, path)
     place = raster.transform
     cell_m = abs(place.a) * lengths_m[0], abs(place.e) * lengths_m[1]
@@ -180,6 +181,7 @@ def _volume(
         y_min_m=corner[1] * lengths_m[1],
         min_height_m=min_height_m,
         ground="raster",
+        place=on_earth,
         warnings=tuple(doubts),
         source=path,
         assumed=f"crowns are solid from {crown_base:g} of the canopy's height to its top; the "
@@ -189,8 +191,8 @@ def _volume(
 
 def _metres(
     raster: Any, path: str, given: Units
-) -> tuple[tuple[float, float], float, list[tuple[str, str]]]:
-    """Metres in a unit of x, of y and of the heights, and warnings.
+) -> tuple[tuple[float, float], float, list[tuple[str, str]], tuple[float, float] | None]:
+    """Metres in a unit of x, of y and of the heights, warnings, and where on earth it is.
 
     Raises
     ------
@@ -215,10 +217,12 @@ def _metres(
     up_m = given.up_m or height_unit_m(
         raster.units[0], stated, f"raster {path}", "say it with --units, such as ft,m or us-ft"
     )
-    lengths_m = across_m, across_m
+    lengths_m, place = (across_m, across_m), None
     if crs is not None and given.across_m is None:
         middle = raster.transform * (0.5 * raster.width, 0.5 * raster.height)
-        lengths_m = true_lengths(crs, across_m, middle[0], middle[1], f"raster {path}")
+        scale = ground_scale(crs, middle[0], middle[1])
+        lengths_m = true_lengths(scale, across_m, f"raster {path}")
+        place = scale and (scale.latitude, scale.longitude)
     if lengths_m != (across_m, across_m):
         message = (
             f"cells of {path} are {lengths_m[0] / across_m:.4g} (x) and "
@@ -232,7 +236,7 @@ def _metres(
     if given.up_m is None and not are_same(up_m, 1.0):
         message = f"{path} has heights in {unit_text(up_m)}: they were converted to metres"
         doubts.append(("heights_converted", message))
-    return lengths_m, up_m, doubts
+    return lengths_m, up_m, doubts, place
 
 
 def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:

@@ -138,7 +138,8 @@ def read_voxels(
         with _Spool() as cloud:
             given = given_units(units) if units else None
             files = [PointFile(name, given) for name in names]
-            warnings = said_of_files(files) + brought_together(files, source)
+            together, place = brought_together(files, source)
+            warnings = said_of_files(files) + together
             read = _decode(files, source, cloud, progress)
             plot = _Plot.around(cloud, voxel_m, source)
             method, ground_m, strange = _find_ground(cloud, plot, ground)
@@ -177,6 +178,7 @@ def read_voxels(
         ground=method,
         source=source,
         opacity=Opacity("voxels", reason),
+        place=place,
     )
     spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)

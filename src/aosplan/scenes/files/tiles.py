@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from aosplan.crs import true_lengths, unit_text
+from aosplan.crs import ground_scale, true_lengths, unit_text
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -37,13 +37,16 @@ def _and_more(names: Sequence[str]) -> str:
     return f" (and {len(names) - 1} more)" if len(names) > 1 else ""
 
 
-def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
+def brought_together(
+    files: Sequence[PointFile], source: str
+) -> tuple[list[Warned], tuple[float, float] | None]:
     """Scale x and y of files to true metres, if they have one coordinate reference system.
 
     Returns
     -------
-    list
-        Warnings: of a projection whose scale is not 1 here, of files that state no system.
+    tuple
+        Warnings, of a projection whose scale is not 1 here and of files that state no system; and
+        the latitude and longitude of the cloud, if its system says them.
 
     Raises
     ------
@@ -52,7 +55,7 @@ def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
     """
     first = next((file for file in files if file.reference.horizontal is not None), None)
     if first is None:
-        return []
+        return [], None
     crs = first.reference.horizontal
     assert crs is not None
     doubts: list[Warned] = []
@@ -68,7 +71,8 @@ def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
     across_m = first.units.across_m
     assert across_m is not None
     x, y, _ = first.first_m() / across_m
-    along = true_lengths(crs, across_m, float(x), float(y), f"point cloud {source}")
+    scale = ground_scale(crs, float(x), float(y))
+    along = true_lengths(scale, across_m, f"point cloud {source}")
     if along != (across_m, across_m):
         by = along[0] / across_m, along[1] / across_m
         for file in files:
@@ -78,7 +82,7 @@ def brought_together(files: Sequence[PointFile], source: str) -> list[Warned]:
             f"{by[1]:.4g} (y) times as long on the ground here: x and y were scaled by that"
         )
         doubts.append(("projection_scaled", message))
-    return doubts
+    return doubts, scale and (scale.latitude, scale.longitude)
 
 
 def _check_same(first: PointFile, file: PointFile) -> None:

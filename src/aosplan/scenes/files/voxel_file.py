@@ -101,6 +101,7 @@ def stand_npz(stand: Stand) -> bytes:
         "warnings": [list(warning) for warning in volume.warnings],
         "source": volume.source,
         "assumed": volume.assumed,
+        "place": None if volume.place is None else list(volume.place),
         "shape": list(volume.occupied.shape),
         "slice_m": volume.slice_m,
         "opacity": None if volume.opacity is None else volume.opacity.to_document(),
@@ -178,7 +179,7 @@ def _volume(
 ) -> VoxelVolume:
     if about["version"] != VERSION:
         raise ValueError(f"its version is {about['version']}, not {VERSION}")
-    slice_m, opacity = about.get("slice_m"), about.get("opacity")
+    slice_m, opacity, place = (about.get(name) for name in ("slice_m", "opacity", "place"))
     unpacked = [_unpacked(each, about["shape"]) for each in (packed, *bounds)]
     return VoxelVolume(
         unpacked[0],
@@ -193,6 +194,7 @@ def _volume(
         assumed=str(about.get("assumed", "")),
         slice_m=None if slice_m is None else float(slice_m),
         opacity=None if opacity is None else Opacity.from_document(opacity),
+        place=None if place is None else (float(place[0]), float(place[1])),
         bounds=(unpacked[1], unpacked[2]) if len(unpacked) == 3 else None,
     )
 
