@@ -315,6 +315,10 @@ EFFECTS = {
         ["--autopilot", "ardupilot"],
         lambda r, d: r["flight"].get("autopilot") == "ardupilot",
     ),
+    "transit_speed": (
+        ["--transit-speed", "8", "--grid", "lanes", "--trigger", "distance"],
+        lambda r, d: r["flight"]["transit_mps"] == 8.0 and d["flight"]["transit_mps"] == 5.0,
+    ),
     "camera_control": (
         ["--autopilot", "px4", "--camera-control", "outputs"],
         lambda r, d: r["flight"].get("camera_control") == "outputs",

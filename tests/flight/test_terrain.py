@@ -15,7 +15,7 @@ from support.terrains import EAST, LINZ, NORTH, UTM, hills, planned, saved, slop
 
 from aosplan.cli.app import run
 from aosplan.errors import InfeasibleError
-from aosplan.flight.terrain import Terrain, highest_m, raised
+from aosplan.flight.terrain import Terrain, raised, ways_ground_m
 from aosplan.geodesy import to_local, to_wgs84
 
 rasterio = pytest.importorskip("rasterio")
@@ -283,17 +283,36 @@ def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
     assert planned().settings.takeoff_latitude is None
 
 
-def test_a_hill_on_the_way_from_the_takeoff_is_warned_of(folder):
+def test_the_drone_climbs_above_a_hill_on_its_way_from_the_takeoff(folder):
     ridge = surface(lambda x, y: 300.0 + 45.0 * np.exp(-(((x - 100.0) / 10.0) ** 2)) + 0.0 * y)
     path = saved(folder / "ridge.tif", ridge)
     (lat,), (lon,) = to_wgs84(LINZ, [170.0], [0.0])
-    codes = {w.code: w.message for w in planned(terrain=path, takeoff=(lat, lon)).warnings}
-    assert "low_way" in codes
+    far = planned(terrain=path, takeoff=(lat, lon))
+    codes = {w.code: w.message for w in far.warnings}
     assert "takeoff_assumed" not in codes
+    # Canopy and clearance above the ridge, on ground of 300 m: there, and back from any site.
+    (flight,) = far.route.flights
+    expected = 45.0 + far.scene.canopy_top_m + 2.0
+    assert flight.climb_m == pytest.approx(expected, abs=0.3)
+    assert flight.return_m == pytest.approx(expected, abs=0.3)
+    assert "transit_above_120_m" not in codes
     near = planned(terrain=path, takeoff=LINZ)
-    assert "low_way" not in {warning.code for warning in near.warnings}
+    assert near.route.flights[0].climb_m == pytest.approx(40.0, abs=0.3)
+    assert far.route.flights[0].time_s > near.route.flights[0].time_s
     with Terrain(path) as terrain:
-        assert highest_m(terrain, LINZ, (0.0, 0.0), (170.0, 0.0)) == pytest.approx(345, abs=0.2)
+        lowest, highest = ways_ground_m(
+            terrain, LINZ, (0.0, 0.0), [170.0, 0.0, 0.0], [0.0, 0.0, 40.0]
+        )
+    assert highest == pytest.approx([345, 300, 300], abs=0.2)
+    assert lowest == pytest.approx([300, 300, 300], abs=0.2)
+
+
+def test_a_way_high_above_a_valley_is_warned_of(folder):
+    ridge = surface(lambda x, y: 300.0 + 110.0 * np.exp(-(((x - 100.0) / 10.0) ** 2)) + 0.0 * y)
+    path = saved(folder / "high.tif", ridge)
+    (lat,), (lon,) = to_wgs84(LINZ, [170.0], [0.0])
+    codes = {w.code for w in planned(terrain=path, takeoff=(lat, lon)).warnings}
+    assert "transit_above_120_m" in codes
 
 
 def test_valleys_count_for_the_120_metres(folder):

@@ -7,7 +7,7 @@ import pytest
 from support.flights import READERS, commands_of, flown_in, grid, pairs, positions_of
 
 from aosplan.errors import RequestError
-from aosplan.mission.export import files, formats
+from aosplan.mission.export import files, formats, size_of
 from aosplan.mission.format import Limits
 from aosplan.mission.limits import limits_of, parts
 from aosplan.mission.mission import Waypoints
@@ -23,13 +23,17 @@ def limit_cases():
 @pytest.mark.parametrize(("name", "target", "most"), list(limit_cases()))
 def test_no_file_holds_more_than_its_target_takes(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
-    for count in (most, most + 1, 2 * most + 1):
+    size = size_of(formats()[name])
+    # Waypoints with their commands: home, take-off, speed, gimbal, return, and so many a site.
+    each = {"px4": 3, "ardupilot": 3}.get(target, 1)
+    fits = (most - (5 if each > 1 else 0)) // each
+    for count in (fits, fits + 1, 2 * fits + 1):
         mission = grid(count, kind="line", autopilot=autopilot)
-        pieces = parts(mission, formats()[name])
+        pieces = parts(mission, formats()[name], size)
         sizes = [len(piece.waypoints) for piece in pieces]
-        assert max(sizes) <= most
+        assert max(size(piece) for piece in pieces) <= most
         assert max(sizes) - min(sizes) <= 1
-        assert len(sizes) == -(-count // most)
+        assert len(sizes) == -(-count // fits)
         flown = [east for piece in pieces for east in piece.waypoints.east_m]
         assert flown == mission.waypoints.east_m
         if most < 1000:
@@ -62,7 +66,8 @@ def test_several_flights_are_numbered_on():
     needed = files(flights, formats()["litchi"], "grid.csv")
     assert list(needed) == [f"grid-{number}.csv" for number in (1, 2, 3, 4)]
     assert flights[0].title == "120 photos over stand, flight 1 of 2"
-    assert parts(flights[1], formats()["litchi"])[0].title.endswith("flight 2 of 2, part 1 of 2")
+    halves = parts(flights[1], formats()["litchi"], size_of(formats()["litchi"]))
+    assert halves[0].title.endswith("flight 2 of 2, part 1 of 2")
 
 
 def test_a_drone_that_takes_fewer_waypoints_rules():
@@ -100,7 +105,7 @@ def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, w
     assert caught.value.hint
 
 
-def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least_length():
+def test_turning_points_on_their_neighbours_are_left_out_of_files_that_are_flown():
     east = [-0.4, 0.0, 3.0, 6.0, 6.3, 9.0, 9.4]
     photo = [False, True, True, True, False, True, False]
     ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
@@ -108,8 +113,9 @@ def test_turning_points_on_their_neighbours_are_left_out_where_legs_have_a_least
     for name, form in formats().items():
         (content,) = files([flown_in(mission, name)], form, "g").values()
         found = [place[0] for place in positions_of(name, [content])]
-        short = form.limits[0].leg_m[0] > 0.4
-        assert found == pytest.approx([0.0, 3.0, 6.0, 9.0] if short else east, abs=1e-6), name
+        # On at 0, off at the turn after 9; or a stop at each site.
+        flown = [0.0, 9.4] if "distance" in form.triggers else [0.0, 3.0, 6.0, 9.0]
+        assert found == pytest.approx(flown if form.flown_by else east, abs=1e-6), name
 
 
 def test_one_waypoint_is_enough_elsewhere():

@@ -56,6 +56,7 @@ def test_defaults_are_those_of_the_contract():
         "grid": "trimmed",
         "heading": 0.0,
         "speed": 5.0,
+        "transit_speed": 5.0,
         "acceleration": 2.0,
         "climb": 3.0,
         "hold": 1.0,

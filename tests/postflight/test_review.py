@@ -158,7 +158,8 @@ def test_every_format_comes_back_and_its_holes_are_topped_up(tmp_path, command, 
     line = ("review", "holes.csv", "plan.json", "--out", f"top.{name}", "--json")
     status, text, err = command(*line)
     found = json.loads(text)
-    assert (status, err) == (0, "")
+    assert status == 0
+    assert err == "" or (name == "plan" and "no autopilot is given" in err)
     assert [site["index"] for site in found["missing"]] == [7, 30]
     Draft202012Validator(json_schema("review")).validate(found)
     topped = read_places(f"top.{name}")

@@ -50,7 +50,7 @@ def _limits_text(form: Format) -> str:
 def _bounds(limits: Limits) -> str:
     fewest, most = limits.waypoints
     bounds = (
-        (f"{fewest} to {most}" if fewest > 1 else f"{most}", "waypoints", most),
+        (f"{fewest} to {most}" if fewest > 1 else f"{most}", limits.unit, most),
         (f"{limits.leg_m[0]:g} to {limits.leg_m[1] or 0.0:g}", "m a leg", limits.leg_m[1]),
         (f"up to {limits.speed_mps[1] or 0.0:g}", "m/s", limits.speed_mps[1]),
         (f"up to {limits.height_m[1] or 0.0:g}", "m high", limits.height_m[1]),

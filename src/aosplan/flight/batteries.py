@@ -1,8 +1,9 @@
 """Flights: what one battery reaches, each from the take-off and back to it.
 
-A flight climbs to the height of its first waypoint, flies there on the level, and comes back from
-its last one the same way.  Where the take-off is not known it is taken to lie below the first
-waypoint of the plan.
+A flight climbs to the height that its way to the first waypoint needs, flies there on the level at
+the transit speed, and comes back from its last one the same way, on one height that is safe from
+every waypoint.  If the take-off is not known it is taken to lie below the first waypoint of the
+plan.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.errors import InfeasibleError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from aosplan.flight.kinematics import Timing
     from aosplan.flight.track import Track
@@ -23,7 +24,9 @@ if TYPE_CHECKING:
 class Flight(NamedTuple):
     """Waypoints of one battery, from `first` to `last`, and the way there and back.
 
-    `samples` photos are taken.  Length and time count from the take-off to the landing.
+    `samples` photos are taken.  Length and time count from the take-off to the landing.  On the
+    way to the first waypoint the drone is `climb_m` above the take-off, and `return_m` on the way
+    back, whichever waypoint it returns from.
     """
 
     first: int
@@ -31,26 +34,42 @@ class Flight(NamedTuple):
     samples: int
     length_m: float
     time_s: float
+    climb_m: float = 0.0
+    return_m: float = 0.0
 
 
 class Home(NamedTuple):
-    """The take-off: metres east, north and up, in the axes of the track."""
+    """The take-off: metres east, north and up, in the axes of the track.
+
+    `ways_up_m` has the height that the level way to each waypoint is flown at, in the same axes;
+    None: that of the waypoint.
+    """
 
     east_m: float
     north_m: float
     up_m: float
+    ways_up_m: Sequence[float] | None = None
 
-    def way_m(self, track: Track, place: int) -> tuple[float, float]:
-        """Level and vertical length of the way between the take-off and a waypoint."""
+    def way_up_m(self, track: Track, place: int, *, back: bool = False) -> float:
+        """Height of the level way to a waypoint, or of the way back from any waypoint."""
+        ways = track.up_m if self.ways_up_m is None else self.ways_up_m
+        return max(ways) if back and self.ways_up_m is not None else ways[place]
+
+    def way_m(self, track: Track, place: int, *, back: bool = False) -> float:
+        """Length of the way between the take-off and a waypoint: up, level, and up or down."""
         level = math.hypot(track.east_m[place] - self.east_m, track.north_m[place] - self.north_m)
-        return level, abs(track.up_m[place] - self.up_m)
+        up = self.way_up_m(track, place, back=back)
+        return level + abs(up - self.up_m) + abs(up - track.up_m[place])
 
     def way_s(self, track: Track, place: int, timing: Timing, *, back: bool = False) -> float:
         """Time of that way, there or back: it matters to the wind."""
         east, north = track.east_m[place] - self.east_m, track.north_m[place] - self.north_m
-        sign = -1.0 if back else 1.0
-        climb = timing.leg_s(0.0, 0.0, track.up_m[place] - self.up_m)
-        return climb + timing.leg_s(sign * east, sign * north)
+        sign, flown = -1.0 if back else 1.0, timing.transit
+        up = self.way_up_m(track, place, back=back)
+        vertical = flown.leg_s(0.0, 0.0, up - self.up_m) + flown.leg_s(
+            0.0, 0.0, up - track.up_m[place]
+        )
+        return vertical + flown.leg_s(sign * east, sign * north)
 
 
 class _Part(NamedTuple):
@@ -86,10 +105,16 @@ def flights_of(
     taken = [0, *accumulate(track.photo)]
 
     def flight(first: int, last: int) -> Flight:
-        ways = [*home.way_m(track, first), lengths[last] - lengths[first], *home.way_m(track, last)]
+        ways = [home.way_m(track, first), lengths[last] - lengths[first]]
+        ways.append(home.way_m(track, last, back=True))
         there, back = home.way_s(track, first, timing), home.way_s(track, last, timing, back=True)
         time = there + left(last) - times[first] + back
-        return Flight(first, last, taken[last + 1] - taken[first], math.fsum(ways), time)
+        samples = taken[last + 1] - taken[first]
+        climb, back_up = (
+            home.way_up_m(track, first) - home.up_m,
+            home.way_up_m(track, last, back=True) - home.up_m,
+        )
+        return Flight(first, last, samples, math.fsum(ways), time, climb, back_up)
 
     def left(place: int) -> float:
         holds = track.photo[place] and not timing.fly_through

@@ -71,7 +71,8 @@ class Timing(NamedTuple):
     `wind` is where the wind blows to in the axes of the path, `airspeed_mps` the fastest the
     drone flies through the air.  `climb_mps` bounds climbs and descents.  Flying through, a photo
     is taken at most each `interval_s`, which bounds the speed by the baseline, and no run-in is
-    shorter than `least_run_in_m`.
+    shorter than `least_run_in_m`.  To, from and between lines that are flown through the speed is
+    `transit_mps`; None: the same as along them.
     """
 
     speed_mps: float = 5.0
@@ -83,6 +84,14 @@ class Timing(NamedTuple):
     wind: tuple[float, float] = (0.0, 0.0)
     airspeed_mps: float = math.inf
     least_run_in_m: float = 0.0
+    transit_mps: float | None = None
+
+    @property
+    def transit(self) -> Timing:
+        """How the drone flies where it takes no photos."""
+        if self.transit_mps is None:
+            return self
+        return self._replace(speed_mps=self.transit_mps, interval_s=0.0)
 
     @property
     def run_in_m(self) -> float:
@@ -183,7 +192,8 @@ class Path(NamedTuple):
         """Time from the first site to the last, with a hold at each, or in passing."""
         flown = steady(timing.at(baseline_m), self.courses)
         run = flown.run_in_m
-        legs = [flown.leg_s(x, y) * count for x, y, count in self._legs_m(baseline_m, run)]
+        between = flown.transit if timing.fly_through else flown
+        legs = [between.leg_s(x, y) * count for x, y, count in self._legs_m(baseline_m, run)]
         if not timing.fly_through:
             return self.samples * flown.hold_s + math.fsum(legs)
         turns = sum(count for _, count in self.legs)

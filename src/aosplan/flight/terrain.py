@@ -330,16 +330,34 @@ def heights_at(
     return terrain.heights_m(*to_wgs84(origin, list(east_m), list(north_m)))
 
 
-def highest_m(
+def ways_ground_m(
     terrain: Terrain,
     origin: tuple[float, float],
     start: tuple[float, float],
-    stop: tuple[float, float],
-) -> float:
-    """Highest ground on a straight way, east and north of an origin, looked at each half pixel."""
+    east_m: Sequence[float],
+    north_m: Sequence[float],
+) -> tuple[list[float], list[float]]:
+    """Lowest and highest ground on the straight way from one point to each of several.
+
+    Points are east and north of an origin [m].  The ground is looked at each half pixel, or farther
+    apart if that would be more than `MOST_LOOKS` places in all.
+    """
     import numpy as np
 
-    steps = math.ceil(math.dist(start, stop) / (0.5 * terrain.pixel_m))
-    shares = np.linspace(0.0, 1.0, min(steps, MOST_LOOKS) + 1)
-    east, north = (a + shares * (b - a) for a, b in zip(start, stop, strict=True))
-    return float(heights_at(terrain, origin, east, north).max())
+    east, north = np.asarray(east_m, dtype=float), np.asarray(north_m, dtype=float)
+    lengths = np.hypot(east - start[0], north - start[1])
+    step = max(0.5 * terrain.pixel_m, float(lengths.sum()) / MOST_LOOKS)
+    counts = np.ceil(lengths / step).astype(int) + 1
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    way = np.repeat(np.arange(len(counts)), counts)
+    shares = (np.arange(len(way)) - starts[way]) / np.maximum(counts[way] - 1, 1)
+    shares[starts[counts == 1]] = 1.0
+    ground = heights_at(
+        terrain,
+        origin,
+        _between(start[0], east[way], shares),
+        _between(start[1], north[way], shares),
+    )
+    return np.minimum.reduceat(ground, starts).tolist(), np.maximum.reduceat(
+        ground, starts
+    ).tolist()

@@ -56,7 +56,8 @@ class Track:
     def times_s(self, timing: Timing) -> list[float]:
         """When each point is reached, from a stop at the first; holds come after.
 
-        Flying through, a line is flown as fast as its steepest leg allows.
+        Flying through, a line is flown as fast as its steepest leg allows, and lines without a
+        photo at the transit speed.
         """
         if not timing.fly_through:
             # A grid has many legs and few that differ.
@@ -68,7 +69,8 @@ class Track:
         for start, stop in pairwise(self.stops(timing)):
             line = self.legs[start:stop]
             reached = list(accumulate(starmap(math.hypot, line)))
-            speed = min(starmap(timing.leg_speed_mps, line))
+            flown = timing if any(self.photo[start : stop + 1]) else timing.transit
+            speed = min(starmap(flown.leg_speed_mps, line))
             begun, length = times[-1], reached[-1]
             times += [
                 begun + passing_s(distance, length, speed, timing.acceleration_mps2)

@@ -121,7 +121,11 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
     pieces = [
         piece
         for mission in missions
-        for piece in (parts(mission, chosen) if mission.has_place else [mission])
+        for piece in (
+            parts(mission, chosen, size_of(chosen))
+            if mission.has_place and chosen.flown_by
+            else [mission]
+        )
     ]
     if len(pieces) == 1:
         return {path: render(pieces[0], chosen)}
@@ -134,6 +138,14 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
     return {
         f"{stem}-{number}{suffix}": render(piece, chosen) for number, piece in enumerate(pieces, 1)
     }
+
+
+def size_of(chosen: Format) -> Callable[[Mission], int]:
+    """What counts against a format's limit: the points of the path, or the commands of a file."""
+    from aosplan.mission.flown_path import path_size
+
+    count: Callable[[Mission], int] = getattr(_module(chosen.name), "size", path_size)
+    return count
 
 
 def notes(mission: Mission, chosen: Format) -> list[str]:

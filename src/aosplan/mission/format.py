@@ -8,10 +8,12 @@ from typing import NamedTuple
 class Limits(NamedTuple):
     """What a target takes in one file, from least to most; None: no bound is known.
 
-    Heights are those that the file says; `source` tells where the numbers stand.
+    Heights are those that the file says; `source` tells where the numbers stand.  `waypoints` counts
+    waypoints of the file, or all its commands, as `unit` says.
     """
 
     target: str = ""
+    unit: str = "waypoints"
     waypoints: tuple[int, int | None] = (1, None)
     leg_m: tuple[float, float | None] = (0.0, None)
     speed_mps: tuple[float, float | None] = (0.0, None)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
+from aosplan.mission.flown_path import flown_path, line_ends
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
+    from aosplan.mission.flown_path import PathPoint
     from aosplan.mission.format import Format, Limits
     from aosplan.mission.mission import Mission
 
@@ -60,10 +61,10 @@ def check_flown(mission: Mission, chosen: Format) -> None:
         )
 
 
-def parts(mission: Mission, chosen: Format) -> list[Mission]:
+def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> list[Mission]:
     """The mission in pieces that the format's target takes: consecutive, gapless, equally long.
 
-    Turning points nearer to their neighbour than the target's shortest leg are left out.
+    Photos in passing of one line stay in one piece.  `size` counts what the limit counts.
 
     Raises
     ------
@@ -71,33 +72,59 @@ def parts(mission: Mission, chosen: Format) -> list[Mission]:
         Where it is beyond a limit that splitting does not cure; the message has the number.
     """
     limits = limits_of(mission, chosen)
-    mission = _without_short_turns(mission, limits.leg_m[0])
-    count = len(mission.waypoints)
+    path = flown_path(mission)
     fewest, most = limits.waypoints
-    if count < fewest:
+    if len(path) < fewest:
         raise RequestError(
-            f"{chosen.title} needs {fewest} waypoints or more, and the mission has {count}",
+            f"{chosen.title} needs {fewest} waypoints or more, and the mission has {len(path)}",
             "ask for more --samples, or write another format",
         )
-    _check_flight_settings(mission, chosen, limits)
-    _check_legs(mission, chosen, limits)
-    pieces = 1 if most is None else -(-count // most)
-    if pieces == 1:
+    _check_settings(mission, path, chosen, limits)
+    _check_legs(path, chosen, limits)
+    whole = size(mission)
+    if most is None or whole <= most:
         return [mission]
-    edges = [count * piece // pieces for piece in range(pieces + 1)]
-    return [
-        mission._replace(waypoints=mission.waypoints[begin:end], part=part, parts=pieces)
-        for part, (begin, end) in enumerate(pairwise(edges), 1)
-    ]
+    begins = _begins(mission)
+    for count in range(-(-whole // most), len(begins) + 1):
+        edges = [
+            0,
+            *(begins[len(begins) * piece // count] for piece in range(1, count)),
+            len(mission.waypoints),
+        ]
+        pieces = [
+            mission._replace(waypoints=mission.waypoints[begin:end], part=part, parts=count)
+            for part, (begin, end) in enumerate(pairwise(edges), 1)
+        ]
+        if all(size(piece) <= most for piece in pieces):
+            return pieces
+    raise RequestError(
+        f"one line takes more than the {most} {limits.unit} that a file of {chosen.title} holds",
+        "give a larger --terrain-tolerance, or --trigger stop",
+    )
 
 
-def _check_flight_settings(mission: Mission, chosen: Format, limits: Limits) -> None:
+def _begins(mission: Mission) -> list[int]:
+    """Waypoints at which a file may begin: any, or the ends of lines that are flown through."""
+    if mission.settings.trigger == "stop":
+        return list(range(len(mission.waypoints)))
+    photo = mission.waypoints.photo
+    ends = line_ends(mission)
+    lines = pairwise(ends) if len(ends) > 1 else [(0, 0)]
+    return [first for first, last in lines if photo is None or any(photo[first : last + 1])]
+
+
+def _check_settings(
+    mission: Mission, path: Sequence[PathPoint], chosen: Format, limits: Limits
+) -> None:
     settings = mission.settings
-    _check([settings.speed_mps], limits.speed_mps, "speed", "m/s", chosen, "give a lower --speed")
+    speeds = [settings.speed_mps, mission.transit_mps]
+    _check(
+        speeds, limits.speed_mps, "speed", "m/s", chosen, "give a lower --speed, --transit-speed"
+    )
     if settings.trigger == "stop":
         _check([settings.hold_s], limits.hold_s, "hold", "s", chosen, "give a shorter --hold")
     if limits.height_m != (None, None):
-        heights = mission.flown_m()
+        heights = [point.height_m for point in path]
         hint = "its heights count from the take-off"
         _check([min(heights), max(heights)], limits.height_m, "height", "m", chosen, hint)
 
@@ -119,36 +146,15 @@ def _check(
             )
 
 
-def _without_short_turns(mission: Mission, shortest_m: float) -> Mission:
-    """The mission without waypoints that take no photo and lie on their neighbour."""
-    ways = mission.waypoints
-    if shortest_m <= 0.0 or ways.photo is None:
-        return mission
-    heights = mission.flown_m()
-    kept: list[int] = []
-    for index, photo in enumerate(ways.photo):
-        place = (ways.east_m[index], ways.north_m[index], heights[index])
-        if kept:
-            last = kept[-1]
-            before = (ways.east_m[last], ways.north_m[last], heights[last])
-            if math.dist(place, before) < shortest_m:
-                if not photo:
-                    continue
-                if not ways.photo[last]:
-                    kept.pop()
-        kept.append(index)
-    columns = {name: [column[i] for i in kept] for name, column in ways.columns().items()}
-    return mission._replace(waypoints=replace(ways, **columns))
-
-
-def _check_legs(mission: Mission, chosen: Format, limits: Limits) -> None:
+def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> None:
     shortest, longest = limits.leg_m
     if shortest <= 0.0 and longest is None:
         return
-    ways = mission.waypoints
-    places = zip(ways.east_m, ways.north_m, mission.flown_m(), strict=True)
-    for index, (start, stop) in enumerate(pairwise(places), 1):
-        leg = math.dist(start, stop)
+    for index, (start, stop) in enumerate(pairwise(path), 1):
+        leg = math.dist(
+            (start.east_m, start.north_m, start.height_m),
+            (stop.east_m, stop.north_m, stop.height_m),
+        )
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(
                 f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} takes "

@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Limits
-from aosplan.mission.mission import check_hold, photo_lines, runs_out
+from aosplan.mission.mission import check_hold
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,9 +30,8 @@ REACHED_M = 0.5
 
 ARDUPILOT = Limits(
     "ardupilot",
-    # Home, take-off, speed, gimbal and return; and at most seven commands for two waypoints:
-    # yaw and site for each, and by distance the camera on, off and a photo.
-    waypoints=(1, (718 - 5) * 2 // 7),
+    unit="commands",
+    waypoints=(1, 718),
     height_m=(-83_886.0, 83_886.0),
     hold_s=(0.0, 65_535.0),
     source="718 commands on small boards; heights are stored as 24 bits of centimetres",
@@ -39,8 +39,8 @@ ARDUPILOT = Limits(
 
 PX4 = Limits(
     "px4",
-    # Take-off, speed, gimbal and return, and at most three commands for a waypoint.
-    waypoints=(1, (500 - 4) // 3),
+    unit="commands",
+    waypoints=(1, 500),
     source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
 )
 
@@ -56,8 +56,8 @@ class Command(NamedTuple):
 def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     """What the autopilot does, from take-off to return.
 
-    The drone climbs to its highest waypoint, flies all of them with its nose and its gimbal
-    fixed, and returns.
+    The drone climbs, flies to its first waypoint on the level, flies all of them with its nose and
+    its gimbal fixed, climbs, and returns.
 
     PX4 sends a photo's command when the hold of its waypoint is over, as it leaves: half of the
     hold comes after the photo, as a delay.
@@ -68,9 +68,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
         If heights are above the terrain and PX4 flies, which refuses such missions, or if the
         autopilot does not stop for the hold.
     """
-    ways, settings = mission.waypoints, mission.settings
-    assert ways.latitude is not None  # the formats need a place
-    assert ways.longitude is not None
+    settings = mission.settings
     own_yaw = autopilot == "px4"
     frame = TERRAIN if settings.altitude_frame == "terrain" else RELATIVE
     if own_yaw and frame == TERRAIN:
@@ -82,25 +80,35 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     hold = 0.5 * settings.hold_s if own_yaw else settings.hold_s
     by_mavlink = own_yaw and settings.camera_control != "outputs"
     shoot = _plain(CAPTURE, 0.0, 0.0, 1.0, None) if by_mavlink else _plain(SHOOT, fifth=1.0)
-    follow = _camera(mission, shoot)
+    speed = mission.transit_mps
     yield Command(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *mission.home(), mission.climb_m()))
-    yield _plain(SPEED, 1.0, settings.speed_mps, -1.0)
+    yield _plain(SPEED, 1.0, speed, -1.0)
     yield Command(GIMBAL, COMMAND, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0))
-    sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
-    for index, (latitude, longitude, height) in enumerate(sites):
+    for point in flown_path(mission):
+        where = point.latitude, point.longitude, point.height_m
         if own_yaw:
             lead = (REACHED_M, 0.0, settings.yaw_deg % 360.0)
         else:
             # ArduPilot turns to the next waypoint at each one, unless it is told again.
             yield _plain(YAW, settings.yaw_deg % 360.0)
-            lead = (0.0, 0.0, 0.0)
-        shot = follow.get(index, ())
-        stops = settings.trigger == "stop" and shoot in shot
-        where = (latitude, longitude, height) if own_yaw else _meant(latitude, longitude, height)
-        yield Command(WAYPOINT, frame, (hold if stops else 0.0, *lead, *where))
-        yield from shot
-        if stops and own_yaw:
+            lead, where = (0.0, 0.0, 0.0), _meant(*where)
+        holds = point.photo and settings.trigger == "stop"
+        at = RELATIVE if point.above_takeoff else frame
+        yield Command(WAYPOINT, at, (hold if holds else 0.0, *lead, *where))
+        if point.photo:
+            yield shoot
+        if holds and own_yaw:
             yield _plain(DELAY, hold)
+        if point.switch is not None:
+            # Its third parameter takes the first photo at once.
+            yield _plain(
+                BY_DISTANCE, settings.spacing_m if point.switch else 0.0, 0.0, float(point.switch)
+            )
+        if settings.trigger == "distance" and point.speed_mps != speed:
+            speed = point.speed_mps
+            yield _plain(SPEED, 1.0, speed, -1.0)
+    if speed != mission.transit_mps:
+        yield _plain(SPEED, 1.0, mission.transit_mps, -1.0)
     yield _plain(RETURN)
 
 
@@ -109,28 +117,6 @@ def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, f
     if abs(latitude) < 1e-7 and abs(longitude) < 1e-7:
         latitude = 1e-7
     return latitude, longitude, 0.01 if abs(height_m) < 0.01 else height_m
-
-
-def _camera(mission: Mission, shoot: Command) -> dict[int, tuple[Command, ...]]:
-    """What the camera does at waypoints, by their place."""
-    settings, photo = mission.settings, mission.waypoints.photo
-    count = len(mission.waypoints)
-    if settings.trigger == "stop":
-        return {index: (shoot,) for index in range(count) if photo is None or photo[index]}
-    actions: dict[int, tuple[Command, ...]] = {}
-    for first, last in photo_lines(mission):
-        if first == last:
-            actions[first] = (shoot,)
-        else:
-            # Its third parameter takes the first photo at once.
-            actions[first] = (_plain(BY_DISTANCE, settings.spacing_m, 0.0, 1.0),)
-            off = _plain(BY_DISTANCE, 0.0)
-            if runs_out(mission, last):
-                actions[last + 1] = (off,)
-            else:
-                # The last site is reached a little early, before its photo is due.
-                actions[last] = (off, shoot)
-    return actions
 
 
 def _plain(

@@ -96,7 +96,10 @@ class FlightSettings(NamedTuple):
     of the take-off are None where they are not known; `takeoff_ellipsoid_m` is its height above
     the WGS 84 ellipsoid, if the terrain file has such heights.  Heights are held above the take-off, or
     with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
-    takes `most_waypoints` in one file and flies `mission_formats`, where that is known.  PX4 triggers the camera by
+    takes `most_waypoints` in one file and flies `mission_formats`, where that is known.  To, from and
+    between lines the speed is `transit_mps`; on the way to the first waypoint the drone is
+    `transit_climb_m` above the take-off, and on the way back from any waypoint `transit_return_m`.
+    None: the speed between photos, and the height of the highest waypoint.  PX4 triggers the camera by
     `camera_control`: commands of MAVLink's camera protocol (``mavlink``), or its own outputs.
     """
 
@@ -117,6 +120,9 @@ class FlightSettings(NamedTuple):
     camera_control: str | None = None
     takeoff_ellipsoid_m: float | None = None
     mission_formats: tuple[str, ...] | None = None
+    transit_mps: float | None = None
+    transit_climb_m: float | None = None
+    transit_return_m: float | None = None
 
 
 class Mission(NamedTuple):
@@ -169,8 +175,20 @@ class Mission(NamedTuple):
         return self.waypoints.altitude_m if terrain else self.above_takeoff_m()
 
     def climb_m(self) -> float:
-        """Height above the take-off at which the drone flies out and home: its highest waypoint."""
-        return max(*self.above_takeoff_m(), LEAST_CLIMB_M)
+        """Height above the take-off at which the drone flies to its first waypoint."""
+        climb = self.settings.transit_climb_m
+        # A later part of a flight begins elsewhere: what is safe from every waypoint is safe to it.
+        return self.return_m() if climb is None or self.part > 1 else climb
+
+    def return_m(self) -> float:
+        """Height above the take-off at which the drone flies home, from whichever waypoint."""
+        highest = max(*self.above_takeoff_m(), LEAST_CLIMB_M)
+        return max(self.settings.transit_return_m or 0.0, highest)
+
+    @property
+    def transit_mps(self) -> float:
+        """Speed to, from and between lines."""
+        return self.settings.transit_mps or self.settings.speed_mps
 
     def home(self) -> tuple[float, float]:
         """Latitude and longitude of the take-off, or of the first waypoint where it is not known."""
@@ -219,7 +237,8 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     """First and last waypoint of each straight line along which the camera fires by distance.
 
     Every waypoint with a photo is on one line: neighbours are one spacing apart, and legs that
-    turn or are of another length are on none.  A line may be a single waypoint.
+    turn or are of another length are on none.  Waypoints without a photo may lie between them, on
+    the straight line.  A line may be a single waypoint.
     """
     ways, spacing = mission.waypoints, mission.settings.spacing_m
     photo = ways.photo or [True] * len(ways)
@@ -228,10 +247,17 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     for index, (east, north) in enumerate(zip(ways.east_m, ways.north_m, strict=True)):
         if not photo[index]:
             continue
-        if found and found[-1][1] == index - 1:
-            step = (east - ways.east_m[index - 1], north - ways.north_m[index - 1])
+        if found:
+            last = found[-1][1]
+            step = (east - ways.east_m[last], north - ways.north_m[last])
             length = math.hypot(*step)
-            if abs(length - spacing) < STRAIGHT * spacing:
+            flown = sum(
+                math.hypot(
+                    ways.east_m[k + 1] - ways.east_m[k], ways.north_m[k + 1] - ways.north_m[k]
+                )
+                for k in range(last, index)
+            )
+            if flown - length < STRAIGHT * spacing and abs(length - spacing) < STRAIGHT * spacing:
                 course = (step[0] / length, step[1] / length)
                 if along is None or math.dist(course, along) < STRAIGHT:
                     found[-1] = (found[-1][0], index)
@@ -242,19 +268,27 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     return found
 
 
-def runs_out(mission: Mission, last: int) -> bool:
-    """Whether a line goes on beyond its last photo, to a waypoint where the drone only turns."""
-    photo = mission.waypoints.photo
-    return photo is not None and last + 1 < len(photo) and not photo[last + 1]
+class Share(NamedTuple):
+    """A flight's share of a mission: its first and last waypoint, and its heights there and back."""
+
+    first: int
+    last: int
+    climb_m: float | None = None
+    return_m: float | None = None
 
 
-def split(whole: Mission, ranges: Sequence[tuple[int, int]]) -> tuple[Mission, ...]:
-    """A mission a flight, from the first and the last waypoint of each."""
+def split(whole: Mission, shares: Sequence[Share]) -> tuple[Mission, ...]:
+    """A mission a flight."""
     return tuple(
         whole._replace(
-            waypoints=whole.waypoints[first : last + 1], flight=number, flights=len(ranges)
+            waypoints=whole.waypoints[share.first : share.last + 1],
+            settings=whole.settings._replace(
+                transit_climb_m=share.climb_m, transit_return_m=share.return_m
+            ),
+            flight=number,
+            flights=len(shares),
         )
-        for number, (first, last) in enumerate(ranges, 1)
+        for number, share in enumerate(shares, 1)
     )
 
 

@@ -113,6 +113,7 @@ LANE_OPTIONS = {
 
 BROUGHT_BY_DRONE = (
     "speed",
+    "transit_speed",
     "acceleration",
     "climb",
     "photo_interval",

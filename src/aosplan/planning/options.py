@@ -370,15 +370,16 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
     ),
     "Flight": (
         ("drone", q.word, "text", "NAME", "Drone: its camera, speed, acceleration and limits."),
-        ("speed", _speed, "number", "M/S", "Cruise speed over ground.  [5, or the drone's]"),
-        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2, or the drone's]"),
         (
-            "climb",
+            "speed",
             _speed,
             "number",
             "M/S",
-            "Vertical speed, up and down.  [3, or the drone's]",
+            "Speed over ground between photos.  [5, or the drone's]",
         ),
+        ("transit_speed", _speed, "number", "M/S", "To, from and between lines.  [the drone's]"),
+        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2, or the drone's]"),
+        ("climb", _speed, "number", "M/S", "Vertical speed, up and down.  [3, or the drone's]"),
         (
             "hold",
             partial(bounded, q.at_least_zero, unit="s"),
@@ -400,13 +401,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "NAME",
             f"Flight controller of a drone without a preset: {' or '.join(AUTOPILOTS)}.  [the drone's]",
         ),
-        (
-            "camera_control",
-            q.one_of(CAMERA_CONTROLS),
-            "text",
-            "HOW",
-            "How PX4 triggers the camera: mavlink, or outputs (PWM, GPIO).  [by camera]",
-        ),
+        ("camera_control", q.one_of(CAMERA_CONTROLS), "text", "HOW", "PX4: mavlink or outputs."),
         (
             "payload",
             payload,

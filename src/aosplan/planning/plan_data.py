@@ -174,6 +174,7 @@ class PlanData:
         return FlightSettings(
             trigger=flight.trigger,
             speed_mps=timing.speed_mps,
+            transit_mps=timing.transit.speed_mps,
             hold_s=timing.hold_s,
             spacing_m=self.solution.baseline_m if timing.fly_through else 0.0,
             yaw_deg=self.heading_deg % 360.0,

@@ -121,6 +121,8 @@ class OneFlightDocument(OpenDocument):
     samples: int
     length_m: Finite
     time_s: Finite
+    climb_m: Finite | None = None
+    return_m: Finite | None = None
 
 
 class FlightDocument(OpenDocument):
@@ -142,6 +144,9 @@ class FlightDocument(OpenDocument):
     takeoff_longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
     takeoff_ground_m: Finite | None = None
     takeoff_ellipsoid_m: Finite | None = None
+    transit_mps: Annotated[Finite, Field(gt=0)] | None = None
+    transit_climb_m: Finite | None = None
+    transit_return_m: Finite | None = None
     acceleration_mps2: Finite | None = None
     climb_mps: Finite | None = None
     run_in_m: Finite = 0.0

@@ -192,11 +192,11 @@ def _flying(plan: PlanData) -> Iterator[Message]:
             f"the flight reaches {highest:.4g} m above ground, and many countries allow "
             f"{HIGHEST_M:g} m",
         )
-    least = plan.scene.canopy_top_m + flight.clearance_m
-    if route.lowest_way_m is not None and route.lowest_way_m < least:
+    if route.highest_way_m is not None and max(highest, HIGHEST_M) < route.highest_way_m:
+        climb = max(max(flight.climb_m, flight.return_m) for flight in route.flights)
         yield Message(
-            "low_way",
-            f"on the level of the waypoints the way from the take-off or back comes within "
-            f"{route.lowest_way_m:.4g} m of the ground, less than canopy and clearance: climb "
-            f"{least - route.lowest_way_m:.4g} m higher for it, or take off elsewhere",
+            "transit_above_120_m",
+            f"the way from the take-off or back is flown {climb:.4g} m above the take-off, over "
+            f"canopy and terrain, and reaches {route.highest_way_m:.4g} m above the ground below; "
+            f"many countries allow {HIGHEST_M:g} m: take off elsewhere, or fly around the high ground",
         )

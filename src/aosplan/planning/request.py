@@ -110,6 +110,7 @@ class PlanRequest:
     max_sites: int | None = None
     drone: str | None = None
     speed: float | None = None
+    transit_speed: float | None = None
     acceleration: float | None = None
     climb: float | None = None
     hold: float = 1.0
@@ -254,6 +255,7 @@ class PlanRequest:
         own_camera = self.focal_length is not None or self.fov is not None
         for name, value in {
             "speed": drone.speed_mps if drone else 5.0,
+            "transit_speed": drone.speed_mps if drone else max(5.0, self.speed or 0.0),
             "acceleration": drone.acceleration_mps2 if drone else 2.0,
             "climb": drone.climb_mps if drone else 3.0,
             "camera": None if own_camera else carried or (drone.camera if drone else None),

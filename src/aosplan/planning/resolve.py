@@ -6,6 +6,7 @@ of them reads the request again.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -279,6 +280,7 @@ def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
         trigger=request.trigger,
         speed_mps=_filled(request.speed),
         speed_bounds=speed_bounds(drone, blur, gsd_m),
+        transit_mps=min(_filled(request.transit_speed), drone.airspeed_mps if drone else math.inf),
         acceleration_mps2=_filled(request.acceleration),
         climb_mps=_filled(request.climb),
         hold_s=request.hold,

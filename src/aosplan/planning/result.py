@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.mission.mission import Mission, split
+from aosplan.mission.mission import Mission, Share, split
 from aosplan.planning.plan_data import PlanData
 
 if TYPE_CHECKING:
@@ -49,7 +49,13 @@ class Plan(PlanData):
 
     def missions(self) -> tuple[Mission, ...]:
         """A mission for each flight, in order; their waypoints together are the plan's."""
-        return split(self.mission(), [flight[:2] for flight in self.route.flights])
+        return split(
+            self.mission(),
+            [
+                Share(flight.first, flight.last, flight.climb_m, flight.return_m)
+                for flight in self.route.flights
+            ],
+        )
 
     def write(
         self,

@@ -18,7 +18,7 @@ from aosplan.flight.photo_trigger import Bound, Ground, Sites, blur_speed_mps, r
 from aosplan.flight.track import Track
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.messages import Limit
-from aosplan.mission.mission import Waypoints, placed
+from aosplan.mission.mission import LEAST_CLIMB_M, Waypoints, placed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,9 +40,8 @@ class Route(NamedTuple):
 
     `length_m` and `time_s` count from the first photo to the last, whatever lies between;
     `closer_by_m` and `farther_by_m` say how much nearer to the ground, and farther from it, the ways between
-    waypoints come than their ends, and `lowest_way_m` how near the ways from the take-off and back
-    come to it, on the level of the waypoint where they end.  Heights of the ground count from
-    `datum`.  The take-off is None where nothing depends on it.
+    waypoints come than their ends, and `highest_way_m` how far above the ground the ways from the
+    take-off and back lead.  Heights of the ground count from `datum`.  The take-off is None where nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -55,7 +54,7 @@ class Route(NamedTuple):
     takeoff_ground_m: float | None = None
     closer_by_m: float = 0.0
     farther_by_m: float = 0.0
-    lowest_way_m: float | None = None
+    highest_way_m: float | None = None
     datum: str | None = None
 
     @property
@@ -83,6 +82,7 @@ class FlightInputs(NamedTuple):
     trigger: str
     speed_mps: float
     speed_bounds: tuple[Bound, ...]
+    transit_mps: float
     acceleration_mps2: float
     climb_mps: float
     hold_s: float
@@ -124,6 +124,7 @@ class FlightInputs(NamedTuple):
             fly_through=through,
             interval_s=(self.photo_interval_s or 0.0) if through else 0.0,
             least_run_in_m=LEAST_RUN_IN_M,
+            transit_mps=self.transit_mps,
         )
         if self.wind is not None:
             wind = wind_mps(self.wind.speed_mps, self.wind.from_deg, heading_deg)
@@ -251,8 +252,9 @@ def build_route(
         up = [altitude_m + height for height in ground.heights_m]
         track = Track(ground.sites.east_m, ground.sites.north_m, up, ground.sites.photo)
         battery_s = math.inf if flight.flight_time_min is None else 60.0 * flight.flight_time_min
+        least_m = canopy_top_m + flight.clearance_m
+        takeoff, lowest = _safe_ways(track, takeoff, terrain, origin, least_m)
         flights = flights_of(track, timing, takeoff, battery_s)
-        lowest = _lowest_way_m(track, flights, takeoff, terrain, origin)
         # Where heights or several flights depend on the take-off, it is said where that is.
         known = flight.takeoff
         if known is None and origin is not None and (terrain or len(flights) > 1):
@@ -268,7 +270,7 @@ def build_route(
         takeoff_ground_m=takeoff.up_m if terrain else None,
         closer_by_m=ground.closer_by_m,
         farther_by_m=ground.farther_by_m,
-        lowest_way_m=lowest,
+        highest_way_m=_highest_way_m(flights, takeoff, lowest) if terrain else None,
         datum=terrain.datum if terrain else None,
     )
 
@@ -322,29 +324,38 @@ def _photos_before(sites: Sites, waypoint: int) -> int:
     return done
 
 
-def _lowest_way_m(
+def _safe_ways(
     track: Track,
-    flights: Sequence[Flight],
     takeoff: Home,
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
-) -> float | None:
-    """Least height above ground on the ways from the take-off to the flights and back."""
-    if terrain is None:
-        return None
-    from aosplan.flight.terrain import highest_m
+    least_m: float,
+) -> tuple[Home, list[float]]:
+    """The take-off with the heights of the ways to each waypoint, and the lowest ground below each.
 
-    assert origin is not None  # as above
-    return min(
-        track.up_m[place]
-        - highest_m(
-            terrain,
-            origin,
-            (takeoff.east_m, takeoff.north_m),
-            (track.east_m[place], track.north_m[place]),
-        )
+    A way is flown on the level of its waypoint, or `least_m` above the highest ground on it, and
+    `LEAST_CLIMB_M` above the take-off at least.
+    """
+    if terrain is None:
+        lowest = highest = [takeoff.up_m] * len(track.up_m)
+    else:
+        from aosplan.flight.terrain import ways_ground_m
+
+        assert origin is not None  # the request has checked that terrain has a place
+        start = takeoff.east_m, takeoff.north_m
+        lowest, highest = ways_ground_m(terrain, origin, start, track.east_m, track.north_m)
+    ways = [
+        max(up, ground + least_m, takeoff.up_m + LEAST_CLIMB_M)
+        for up, ground in zip(track.up_m, highest, strict=True)
+    ]
+    return takeoff._replace(ways_up_m=ways), lowest
+
+
+def _highest_way_m(flights: Sequence[Flight], takeoff: Home, lowest: Sequence[float]) -> float:
+    """Greatest height above ground on the ways from the take-off to the flights and back."""
+    return takeoff.up_m + max(
+        max(flight.climb_m - lowest[flight.first], flight.return_m - lowest[flight.last])
         for flight in flights
-        for place in (flight.first, flight.last)
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.mission.mission import FlightSettings, Mission, Waypoint, Waypoints, split
+from aosplan.mission.mission import FlightSettings, Mission, Share, Waypoint, Waypoints, split
 from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
@@ -29,7 +29,10 @@ def read_missions(path: str) -> tuple[Mission, ...]:
     flown = [place for first, last in ranges for place in range(first, last + 1)]
     if flown != list(range(len(whole.waypoints))) or any(last < first for first, last in ranges):
         raise RequestError(f"'{path}': the flights do not take each waypoint once, in order")
-    return split(whole, ranges)
+    return split(
+        whole,
+        [Share(flight.first, flight.last, flight.climb_m, flight.return_m) for flight in flights],
+    )
 
 
 def _saved_plan(path: str) -> tuple[dict[str, Any], PlanDocument]:

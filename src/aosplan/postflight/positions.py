@@ -14,7 +14,7 @@ from aosplan.mission import mavlink as mav
 from aosplan.units import number, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
 
 PLACE_NAMES = (("latitude", "longitude"), ("lat", "lon"), ("lat", "lng"), ("lat", "long"))
@@ -52,7 +52,7 @@ def read_places(path: str) -> list[Place]:
     elif suffix == ".kmz":
         from aosplan.postflight.wpml_route import read_route
 
-        places = [_place(*site) for site in read_route(path)]
+        places = _taken(read_route(path))
     elif suffix == ".plan":
         places = _flown(_items(path), path)
     elif suffix in {".geojson", ".json"}:
@@ -122,23 +122,25 @@ GLOBAL_FRAMES = {0, 3, 5, 6, 10, 11}
 
 
 def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> list[Place]:
-    """Waypoints at which the camera fires, or all if it never does."""
+    """Places of photos: single ones, and each spacing while a trigger by distance is on.
+
+    Of a mission that never fires its camera, all waypoints.
+    """
     places: list[Place] = []
-    shot: set[int] = set()
-    firing = False
+    photos: list[Place] = []
+    spacing_m = gone_m = 0.0
     for where, command, params in commands:
         if command in PLACING:
-            places.append(_place(where, *params[4:7]))
-            if firing:
-                shot.add(len(places) - 1)
-        elif command in {mav.SHOOT, mav.CAPTURE, mav.BY_DISTANCE}:
-            if command == mav.BY_DISTANCE:
-                firing = number(params[0], f"{where} distance") > 0.0
-            if command != mav.BY_DISTANCE or firing:
-                shot.add(len(places) - 1)
-            else:
-                # A line runs out to here; if it has a photo, that is a command of its own.
-                shot.discard(len(places) - 1)
+            place = _place(where, *params[4:7])
+            if places and spacing_m:
+                passed, gone_m = _passed(places[-1], place, spacing_m, gone_m)
+                photos += passed
+            places.append(place)
+        elif command in {mav.SHOOT, mav.CAPTURE}:
+            photos += places[-1:]
+        elif command == mav.BY_DISTANCE:
+            spacing_m, gone_m = max(0.0, number(params[0], f"{where} distance")), 0.0
+            photos += places[-1:] if spacing_m else []
         elif command not in PLACELESS and any(_is_set(value) for value in params[4:6]):
             raise RequestError(
                 f"{where} command {command} is unknown, and it has a place: nothing tells whether a "
@@ -147,8 +149,61 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             )
     if not places:
         raise RequestError(f"'{path}' holds no waypoints")
-    shot.discard(-1)  # before the first waypoint
-    return [place for index, place in enumerate(places) if not shot or index in shot]
+    return photos or places
+
+
+def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> list[Place]:
+    """Photos of a WPML route: those at its waypoints, and each spacing between them."""
+    places: list[Place] = []
+    photos: list[Place] = []
+    spacing_m = gone_m = 0.0
+    for where, latitude, longitude, altitude, shots, switch in route:
+        place = _place(where, latitude, longitude, altitude)
+        if places and spacing_m:
+            passed, gone_m = _passed(places[-1], place, spacing_m, gone_m)
+            photos += passed
+        if switch is not None:
+            spacing_m, gone_m = switch, 0.0
+        photos += [place] * shots
+        places.append(place)
+    return photos or places
+
+
+def _passed(
+    start: Place, stop: Place, spacing_m: float, gone_m: float
+) -> tuple[list[Place], float]:
+    """Photos by distance on a leg, and how far behind the last one it ends; `gone_m` at its start."""
+    from aosplan.geodesy import to_local
+    from aosplan.grid.patterns import MOST_SITES
+
+    (east,), (north,) = to_local(
+        (start.latitude, start.longitude), [stop.latitude], [stop.longitude]
+    )
+    length = math.hypot(east, north)
+    count = math.floor((gone_m + length) / spacing_m + AT_END)
+    if count > MOST_SITES:
+        raise RequestError(
+            f"a trigger each {spacing_m:g} m takes {count:,} photos on one leg of {length:.4g} m"
+        )
+    turn = math.remainder(stop.longitude - start.longitude, 360.0)
+    photos = []
+    for number_ in range(1, count + 1):
+        share = min((number_ * spacing_m - gone_m) / length, 1.0)
+        height = start.altitude_m
+        if height is not None and stop.altitude_m is not None:
+            height += share * (stop.altitude_m - height)
+        photos.append(
+            Place(
+                start.latitude + share * (stop.latitude - start.latitude),
+                math.remainder(start.longitude + share * turn, 360.0),
+                height,
+            )
+        )
+    return photos, gone_m + length - count * spacing_m
+
+
+AT_END = 0.01
+"""Share of a spacing that a leg may be too short for the photo at its end."""
 
 
 def _is_set(value: Any) -> bool:
@@ -352,18 +407,39 @@ def read_csv(path: str) -> Table:
 def _photographed(
     names: list[str], rows: list[tuple[str, list[str]]]
 ) -> list[tuple[str, list[str]]]:
-    """Of a Litchi mission the rows with a photo, or all if it takes none; else all rows."""
+    """Of a Litchi mission a row for each photo, or all rows if it takes none; else all rows."""
     actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
-    every = names.index("photo_distinterval") if "photo_distinterval" in names else -1
-    if not actions:
+    columns = [
+        names.index(name) if name in names else -1
+        for name in ("latitude", "longitude", "altitude(m)", "photo_distinterval")
+    ]
+    if not actions or min(columns[:2]) < 0:
         return rows
-
-    def shoots(row: list[str]) -> bool:
+    photos: list[tuple[str, list[str]]] = []
+    spacing_m, gone_m, last = 0.0, 0.0, None
+    for where, row in rows:
+        values = [row[k] if 0 <= k < len(row) else None for k in columns]
+        point = _place(where, *values[:3])
+        if last is not None and spacing_m:
+            passed, gone_m = _passed(last, point, spacing_m, gone_m)
+            photos += [(where, _moved(row, columns, place)) for place in passed]
+        every = max(0.0, number(values[3], f"{where} photo_distinterval")) if values[3] else 0.0
+        if every != spacing_m:
+            spacing_m, gone_m = every, 0.0
+            photos += [(where, row)] if every else []
         if any(row[place].strip() == "1" for place in actions if place < len(row)):
-            return True
-        return 0 <= every < len(row) and number(row[every], "photo_distinterval") > 0.0
+            photos.append((where, row))
+        last = point
+    return photos or rows
 
-    return [each for each in rows if shoots(each[1])] or rows
+
+def _moved(row: list[str], columns: list[int], place: Place) -> list[str]:
+    """A row at another place."""
+    moved = list(row)
+    for column, value in zip(columns, place, strict=False):
+        if 0 <= column < len(row) and value is not None:
+            moved[column] = repr(value)
+    return moved
 
 
 def positions_of(table: Table) -> list[tuple[float, float]]:

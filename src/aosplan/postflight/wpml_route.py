@@ -17,11 +17,12 @@ SHOOTING = {"takePhoto", "orientedShoot", "accurateShoot"}
 """Actions that store a photo."""
 
 
-def read_route(path: str) -> list[tuple[str, Any, Any, Any]]:
-    """Where in the file, latitude, longitude and height of the waypoints with a photo, in order.
+def read_route(path: str) -> list[tuple[str, Any, Any, Any, int, float | None]]:
+    """The waypoints of a route in order, and where photos are taken.
 
-    A photo by distance is taken from the first to the last waypoint of its action group.  If no
-    action takes a photo, every waypoint counts.
+    Of each: where it is in the file, latitude, longitude, height, the photos taken there, and the
+    distance between photos from there on (0: no more, None: as before).  A photo by distance is
+    taken from the first waypoint of its action group on, to the last.
 
     Raises
     ------
@@ -33,9 +34,15 @@ def read_route(path: str) -> list[tuple[str, Any, Any, Any]]:
         raise RequestError(f"'{path}' is not a KMZ archive")
     reader = _Reader(path)
     reader.read(archive_member(content, path, _waylines))
-    indices = range(len(reader.sites))
-    chosen = [index for index in indices if not reader.shot or index in reader.shot]
-    return [(f"'{path}', waypoint {index}:", *reader.sites[index]) for index in chosen]
+    return [
+        (
+            f"'{path}', waypoint {index}:",
+            *site,
+            reader.shots.get(index, 0),
+            reader.switches.get(index),
+        )
+        for index, site in enumerate(reader.sites)
+    ]
 
 
 def _waylines(names: list[str], path: str) -> str:
@@ -58,7 +65,8 @@ class _Reader:
         self.text: list[str] = []
         self.functions: list[str] = []
         self.sites: list[tuple[str, str, str | None]] = []
-        self.shot: set[int] = set()
+        self.shots: dict[int, int] = {}
+        self.switches: dict[int, float] = {}
 
     def read(self, content: bytes) -> None:
         parser = expat.ParserCreate()
@@ -84,6 +92,7 @@ class _Reader:
             self.texts = {}
         elif tag == "actionGroup":
             self.functions = []
+            self.texts.pop("actionTriggerParam", None)
         self.text.clear()
 
     def _end(self, name: str) -> None:
@@ -105,7 +114,18 @@ class _Reader:
                 int(number(self.texts.get(name, ""), f"'{self.path}', {name}"))
                 for name in ("actionGroupStartIndex", "actionGroupEndIndex")
             )
-            self.shot |= set(range(max(first, 0), min(last, 65_535) + 1))
+            self.shots[first] = 1
+            if self.texts.get("actionTriggerType") == "multipleDistance":
+                spacing = number(
+                    self.texts.get("actionTriggerParam", ""), f"'{self.path}', actionTriggerParam"
+                )
+                if spacing <= 0.0:
+                    raise RequestError(f"'{self.path}': photos each {spacing:g} m")
+                self.switches[first] = spacing
+                self.switches.setdefault(last, 0.0)
+            else:
+                # Another trigger, such as by time: photos at each of its waypoints.
+                self.shots |= dict.fromkeys(range(max(first, 0), min(last, 65_535) + 1), 1)
 
     def _site(self) -> None:
         pair = self.texts.get("coordinates", "").split(",")

@@ -196,6 +196,9 @@ def _least_time(problem: Problem) -> Solution:
     # Without a least run-in the time rises with the baseline, and bounds what is flown.
     rising = timing._replace(least_run_in_m=0.0)
     calm = rising._replace(wind=(0.0, 0.0))
+    if timing.fly_through and timing.transit.speed_mps > timing.speed_mps:
+        # A gap between lines may be crossed faster than the photos are taken.
+        calm = calm.transit
     best: tuple[float, Sites, float] | None = None
     for frame in _candidate_frames(problem):
         most = min(frame.most, _most_samples(problem))

@@ -25,6 +25,11 @@ FORMAT = Format(
 )
 
 
+def size(mission: Mission) -> int:
+    """Commands of the file, home among them."""
+    return 1 + sum(1 for _ in commands(mission, "ardupilot"))
+
+
 def render(mission: Mission) -> bytes:
     """Row 0 is home, without which ArduPilot would take the take-off for it."""
     ground = mission.settings.takeoff_ground_m or 0.0

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
-from aosplan.mission.formats.rows import rows
-from aosplan.mission.mission import photo_lines
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
@@ -52,51 +51,40 @@ HEADER = ",".join(
 
 def render(mission: Mission) -> bytes:
     """Numbers are plain decimals, as some readers skip rows with others without a word."""
-    ways, settings = mission.waypoints, mission.settings
-    assert ways.latitude is not None  # the format needs a place
-    assert ways.longitude is not None
+    settings = mission.settings
     pitch = f"{settings.gimbal_pitch_deg:g}"
-    actions, intervals = _camera(mission, pitch)
-    above_ground = int(settings.altitude_frame == "terrain")
-    return f"{HEADER}\n".encode() + rows(
-        f"%.10f,%.10f,%.3f,{settings.yaw_deg % 360.0:.2f},0,0,2,{pitch},%s,"
-        f"{above_ground},{settings.speed_mps:.2f},0,0,0,0,-1,%s\n",
-        ways.latitude,
-        ways.longitude,
-        mission.flown_m(),
-        actions,
-        intervals,
-    )
+    aim, shoot = f"{_TILT},{pitch}", f"{_PHOTO},0"
+    stay = [f"{_STAY},{round(1000.0 * settings.hold_s)}"] if settings.hold_s else []
+    above_ground = settings.altitude_frame == "terrain"
+    by_stop, on = settings.trigger == "stop", False
+    lines = [HEADER]
+    for index, point in enumerate(flown_path(mission)):
+        actions = [aim] if by_stop or index == 0 else []
+        if point.photo:
+            actions += [*(stay if by_stop else []), shoot]
+        on = on if point.switch is None else point.switch
+        lines.append(
+            f"{point.latitude:.10f},{point.longitude:.10f},{point.height_m:.3f},"
+            f"{settings.yaw_deg % 360.0:.2f},0,0,2,{pitch},{_fifteen(*actions)},"
+            f"{int(above_ground and not point.above_takeoff)},{point.speed_mps:.2f},0,0,0,0,-1,"
+            + (f"{settings.spacing_m:.3f}" if on else "-1")
+        )
+    return "\n".join([*lines, ""]).encode()
 
 
 def notes(mission: Mission) -> list[str]:
     """What the file takes for granted."""
+    back = (
+        f"{FORMAT.title}: the file has no height for the way home: set the return height in DJI's app "
+        f"to {mission.return_m():.0f} m or more, and the mission's end to return home"
+    )
     if mission.settings.altitude_frame != "terrain":
-        return []
+        return [back]
     return [
+        back,
         f"{FORMAT.title}: Litchi takes the ground below the first waypoint for the height of the "
-        "take-off, so heights above ground hold only for a take-off at that height"
+        "take-off, so heights above ground hold only for a take-off at that height",
     ]
-
-
-def _camera(mission: Mission, pitch: str) -> tuple[list[str], list[str]]:
-    """Actions at each waypoint, and metres between photos on the way to the next."""
-    settings, photo = mission.settings, mission.waypoints.photo
-    count = len(mission.waypoints)
-    aim, shoot = f"{_TILT},{pitch}", f"{_PHOTO},0"
-    stay = [f"{_STAY},{round(1000.0 * settings.hold_s)}"] if settings.hold_s else []
-    intervals = ["-1"] * count
-    if settings.trigger == "stop":
-        site = _fifteen(aim, *stay, shoot)
-        actions = [
-            site if photo is None or photo[index] else _fifteen(aim) for index in range(count)
-        ]
-        return actions, intervals
-    actions = [_fifteen(aim), *[_fifteen()] * (count - 1)]
-    for first, last in photo_lines(mission):
-        intervals[first:last] = [f"{settings.spacing_m:.3f}"] * (last - first)
-        actions[last] = _fifteen(*([] if last else [aim]), shoot)
-    return actions, intervals
 
 
 def _fifteen(*pairs: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from aosplan.mission import mavlink as mav
+from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
 
 if TYPE_CHECKING:
@@ -59,19 +60,16 @@ def render(mission: Mission) -> bytes:
 
 def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Take-off, each site with a photo halfway through its hold, and return."""
-    ways, settings = mission.waypoints, mission.settings
-    assert ways.latitude is not None  # the format needs a place
-    assert ways.longitude is not None
+    settings = mission.settings
     pause = _plain(DELAY, settings.hold_s / 2.0)
     yield _plain(mav.TAKEOFF)
     yield _plain(mav.SPEED, 1.0, settings.speed_mps)
     yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint, to the yaw that it says
     yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
-    sites = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
-    for index, (latitude, longitude, height) in enumerate(sites):
+    for point in flown_path(mission):
         lead = (0.0, REACHED_M, 0.0, round(settings.yaw_deg, 4) % 360.0)
-        yield mav.WAYPOINT, (*lead, latitude, longitude, height)
-        if ways.photo is None or ways.photo[index]:
+        yield mav.WAYPOINT, (*lead, point.latitude, point.longitude, point.height_m)
+        if point.photo:
             if settings.hold_s:
                 yield pause
             yield _plain(mav.CAPTURE, 0.0, 1.0, FULL_FRAME)

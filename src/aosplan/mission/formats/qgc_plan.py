@@ -49,8 +49,8 @@ def render(mission: Mission) -> bytes:
             "version": 2,
             "firmwareType": FIRMWARE[autopilot],
             "vehicleType": 2,
-            "cruiseSpeed": settings.speed_mps,
-            "hoverSpeed": settings.speed_mps,
+            "cruiseSpeed": mission.transit_mps,
+            "hoverSpeed": mission.transit_mps,
             "globalPlanAltitudeMode": 4 if settings.altitude_frame == "terrain" else 1,
             "plannedHomePosition": [
                 *(round(degrees, 10) for degrees in mission.home()),
@@ -66,6 +66,11 @@ def render(mission: Mission) -> bytes:
     frame = json.dumps(plan, ensure_ascii=False, allow_nan=False, indent=1)
     head, _, tail = frame.rpartition(json.dumps(_ITEMS))
     return f"{head}[\n{items}\n]{tail}\n".encode()
+
+
+def size(mission: Mission) -> int:
+    """Commands of the file, and home, which the autopilot keeps as one more."""
+    return 1 + sum(1 for _ in commands(mission, mission.settings.autopilot or "px4"))
 
 
 def notes(mission: Mission) -> list[str]:

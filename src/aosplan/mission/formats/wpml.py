@@ -9,18 +9,20 @@ from __future__ import annotations
 import io
 from functools import lru_cache
 from itertools import islice
+from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
 from aosplan.mission.dji_models import DRONES, PAYLOADS
+from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
-from aosplan.mission.mission import photo_lines, runs_out
 from aosplan.xml_text import xml_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from aosplan.mission.dji_models import Drone
+    from aosplan.mission.flown_path import PathPoint
     from aosplan.mission.mission import Mission
 
 _Value = TypeVar("_Value")
@@ -103,7 +105,7 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
     """The two documents by name, in pieces: what the application shows, and what the drone flies."""
     settings = mission.settings
-    speed = f"{settings.speed_mps:.2f}"
+    speed, path = f"{settings.speed_mps:.2f}", flown_path(mission)
     machine = dialect.machine(mission)
     config = _config(mission, machine)
     name = machine.name
@@ -123,7 +125,7 @@ def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
 <wpml:heightMode>relativeToStartPoint</wpml:heightMode>
 </wpml:waylineCoordinateSysParam>
 <wpml:autoFlightSpeed>{speed}</wpml:autoFlightSpeed>
-<wpml:globalHeight>{mission.flown_m()[0]:.4f}</wpml:globalHeight>
+<wpml:globalHeight>{path[0].height_m:.4f}</wpml:globalHeight>
 <wpml:gimbalPitchMode>usePointSetting</wpml:gimbalPitchMode>
 {_wrap("globalWaypointHeadingParam", heading)}
 <wpml:globalWaypointTurnMode>{turn}</wpml:globalWaypointTurnMode>
@@ -139,26 +141,26 @@ def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
 """
     pitch = f"<wpml:gimbalPitchAngle>{settings.gimbal_pitch_deg:g}</wpml:gimbalPitchAngle>\n"
     shown = (
-        "<wpml:ellipsoidHeight>%s</wpml:ellipsoidHeight><wpml:height>%s</wpml:height>\n"
+        "<wpml:ellipsoidHeight>HEIGHT</wpml:ellipsoidHeight><wpml:height>HEIGHT</wpml:height>\n"
         "<wpml:useGlobalHeight>0</wpml:useGlobalHeight>"
-        "<wpml:useGlobalSpeed>1</wpml:useGlobalSpeed>"
+        "<wpml:useGlobalSpeed>0</wpml:useGlobalSpeed><wpml:waypointSpeed>SPEED</wpml:waypointSpeed>"
         "<wpml:useGlobalHeadingParam>0</wpml:useGlobalHeadingParam>"
         f"<wpml:useGlobalTurnParam>0</wpml:useGlobalTurnParam>\n{pitch}"
     )
     flown = (
-        "<wpml:executeHeight>%s</wpml:executeHeight>"
-        f"<wpml:waypointSpeed>{speed}</wpml:waypointSpeed>\n"
+        "<wpml:executeHeight>HEIGHT</wpml:executeHeight>"
+        "<wpml:waypointSpeed>SPEED</wpml:waypointSpeed>\n"
     )
     aim = _gimbal(settings.gimbal_pitch_deg, "aircraft" if dialect.fly else "north")
     if dialect.fly:
         shoot = _action("takePhoto", _wrap("payloadPositionIndex", 0))
     else:
         shoot = _take_photo(_lens(mission, machine))
-    sites = iter(()) if dialect.fly else _placemarks(mission, heading, shown, (aim, shoot))
+    sites = iter(()) if dialect.fly else _placemarks(mission, path, heading, shown, (aim, shoot))
     return {
         "template.kml": _kml(dialect.namespace, template, sites),
         "waylines.wpml": _kml(
-            dialect.namespace, waylines, _placemarks(mission, heading, flown, (aim, shoot))
+            dialect.namespace, waylines, _placemarks(mission, path, heading, flown, (aim, shoot))
         ),
     }
 
@@ -188,7 +190,7 @@ def _config(mission: Mission, machine: Machine) -> str:
     """Where the drone goes before and after, and what it is."""
     settings = mission.settings
     _, drone, payload, _ = machine
-    height = f"{mission.climb_m():.2f}"
+    climb, back = f"{mission.climb_m():.2f}", f"{mission.return_m():.2f}"
     # Its height is above the ellipsoid: the element is optional, and left out if that is unknown.
     reference = ""
     if settings.takeoff_latitude is not None and settings.takeoff_ellipsoid_m is not None:
@@ -208,9 +210,9 @@ def _config(mission: Mission, machine: Machine) -> str:
 <wpml:finishAction>goHome</wpml:finishAction>
 <wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>
 <wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>
-<wpml:takeOffSecurityHeight>{height}</wpml:takeOffSecurityHeight>
-{reference}<wpml:globalTransitionalSpeed>{settings.speed_mps:.2f}</wpml:globalTransitionalSpeed>
-<wpml:globalRTHHeight>{height}</wpml:globalRTHHeight>
+<wpml:takeOffSecurityHeight>{climb}</wpml:takeOffSecurityHeight>
+{reference}<wpml:globalTransitionalSpeed>{mission.transit_mps:.2f}</wpml:globalTransitionalSpeed>
+<wpml:globalRTHHeight>{back}</wpml:globalRTHHeight>
 <wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
 {_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
 {carried}</wpml:missionConfig>"""
@@ -295,22 +297,23 @@ def _heading(yaw_deg: float, *, fly: bool) -> str:
     )
 
 
-def _placemarks(mission: Mission, heading: str, own: str, camera: tuple[str, str]) -> Iterator[str]:
-    """Each waypoint; `own` is what one of the documents alone says, with %s for heights.
+def _placemarks(
+    mission: Mission, path: Sequence[PathPoint], heading: str, own: str, camera: tuple[str, str]
+) -> Iterator[str]:
+    """Each waypoint; `own` is what one of the documents alone says, with marks for numbers.
 
     `camera` are the actions that tilt it, and take a photo.
     """
-    ways = mission.waypoints
-    assert ways.latitude is not None  # the format needs a place
-    assert ways.longitude is not None
-    groups, passed = _actions(mission, *camera)
-    places = zip(ways.latitude, ways.longitude, mission.flown_m(), strict=True)
-    for index, (latitude, longitude, height) in enumerate(places):
+    groups = _actions(mission, path, *camera)
+    for index, point in enumerate(path):
+        alone = own.replace("HEIGHT", f"{point.height_m:.4f}").replace(
+            "SPEED", f"{point.speed_mps:.2f}"
+        )
         yield (
-            f"<Placemark>\n<Point><coordinates>{longitude:.10f},{latitude:.10f}</coordinates>"
-            f"</Point>\n<wpml:index>{index}</wpml:index>\n{own.replace('%s', f'{height:.4f}')}"
+            f"<Placemark>\n<Point><coordinates>{point.longitude:.10f},{point.latitude:.10f}"
+            f"</coordinates></Point>\n<wpml:index>{index}</wpml:index>\n{alone}"
             f"<wpml:waypointHeadingParam>{heading}</wpml:waypointHeadingParam>\n"
-            f"<wpml:waypointTurnParam>{_THROUGH if index in passed else _STOP}"
+            f"<wpml:waypointTurnParam>{_STOP if point.stop else _THROUGH}"
             "</wpml:waypointTurnParam>\n<wpml:useStraightLine>1</wpml:useStraightLine>\n"
         )
         yield from (_group(*group) for group in groups.get(index, ()))
@@ -327,30 +330,32 @@ class Group(NamedTuple):
     actions: tuple[str, ...]
 
 
-def _actions(mission: Mission, aim: str, shoot: str) -> tuple[dict[int, list[Group]], set[int]]:
-    """Action groups by waypoint, and the waypoints that are flown through without a stop."""
-    settings, photo = mission.settings, mission.waypoints.photo
-    wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = [(0, 0, None, (aim,))]
-    passed: set[int] = set()
-    if settings.trigger == "stop":
-        hold = f"{settings.hold_s:.3f}"
-        hover = (_action("hover", _wrap("hoverTime", hold)),) if float(hold) else ()
-        site = (*hover, shoot)
-        sites = [i for i in range(len(mission.waypoints)) if photo is None or photo[i]]
-        if sites[:1] == [0]:
-            wanted = [(0, 0, None, (aim, *site))]
-            del sites[0]
-        wanted += [(index, index, None, site) for index in sites]
-    else:
-        for first, last in photo_lines(mission):
-            wanted.append((first, last, settings.spacing_m if last > first else None, (shoot,)))
-            run_in = int(first > 0 and photo is not None and not photo[first - 1])
-            if last > first:
-                passed |= set(range(first + 1 - run_in, last + runs_out(mission, last)))
+def _actions(
+    mission: Mission, path: Sequence[PathPoint], aim: str, shoot: str
+) -> dict[int, list[Group]]:
+    """Action groups by waypoint: the gimbal at the first, then photos there or by distance."""
+    settings = mission.settings
+    hover: tuple[str, ...] = ()
+    hold = f"{settings.hold_s:.3f}"
+    if settings.trigger == "stop" and float(hold):
+        hover = (_action("hover", _wrap("hoverTime", hold)),)
+    wanted: list[tuple[int, int, float | None, tuple[str, ...]]] = []
+    on = None
+    for index, point in enumerate(path):
+        here: tuple[str, ...] = (aim,) if index == 0 else ()
+        if point.photo:
+            here += (*hover, shoot)
+        if here:
+            wanted.append((index, index, None, here))
+        if on is not None and point.switch is not None:
+            wanted.append((on, index, settings.spacing_m, (shoot,)))
+            on = None
+        if point.switch:
+            on = index
     groups: dict[int, list[Group]] = {}
-    for number, group in enumerate(wanted):
+    for number, group in enumerate(sorted(wanted, key=itemgetter(0, 1))):
         groups.setdefault(group[0], []).append(Group(number, *group))
-    return groups, passed
+    return groups
 
 
 def _group(

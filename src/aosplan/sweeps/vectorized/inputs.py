@@ -80,6 +80,7 @@ UNDERSTOOD = {
     "autopilot",
     "payload",
     "camera_control",
+    "transit_speed",
     "photo_interval",
     "altitude_frame",
     *VALUES,

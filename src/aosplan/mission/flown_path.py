@@ -1,0 +1,207 @@
+"""The path that a file lists: where the drone is told to fly, how fast, and what its camera does.
+
+A mission has a waypoint for every photo.  With photos in passing a file needs only the ends of each
+line: the camera's distance trigger is switched on at the first photo and off half a spacing after
+the last one, so that a site which is reached a little early or late neither loses its photo nor
+takes another.  Points between them stay where the height bends.  A way to the first waypoint, or
+home, that is flown higher than the waypoint begins or ends straight above it: the drone climbs
+first.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.mission.mission import STRAIGHT, photo_lines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from aosplan.mission.mission import Mission
+
+HIGHER_M = 0.5
+"""A way that is higher than its waypoint by less than this is flown on the waypoint's level."""
+
+BEND_M = 0.1
+"""Heights along a line that stay this near to straight lines between others are left out."""
+
+LEAST_LEG_M = 0.5
+"""DJI's flight controllers take no shorter legs."""
+
+
+class PathPoint(NamedTuple):
+    """One point of a file.
+
+    `speed_mps` is flown from here on.  The drone stops here if `stop`; otherwise it passes.  It
+    takes a photo here if `photo`; a distance trigger is switched on or off by `switch` (True, False,
+    None: neither).  `height_m` is above the take-off if `above_takeoff`, and otherwise above what
+    the mission's heights count from.
+    """
+
+    east_m: float
+    north_m: float
+    latitude: float
+    longitude: float
+    height_m: float
+    speed_mps: float
+    stop: bool = True
+    photo: bool = False
+    switch: bool | None = None
+    above_takeoff: bool = False
+
+
+def flown_path(mission: Mission) -> list[PathPoint]:
+    """The points of a mission's file, from above its first waypoint to above its last."""
+    points = list(_stops(mission) if mission.settings.trigger == "stop" else _lines(mission))
+    points = _without_short_legs(points)
+    above = mission.above_takeoff_m()
+    transit, climb_m, return_m = mission.transit_mps, mission.climb_m(), mission.return_m()
+    if climb_m > above[0] + HIGHER_M:
+        points.insert(0, _above(points[0], climb_m, transit))
+    if return_m > above[-1] + HIGHER_M:
+        points[-1] = points[-1]._replace(speed_mps=transit)
+        points.append(_above(points[-1], return_m, transit))
+    return points
+
+
+def path_size(mission: Mission) -> int:
+    """The number of points of a mission's file."""
+    return len(flown_path(mission))
+
+
+def _without_short_legs(points: Sequence[PathPoint]) -> list[PathPoint]:
+    """The points without those where nothing happens and that lie on their neighbour."""
+    kept: list[PathPoint] = []
+    for point in points:
+        idle = not point.photo and point.switch is None
+        if kept and math.dist(_place(kept[-1]), _place(point)) < LEAST_LEG_M:
+            last = kept[-1]
+            if idle:
+                kept[-1] = last._replace(speed_mps=point.speed_mps)
+                continue
+            if not last.photo and last.switch is None:
+                kept.pop()
+        kept.append(point)
+    return kept
+
+
+def _place(point: PathPoint) -> tuple[float, float, float]:
+    return point.east_m, point.north_m, point.height_m
+
+
+def _above(point: PathPoint, height_m: float, speed_mps: float) -> PathPoint:
+    """The point straight above another one, where the drone turns to the level way or from it."""
+    east, north, latitude, longitude = point[:4]
+    return PathPoint(east, north, latitude, longitude, height_m, speed_mps, above_takeoff=True)
+
+
+def _points(mission: Mission) -> Iterator[PathPoint]:
+    ways, speed = mission.waypoints, mission.settings.speed_mps
+    assert ways.latitude is not None  # formats that are flown need a place
+    assert ways.longitude is not None
+    columns = (ways.east_m, ways.north_m, ways.latitude, ways.longitude, mission.flown_m())
+    for place in zip(*columns, strict=True):
+        yield PathPoint(*place, speed)
+
+
+def _stops(mission: Mission) -> Iterator[PathPoint]:
+    photo = mission.waypoints.photo or [True] * len(mission.waypoints)
+    for point, taken in zip(_points(mission), photo, strict=True):
+        yield point._replace(photo=taken)
+
+
+def line_ends(mission: Mission) -> list[int]:
+    """Waypoints at which the course turns, the first and the last among them."""
+    ways = mission.waypoints
+    places = list(zip(ways.east_m, ways.north_m, strict=True))
+    courses = [_course(one, other) for one, other in pairwise(places)]
+    turns = (
+        index
+        for index, (one, other) in enumerate(pairwise(courses), 1)
+        if one is None or other is None or math.dist(one, other) >= STRAIGHT
+    )
+    return [0, *turns, *([len(places) - 1] if len(places) > 1 else [])]
+
+
+def _course(start: tuple[float, float], stop: tuple[float, float]) -> tuple[float, float] | None:
+    length = math.dist(start, stop)
+    return ((stop[0] - start[0]) / length, (stop[1] - start[1]) / length) if length else None
+
+
+def _lines(mission: Mission) -> Iterator[PathPoint]:
+    """Lines with photos in passing: their ends, and where the trigger goes on and off."""
+    points, spacing = list(_points(mission)), mission.settings.spacing_m
+    photo = mission.waypoints.photo or [True] * len(points)
+    ends, lines = line_ends(mission), photo_lines(mission)
+    on = {first for first, last in lines if last > first}
+    off = {last for first, last in lines if last > first}
+    lone = {first for first, last in lines if last == first}
+    kept = {*ends, *on, *lone}
+    for first, last in pairwise(ends):
+        kept |= {first + place for place in _bends(points[first : last + 1])}
+        if not any(photo[first : last + 1]):
+            points[first] = points[first]._replace(speed_mps=mission.transit_mps)
+    stops = set(ends)
+    for place, point in enumerate(points):
+        near = place in stops and place - 1 in off and _is_off(points, place, spacing)
+        if place in kept:
+            beyond = place in off and place in stops
+            switch = True if place in on else False if near else None
+            stop = place in stops and not beyond
+            yield point._replace(stop=stop, photo=place in lone, switch=switch)
+        if place in off and not (place + 1 in stops and _is_off(points, place + 1, spacing)):
+            yield _after(points, place, spacing, end=place in stops, near=place + 1 in stops)
+
+
+def _is_off(points: Sequence[PathPoint], place: int, spacing_m: float) -> bool:
+    """Whether a line's end lies so near behind its last photo that the trigger goes off there."""
+    return _apart(points[place - 1], points[place]) <= 0.9 * spacing_m
+
+
+def _after(
+    points: Sequence[PathPoint], place: int, spacing_m: float, *, end: bool, near: bool
+) -> PathPoint:
+    """The point half a spacing after a line's last photo: within the line, or beyond its end."""
+    point, other = points[place], points[place - 1 if end else place + 1]
+    length, off_m = _apart(point, other), 0.5 * spacing_m
+    if off_m < LEAST_LEG_M:
+        off_m = min(1.1 * LEAST_LEG_M, 0.95 * spacing_m)
+    if near and length - off_m < LEAST_LEG_M:
+        off_m = 0.5 * length
+    share = -off_m / length if end else off_m / length
+    turn = (other.longitude - point.longitude + 180.0) % 360.0 - 180.0
+    return point._replace(
+        east_m=point.east_m + share * (other.east_m - point.east_m),
+        north_m=point.north_m + share * (other.north_m - point.north_m),
+        latitude=max(-90.0, min(90.0, point.latitude + share * (other.latitude - point.latitude))),
+        longitude=(point.longitude + share * turn + 180.0) % 360.0 - 180.0,
+        height_m=point.height_m + share * (other.height_m - point.height_m),
+        stop=end,
+        photo=False,
+        switch=False,
+    )
+
+
+def _apart(one: PathPoint, other: PathPoint) -> float:
+    return math.hypot(one.east_m - other.east_m, one.north_m - other.north_m)
+
+
+def _bends(line: Sequence[PathPoint]) -> Iterator[int]:
+    """Places between which the height stays near straight lines (Douglas and Peucker, 1973)."""
+    along = [_apart(line[0], point) for point in line]
+    waiting = [(0, len(line) - 1)]
+    while waiting:
+        start, stop = waiting.pop()
+        if stop - start < 2 or along[stop] == along[start]:
+            continue
+        slope = (line[stop].height_m - line[start].height_m) / (along[stop] - along[start])
+        miss = [
+            abs(line[start].height_m + slope * (along[k] - along[start]) - line[k].height_m)
+            for k in range(start + 1, stop)
+        ]
+        worst = max(range(len(miss)), key=miss.__getitem__)
+        if miss[worst] > BEND_M:
+            yield start + 1 + worst
+            waiting += [(start, start + 1 + worst), (start + 1 + worst, stop)]

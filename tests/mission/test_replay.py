@@ -1,0 +1,190 @@
+"""Every file that any combination of options writes, flown ideally from the file alone.
+
+Photos lie at the planned sites and nowhere else, never below the clearance over terrain and canopy,
+within the drone's speeds, and the time of the file is the time of the plan.
+"""
+
+import itertools
+import math
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+from support.replay import (
+    Ground,
+    check_ardupilot,
+    check_px4,
+    duration_s,
+    fly_litchi,
+    fly_mavlink,
+    fly_parrot,
+    fly_wpml,
+    mavlink_items,
+)
+from support.terrains import LINZ, UTM, saved, surface
+
+from aosplan.errors import RequestError
+from aosplan.flight.drones import DRONES
+from aosplan.mission.export import files, formats
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
+
+FLOWN = [name for name, form in formats().items() if form.flown_by]
+
+CRAFT = {
+    "dji": {"drone": "dji-m3t"},
+    "dji-m30t": {"drone": "dji-m30t"},
+    "dji-m350": {"drone": "dji-m350", "payload": "dji-h20t"},
+    "dji-mini": {"drone": "dji-mini-4-pro"},
+    "autel": {"drone": "autel-evo-max-4t"},
+    "parrot": {"drone": "parrot-anafi-thermal"},
+    "copter": {"drone": "ardupilot-copter", "camera": "sony-a6000-16mm"},
+    "px4": {"drone": "px4-multicopter", "camera": "flir-vue-pro-640-13mm"},
+    "px4-mavlink": {
+        "drone": "px4-multicopter",
+        "camera": "flir-vue-pro-640-13mm",
+        "camera_control": "mavlink",
+    },
+    "some": {},
+    "some-ardupilot": {"autopilot": "ardupilot"},
+    "some-px4": {"autopilot": "px4"},
+}
+GRIDS = {
+    "trimmed": {"samples": 23, "baseline": 4.2},
+    "lanes": {"samples": 30, "baseline": 3.1, "grid": "lanes", "heading": 33.0},
+    "line": {"samples": 10, "baseline": 4.0, "grid": "line", "line_length": 150.0},
+    "far": {"samples": 16, "baseline": 2.5, "takeoff": (48.3398, 14.3261), "heading": 250.0},
+}
+
+
+def relief(x, y):
+    """A plain with a ridge of 50 m between the sites and a take-off on a hill."""
+    return (
+        300.0
+        + 50.0 * np.exp(-(((y - 150.0) / 25.0) ** 2))
+        + 0.15 * (y - 150.0) * (y > 150.0)
+        + 0.05 * x
+    )
+
+
+def rough(x, y):
+    """Humps of 16 m that are 20 to 30 m wide."""
+    return 300.0 + 8.0 * np.sin(x / 8.0) * np.cos(y / 6.0)
+
+
+SHAPES = {"takeoff": relief, "terrain": relief, "rough": rough}
+
+
+@pytest.fixture(scope="module")
+def terrains(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("relief")
+    broad = saved(folder / "relief.tif", surface(relief, pixel=4.0), pixel=4.0)
+    return {
+        "takeoff": broad,
+        "terrain": broad,
+        "rough": saved(folder / "rough.tif", surface(rough, size=1200)),
+    }
+
+
+def height_of(frame, latitude, longitude):
+    x, y = UTM.transform(longitude, latitude)
+    east, north = UTM.transform(LINZ[1], LINZ[0])
+    return float(SHAPES[frame](x - east, y - north))
+
+
+def replayed(name, content, ground, result, mission):
+    if name in ("waypoints", "plan"):
+        home, items = mavlink_items(name, content)
+        autopilot = mission.settings.autopilot or ("ardupilot" if name == "waypoints" else "px4")
+        (check_px4 if autopilot == "px4" else check_ardupilot)(items, home)
+        return fly_mavlink(name, content, ground)
+    takeoff = result.route.takeoff or (
+        mission.waypoints.latitude[0],
+        mission.waypoints.longitude[0],
+    )
+    if name == "parrot":
+        return fly_parrot(content, ground, takeoff, mission.climb_m())
+    if name in ("kmz", "dji-fly", "autel"):
+        return fly_wpml(content, ground, takeoff)
+    return fly_litchi(content, ground, takeoff, mission.climb_m())
+
+
+CASES = list(itertools.product(CRAFT, ("stop", "distance"), ("flat", *SHAPES), GRIDS))
+
+
+@pytest.mark.parametrize(("craft", "trigger", "frame", "grid"), CASES)
+def test_files_fly_as_planned(terrains, craft, trigger, frame, grid):
+    values = {"altitude": 40.0, "origin": LINZ, "trigger": trigger, **CRAFT[craft], **GRIDS[grid]}
+    if frame != "flat":
+        values |= {"terrain": terrains[frame]}
+        values |= {"altitude_frame": "terrain"} if frame == "terrain" else {}
+    try:
+        result = plan(PlanRequest(**values))
+    except RequestError:
+        if (frame, "px4" in craft) != ("terrain", True):
+            raise
+        return
+    written = 0
+    for name in FLOWN:
+        try:
+            for mission in result.missions():
+                contents = list(files([mission], formats()[name], "g").values())
+                check_flight(name, contents, result, mission, frame)
+            written += 1
+        except RequestError as refused:
+            check_refusal(name, values, refused)
+    # A drone whose formats have no photos in passing, or no heights above ground, gets no file.
+    assert written or trigger == "distance" or frame == "terrain"
+
+
+def check_refusal(name, values, refused):
+    """A file is refused with a remedy, and only if the drone or the format cannot fly it."""
+    assert refused.hint
+    form, drone = formats()[name], DRONES.get(values.get("drone", ""))
+    autopilot = drone.autopilot if drone else values.get("autopilot")
+    flown = () if drone is None else drone.mission_formats or ()
+    assert (
+        (autopilot is not None and autopilot not in form.flown_by)
+        or (form.asks_drone and name not in flown)
+        or values["trigger"] not in form.triggers
+        or (values.get("altitude_frame") == "terrain" and "ground" not in form.altitudes)
+        or refused.message == "PX4 takes no heights above the terrain"
+        or re.match("speed .* m/s: |.* has no number for the drone", refused.message)
+    ), (name, refused.message)
+
+
+def check_flight(name, contents, result, mission, frame):
+    ground = Ground(LINZ, partial(height_of, frame) if frame in SHAPES else lambda *_: 0.0)
+    above = mission.above_takeoff_m()
+    photo = mission.waypoints.photo or [True] * len(above)
+    sites = [
+        (*ground.place(w.latitude, w.longitude), up)
+        for w, up, taken in zip(mission.waypoints, above, photo, strict=True)
+        if taken
+    ]
+    flights = [replayed(name, content, ground, result, mission) for content in contents]
+    shots = [shot for flight in flights for shot in flight.photos]
+    assert len(shots) == len(sites)
+    for shot, site in zip(shots, sites, strict=True):
+        assert math.dist(shot[:2], site[:2]) < 0.1
+        assert abs(shot[2] - site[2]) < 0.35
+    request = result.request
+    least = result.scene.canopy_top_m + request.clearance
+    fastest = max(result.settings.speed_mps, result.settings.transit_mps) + 0.01
+    home = ground.height(*ground.back(*flights[0].points[0][:2]))
+    for flight in flights:
+        points = flight.points
+        assert math.dist(points[0][:3], points[-1][:3]) < 0.05
+        assert all(point.speed <= fastest for point in points)
+        for one, other in itertools.pairwise(points[1:-1]):
+            for share in np.linspace(0.0, 1.0, 60):
+                x, y, up = (a + share * (b - a) for a, b in zip(one[:3], other[:3], strict=True))
+                clear = up + home - ground.height(*ground.back(x, y))
+                assert clear > least - 0.6, (name, one, other)
+    if len(contents) == 1 and name != "litchi":
+        expected = result.route.flights[mission.flight - 1].time_s
+        found = duration_s(
+            flights[0].points, acceleration=request.acceleration, climb=request.climb
+        )
+        assert found == pytest.approx(expected, rel=0.03, abs=2.0)

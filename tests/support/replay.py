@@ -1,0 +1,309 @@
+"""An ideal flight of a mission's file: what is flown and photographed, from the file alone.
+
+The readers and the flight are written from the formats' rules and share nothing with the package.
+Places are metres east and north of a given origin, heights metres above the take-off.
+"""
+
+import csv
+import io
+import json
+import math
+import zipfile
+from itertools import pairwise
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+KML = "{http://www.opengis.net/kml/2.2}"
+WPML = "{*}"
+"""DJI's namespace, or Autel's."""
+
+
+class Point(NamedTuple):
+    """A point that a file lists, and what happens there."""
+
+    x: float
+    y: float
+    up: float
+    speed: float
+    """From here on."""
+    hold: float = 0.0
+    stop: bool = False
+    photos: int = 0
+    spacing: float | None = None
+    """Of a distance trigger from here on; 0 switches it off, None leaves it."""
+
+
+class Flown(NamedTuple):
+    """What a file does: points from take-off to landing, and where photos are taken."""
+
+    points: list
+    photos: list
+
+
+class Ground:
+    """Local metres, and heights above the take-off of places above the ground."""
+
+    def __init__(self, origin, height=lambda _lat, _lon: 0.0):
+        self.origin, self.height = origin, height
+        sine = math.sin(math.radians(origin[0]))
+        a, e2 = 6378137.0, 0.00669437999014
+        bend = 1.0 - e2 * sine * sine
+        self.north = math.radians(1.0) * a * (1.0 - e2) / bend**1.5
+        self.east = math.radians(1.0) * a / math.sqrt(bend) * math.cos(math.radians(origin[0]))
+
+    def place(self, latitude, longitude):
+        turn = (longitude - self.origin[1] + 180.0) % 360.0 - 180.0
+        return turn * self.east, (latitude - self.origin[0]) * self.north
+
+    def back(self, x, y):
+        return self.origin[0] + y / self.north, self.origin[1] + x / self.east
+
+
+def mavlink_items(name, content):
+    """Items of a `.waypoints` or `.plan` file, home left out: command, frame, seven parameters."""
+    if name == "waypoints":
+        first, *lines = content.decode().splitlines()
+        assert first == "QGC WPL 110"
+        rows = [[float(field) for field in line.split("\t")] for line in lines]
+        home = rows[0][8:11]
+        return home, [(int(row[3]), int(row[2]), row[4:11]) for row in rows[1:]]
+    plan = json.loads(content)["mission"]
+    items = [(i["command"], i["frame"], i["params"]) for i in plan["items"]]
+    return plan["plannedHomePosition"], items
+
+
+def fly_mavlink(name, content, ground):
+    """MAVLink: commands after a waypoint are carried out when its hold is over."""
+    home, items = mavlink_items(name, content)
+    assert items[0][0] == 22
+    x, y = ground.place(*home[:2])
+    climb = items[0][2][6]
+    points = [Point(x, y, 0.0, 0.0, stop=True), Point(x, y, climb, 0.0, stop=True)]
+    for command, frame, params in items[1:]:
+        last = points[-1]
+        if command == 16:
+            east, north = ground.place(*params[4:6])
+            assert frame in {3, 10}
+            above = params[6]
+            if frame == 10:
+                above += ground.height(*params[4:6]) - ground.height(*home[:2])
+            points.append(
+                Point(east, north, above, last.speed, params[0] or 0.0, stop=bool(params[0]))
+            )
+        elif command == 178:
+            assert params[0] == 1
+            points[-1] = last._replace(speed=params[1])
+        elif command in {203, 2000}:
+            points[-1] = last._replace(photos=last.photos + 1)
+        elif command == 93:
+            points[-1] = last._replace(hold=last.hold + params[0])
+        elif command == 206:
+            points[-1] = last._replace(spacing=params[0], photos=last.photos + int(params[2] == 1))
+        else:
+            assert command in {20, 115, 205}
+    assert items[-1][0] == 20
+    # Both autopilots return on their own height, or higher if a parameter says so.
+    points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
+    return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
+
+
+def fly_parrot(content, ground, takeoff, climb):
+    """Parrot: up to the first waypoint's height, and there; a delay is a wait on the spot."""
+    first, *lines = content.decode().splitlines()
+    assert first == "QGC WPL 120"
+    x, y = ground.place(*takeoff)
+    points = [Point(x, y, 0.0, 0.0, stop=True), Point(x, y, climb, 0.0, stop=True)]
+    for line in lines:
+        _, _, frame, command, *params, _ = (float(field) for field in line.split("\t"))
+        assert frame == 3
+        last = points[-1]
+        if command == 16:
+            points.append(Point(*ground.place(*params[4:6]), params[6], last.speed, stop=True))
+        elif command == 178:
+            points[-1] = last._replace(speed=params[1])
+        elif command == 112:
+            points[-1] = last._replace(hold=last.hold + params[0])
+        elif command == 2000:
+            points[-1] = last._replace(photos=last.photos + 1)
+        else:
+            assert command in {20, 22, 205, 50_000}
+    points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
+    return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
+
+
+def fly_litchi(content, ground, takeoff, climb):
+    """Litchi: straight up to the first waypoint's height and there; home at its last one's."""
+    rows = list(csv.DictReader(io.StringIO(content.decode(), newline="")))
+    x, y = ground.place(*takeoff)
+    points, on = [Point(x, y, 0.0, 0.0, stop=True), Point(x, y, climb, 0.0, stop=True)], False
+    for row in rows:
+        place = float(row["latitude"]), float(row["longitude"])
+        up, hold, photos = float(row["altitude(m)"]), 0.0, 0
+        if row["altitudemode"] == "1":
+            up += ground.height(*place) - ground.height(*takeoff)
+        for pair in range(1, 16):
+            kind, value = float(row[f"actiontype{pair}"]), float(row[f"actionparam{pair}"])
+            hold += value / 1000.0 if kind == 0 else 0.0
+            photos += kind == 1
+        spacing = float(row["photo_distinterval"])
+        # Taken to run on over waypoints that ask for the same interval.
+        begins, on = spacing > 0.0 and not on, spacing > 0.0
+        points.append(
+            Point(
+                *ground.place(*place), up, float(row["speed(m/s)"]), hold, bool(hold or photos),
+                photos + begins, None if on and not begins else max(spacing, 0.0),
+            )
+        )  # fmt: skip
+    # The first speed is that of the way there.
+    points[1] = points[1]._replace(speed=points[2].speed)
+    points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
+    return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
+
+
+def text(element, name):
+    return element.findtext(f".//{WPML}{name}")
+
+
+def fly_wpml(content, ground, takeoff):
+    """WPML: up to the security height, there, down; from the last waypoint up, and home."""
+    archive = zipfile.ZipFile(io.BytesIO(content))
+    document = ET.fromstring(archive.read("wpmz/waylines.wpml"))
+    transit = float(text(document, "globalTransitionalSpeed"))
+    marks = list(document.iter(f"{KML}Placemark"))
+    x, y = ground.place(*takeoff)
+    made = []
+    for mark in marks:
+        longitude, latitude = map(float, mark.find(f"{KML}Point/{KML}coordinates").text.split(","))
+        up, speed = float(text(mark, "executeHeight")), float(text(mark, "waypointSpeed"))
+        stop = "AndStop" in text(mark, "waypointTurnMode")
+        made.append(Point(*ground.place(latitude, longitude), up, speed, stop=stop))
+    for group in document.iterfind(f".//{WPML}actionGroup"):
+        first, last = (
+            int(text(group, "actionGroupStartIndex")),
+            int(text(group, "actionGroupEndIndex")),
+        )
+        kinds = [found.text for found in group.iterfind(f".//{WPML}actionActuatorFunc")]
+        if text(group, "actionTriggerType") == "multipleDistance":
+            assert kinds == ["takePhoto"]
+            spacing = float(text(group, "actionTriggerParam"))
+            made[first] = made[first]._replace(spacing=spacing, photos=made[first].photos + 1)
+            made[last] = made[last]._replace(spacing=0.0)
+        else:
+            assert first == last
+            holds = [float(found.text) for found in group.iterfind(f".//{WPML}hoverTime")]
+            point = made[first]
+            made[first] = point._replace(
+                photos=point.photos + kinds.count("takePhoto"), hold=point.hold + sum(holds)
+            )
+    security, back = (
+        float(text(document, "takeOffSecurityHeight")),
+        float(text(document, "globalRTHHeight")),
+    )
+    climb, home = max(security, made[0].up), max(back, made[-1].up)
+    points = [Point(x, y, 0.0, transit, stop=True), Point(x, y, climb, transit, stop=True)]
+    points.append(Point(*made[0][:2], climb, transit, stop=True))
+    made[-1] = made[-1]._replace(speed=transit, stop=True)
+    points += made
+    points.append(Point(*made[-1][:2], home, transit, stop=True))
+    points += [Point(x, y, home, transit, stop=True), Point(x, y, 0.0, 0.0, stop=True)]
+    return flown(points)
+
+
+def flown(points):
+    """Photos of the points: single ones, and each spacing of level way while a trigger is on."""
+    photos, spacing, gone = [], 0.0, 0.0
+    for point, following in zip(points, [*points[1:], None], strict=True):
+        photos += [point[:3]] * point.photos
+        if point.spacing is not None:
+            spacing, gone = point.spacing, 0.0
+        if not spacing or following is None:
+            continue
+        length = math.hypot(following.x - point.x, following.y - point.y)
+        due = spacing - gone
+        while due < length:
+            share = due / length
+            photos.append(
+                tuple(a + share * (b - a) for a, b in zip(point[:3], following[:3], strict=True))
+            )
+            due += spacing
+        gone = length - (due - spacing)
+    return Flown(points, photos)
+
+
+def duration_s(points, *, acceleration, climb):
+    """Time of a flight that stops where its file says so and where its course turns."""
+    total, line = 0.0, []
+    stops = {0, len(points) - 1}
+    for index in range(1, len(points) - 1):
+        before, here, after = points[index - 1 : index + 2]
+        one = (here.x - before.x, here.y - before.y)
+        other = (after.x - here.x, after.y - here.y)
+        across = one[0] * other[1] - one[1] * other[0]
+        along = one[0] * other[0] + one[1] * other[1]
+        if here.stop or along <= 0.0 or abs(across) > 1e-3 * along:
+            stops.add(index)
+    for start, stop in pairwise(sorted(stops)):
+        line = points[start : stop + 1]
+        lengths = [math.dist(a[:3], b[:3]) for a, b in pairwise(line)]
+        bounds = []
+        for (a, b), length in zip(pairwise(line), lengths, strict=True):
+            level, rise = math.hypot(b.x - a.x, b.y - a.y), abs(b.up - a.up)
+            bound = a.speed * length / level if level > 1e-6 else math.inf
+            bounds.append(min(bound, climb * length / rise) if rise > 1e-6 else bound)
+        length = sum(lengths)
+        if length > 1e-6:
+            speed = min(bounds)
+            if length >= speed * speed / acceleration:
+                total += length / speed + speed / acceleration
+            else:
+                total += 2.0 * math.sqrt(length / acceleration)
+    return total + sum(point.hold for point in points)
+
+
+# What autopilots take: PX4, MavlinkMissionManager::parse_mavlink_mission_item and
+# FeasibilityChecker; ArduPilot, AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
+
+PX4_PLACED = {16, 17, 19, 21, 22, 31, 84, 85, 195, 201}
+PX4_PLAIN = {20, 93, 112, 114, 177, 178, 179, 189, 197, 203, 204, 205, 206, 214, 530, 532, 1000}
+PX4_PLAIN |= {1001, 2000, 2001, 2003, 2500, 2501, 3000}
+
+
+def check_px4(items, home):
+    """PX4 takes every item, and finds the mission feasible with the parameters it comes with."""
+    placed = False
+    for command, frame, params in items:
+        assert frame in {0, 2, 3, 5, 6}
+        assert command in (PX4_PLAIN if frame == 2 else PX4_PLACED)
+        if command == 22:
+            assert not placed  # the take-off is the first item with a place
+            assert params[6] - 1.0 >= 2.0  # one metre more than NAV_ACC_RAD
+        placed |= frame != 2
+        if frame != 2:
+            assert -90.0 <= params[4] <= 90.0
+            assert -180.0 <= params[5] <= 180.0
+    assert items[0][0] == 22
+    assert len(items) <= 500
+    assert all(math.isfinite(value) for value in home)
+
+
+ARDUPILOT = {16, 17, 19, 20, 21, 22, 93, 112, 114, 115, 177, 178, 179, 201, 203, 205, 206}
+
+
+def check_ardupilot(items, home):
+    """ArduCopter stores every item, and takes none of their zeros for "here"."""
+    assert len(items) + 1 <= 718
+    assert all(math.isfinite(value) for value in home)
+    for command, frame, params in items:
+        assert command in ARDUPILOT
+        if command in {16, 22}:
+            assert frame in {0, 3, 10}
+            assert abs(params[6]) < 83_000.0
+            assert round(100.0 * params[6]) != 0  # centimetres; zero means the present height
+            assert (round(1e7 * params[4]), round(1e7 * params[5])) != (0, 0)
+        if command == 16:
+            assert params[0] == int(params[0])
+    yaws = [params[0] for command, _, params in items if command == 115]
+    assert all(0.0 <= yaw <= 360.0 for yaw in yaws)
+    # It turns to the next waypoint unless the item before it says otherwise.
+    codes = [command for command, _, _ in items]
+    assert all(codes[place - 1] == 115 for place, code in enumerate(codes) if code == 16)
