@@ -1,7 +1,9 @@
 """Every reader against mutated files: one error line or a result, in bounded time and memory.
 
 Each example runs the command line in a process of its own, whose end, words, time and memory are
-looked at.  What once failed is kept in ``corpus`` and is run with the other tests.
+looked at.  ``AOSPLAN_FUZZ_EXAMPLES`` mutations of each good file are tried, from the number
+``AOSPLAN_FUZZ_SEED`` on; what fails is written to the folder ``AOSPLAN_FUZZ_KEEP``.  What once failed
+has a test with an input of its own in ``tests/cli/test_hostile_files.py``.
 """
 
 import os
@@ -26,7 +28,6 @@ for needed in ("laspy", "lazrs", "rasterio", "PIL", "polars", "shapely"):
 
 EXAMPLES = int(os.environ.get("AOSPLAN_FUZZ_EXAMPLES", "60"))
 SECONDS, KILOBYTES = 20, 2_000_000
-CORPUS = Path(__file__).with_name("corpus")
 OURS = re.compile(r"(error|hint|warning|note): \S|Wrote \S|[a-z0-9 ]+: \S")
 
 
