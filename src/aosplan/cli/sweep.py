@@ -103,7 +103,7 @@ def run(
         )
     sweep = Sweep(
         scenarios,
-        chosen_results(columns),
+        chosen_results(columns, finds="find" in scenarios.names),
         os.path.dirname(os.path.abspath(file)),
         where,
         best,

@@ -40,14 +40,17 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-BLOCKS = 12
+BLOCKS = 8
 """Blocks of slices between which the share of rays that still go on is followed."""
 
 MOST_SLICES = 160
 """Slices of a scene; thinner ones are taken together."""
 
 SERIES = 6
-"""Terms of the logarithm's series."""
+"""Most terms of the logarithm's series."""
+
+SMALLEST_TERM = 1e-6
+"""Terms below this are left out."""
 
 LARGEST_ODDS = 0.35
 """D/q up to which the series serves; the factors of denser slices are computed one by one."""
@@ -55,7 +58,7 @@ LARGEST_ODDS = 0.35
 FAR_M = 1e9
 """A distance of cameras beyond any reach."""
 
-TABLE = 26
+TABLE = 20
 """Entries of a table along either axis."""
 
 
@@ -135,8 +138,9 @@ class WindowPairs:
         """
         if self._table is not None:
             return
-        nodes = self._nodes()
-        found = [[self._integrals(x, y) for x in nodes.tolist()] for y in nodes.tolist()]
+        nodes = self._nodes().tolist()
+        # All is averaged over directions, so x and y are alike.
+        found = [[self._integrals(max(x, y), min(x, y)) for x in nodes] for y in nodes]
         window = np.array([[each[0] for each in row] for row in found])
         box = np.array([[each[1] for each in row] for row in found])
         self._table = window, box
@@ -228,7 +232,10 @@ def _log_pair(block: _Block, along_x: Floats, along_y: Floats) -> Floats:
         return dense
     found = np.full((along_y.shape[1], along_x.shape[1]), alone)
     power_x, power_y = odds * along_x, along_y
+    largest = float(odds.max())
     for term in range(1, SERIES + 1):
+        if largest**term < SMALLEST_TERM:
+            break
         found += (power_y.T @ power_x) * ((-1.0) ** (term + 1) / term)
         power_x, power_y = power_x * odds * along_x, power_y * along_y
     return found

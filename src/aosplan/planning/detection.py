@@ -5,6 +5,7 @@ Loaded where something is looked for, and nowhere else.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,13 +67,28 @@ def detection_model(scene: Scene, request: PlanRequest, altitude_m: float) -> De
     """Detection through independent slices for any pattern and baseline: what a search asks."""
     signature, name = signature_of(request)
     assert request.false_alarms is not None
-    return DetectionModel(
+    return _model(
         slices_of(scene, request),
         altitude_m,
         target_of(request),
         signature,
-        false_alarms=request.false_alarms,
-        assumed=name,
+        request.false_alarms,
+        name,
+    )
+
+
+@lru_cache(maxsize=16)
+def _model(
+    layers: tuple[Layer, ...],
+    altitude_m: float,
+    target: Target,
+    signature: Signature,
+    false_alarms: float,
+    assumed: str,
+) -> DetectionModel:
+    """The model, kept with the integrals that it has made."""
+    return DetectionModel(
+        layers, altitude_m, target, signature, false_alarms=false_alarms, assumed=assumed
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.sweeps.block import Block
-from aosplan.sweeps.row_solver import RESULTS, WHOLE, forget_scenes, solve_rows
+from aosplan.sweeps.row_solver import DETECTION, RESULTS, WHOLE, forget_scenes, solve_rows
 from aosplan.sweeps.scenarios import column_of, polars
 from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized.inputs import uniform_scene
@@ -41,8 +41,10 @@ def input_column(name: str) -> str:
     return f"request_{name}" if name in RESULTS else name
 
 
-def chosen_results(text: str | None) -> tuple[str, ...]:
+def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
     """Results by name: the usual ones, ``all``, or a list with commas.
+
+    Sweeps that look for something (`finds`) have the detection among the usual ones and all.
 
     Raises
     ------
@@ -50,13 +52,14 @@ def chosen_results(text: str | None) -> tuple[str, ...]:
         Where a name is unknown.
     """
     if text is None:
-        return USUAL
+        return USUAL + DETECTION * finds
     if text == "all":
-        return RESULTS
+        return RESULTS + DETECTION * finds
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     for name in names:
-        if name not in RESULTS:
-            raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, RESULTS))
+        known = RESULTS + DETECTION
+        if name not in known:
+            raise RequestError(f"--columns: unknown result '{name}'", nearest_hint(name, known))
     return names
 
 
@@ -72,7 +75,7 @@ def solve_block(
     names
         Inputs to show, of the block's columns.
     results
-        Results to show, of `RESULTS`.
+        Results to show, of `RESULTS` and `DETECTION`.
     folder
         Where the scenarios' file names are looked for first.
     """
@@ -94,7 +97,7 @@ def solve_block(
             texts += statuses.texts
             holds = solved.holds.reshape(-1)
             whole = places is None and holds.all()
-            for name in results:
+            for name in solved.columns.keys() & set(results):
                 column = np.broadcast_to(solved.columns[name], part.shape).reshape(-1)
                 if whole:
                     numbers[name] = column

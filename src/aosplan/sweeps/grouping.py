@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.sweeps.block import Block
-from aosplan.sweeps.row_solver import RESULTS
+from aosplan.sweeps.row_solver import DETECTION, RESULTS
 from aosplan.sweeps.scenarios import Crossing
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def grouping(scenarios: Crossing | Table, best: str | None = None) -> Grouping:
     """
     wanted = best or ""
     objective, most = wanted.lstrip("-"), not wanted.startswith("-")
-    if objective not in RESULTS:
+    if objective not in RESULTS + DETECTION:
         chosen = set(scenarios.values.get("optimize", np.array(["samples"], dtype=object)).flat)
         only = chosen.pop() if len(chosen) == 1 else "samples"
         objective, most = OBJECTIVES.get(only, OBJECTIVES["samples"])

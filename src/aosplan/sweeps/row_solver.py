@@ -72,6 +72,9 @@ RESULTS = (
 )
 """Numbers of a plan's JSON document, by place and name."""
 
+DETECTION = ("detection_probability", "detection_unseen")
+"""Results of scenarios that look for something."""
+
 SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
 """Options that decide what is read of a scene."""
 
@@ -138,7 +141,10 @@ def solve_row(
             count_required="samples_required" in results,
             seek_remedy=False,  # a row has no hint
         )
-        return Outcome("ok", "", _results(solved, *_flight(solved)))
+        found = _results(solved, *_flight(solved))
+        if inputs.asked.find is not None and not set(DETECTION).isdisjoint(results):
+            found |= _detection(solved)
+        return Outcome("ok", "", found)
     except InfeasibleError as error:
         return Outcome("infeasible", error.message)
     except RequestError as error:
@@ -208,6 +214,15 @@ def _results(solved: SolvedPlan, length_m: float, time_s: float) -> dict[str, fl
         "flight_length_m": length_m,
         "flight_time_s": time_s,
     }
+
+
+def _detection(solved: SolvedPlan) -> dict[str, float]:
+    from aosplan.planning.detection import detection_of
+
+    inputs, solution = solved.inputs, solved.solution
+    grid = solution.pattern, solution.baseline_m, inputs.heading_deg
+    found = detection_of(inputs.asked, inputs.loaded, inputs.model, inputs.altitude_m, *grid)
+    return dict(zip(DETECTION, (found.probability, found.unseen), strict=True))
 
 
 def _number(value: float | None) -> float:
