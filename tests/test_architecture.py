@@ -37,6 +37,7 @@ ROOT = (
     "geodesy",
     "messages",
     "numerics",
+    "plugins",
     "units",
     "validation",
     "xml_text",

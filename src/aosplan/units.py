@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
 FOOT_M = 0.3048
 
@@ -193,6 +193,27 @@ def nearest_hint(name: str, known: Iterable[str]) -> str:
 
     close = difflib.get_close_matches(name.lower()[:100], list(known), n=1, cutoff=0.5)
     return f"did you mean {close[0]}?" if close else ""
+
+
+def preset_hint(name: str, titles: Mapping[str, str]) -> str:
+    """The hint that names the presets that a word may mean, by their names and titles, or nothing."""
+    word = _squashed(name)
+    parts = [each for each in titles if each.startswith(f"{name.lower()}-")]
+    if not parts and len(word) > 2:
+        parts = [
+            each for each, title in titles.items() if word in (_squashed(each), _squashed(title))
+        ] or [
+            each
+            for each, title in titles.items()
+            if word in _squashed(each) or word in _squashed(title)
+        ]
+    if not parts:
+        return nearest_hint(name, titles)
+    return f"did you mean {' or '.join(parts[:4])}?"
+
+
+def _squashed(text: str) -> str:
+    return "".join(letter for letter in text.lower() if letter.isalnum())
 
 
 def _from_text(text: str, name: str, unit: str) -> float:

@@ -5,21 +5,26 @@ from __future__ import annotations
 from aosplan.camera.camera import Camera
 from aosplan.errors import RequestError
 from aosplan.files import is_file_name
-from aosplan.units import nearest_hint
+from aosplan.units import preset_hint
 
 
 def find_camera(name: str) -> Camera:
-    """A camera by its preset's name, or from a file.
+    """A camera by its preset's name, from a file, or from another distribution.
 
     Raises
     ------
     RequestError
         Where there is neither; the hint names the nearest preset.
     """
-    from aosplan.camera.presets import CAMERAS
+    from aosplan.camera.presets import CAMERAS, CameraPreset
 
-    if name in CAMERAS:
-        preset = CAMERAS[name]
+    file = is_file_name(name)
+    preset = CAMERAS.get(name)
+    if preset is None and not file:
+        from aosplan.plugins import plugin
+
+        preset = plugin("aosplan.cameras", name)
+    if isinstance(preset, CameraPreset):
         return Camera(
             name=name,
             focal_length_mm=preset.focal_length_mm,
@@ -31,11 +36,12 @@ def find_camera(name: str) -> Camera:
             source=preset.source,
             assumed=preset.assumed,
         )
-    if is_file_name(name):
+    if file:
         from aosplan.camera.camera_file import read_camera
 
         return read_camera(name)
     raise RequestError(
         f"unknown camera '{name}'",
-        nearest_hint(name, CAMERAS) or "aosplan cameras lists them; a file name ends in .toml",
+        preset_hint(name, {each: camera.title for each, camera in CAMERAS.items()})
+        or "aosplan cameras lists them; a file name ends in .toml",
     )

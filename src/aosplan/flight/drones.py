@@ -13,9 +13,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from aosplan import units as q
-from aosplan.errors import RequestError
-
 
 class DronePreset(NamedTuple):
     """One drone as its maker, or its autopilot's defaults, describe it."""
@@ -534,20 +531,3 @@ DRONES: dict[str, DronePreset] = {
         autopilot="px4",
     ),
 }
-
-
-def find_drone(name: str) -> DronePreset:
-    """A drone by its preset's name.
-
-    Raises
-    ------
-    RequestError
-        Where there is none of that name; the hint names the nearest.
-    """
-    from aosplan.flight.drones import DRONES
-
-    if name not in DRONES:
-        raise RequestError(
-            f"unknown drone '{name}'", q.nearest_hint(name, DRONES) or "aosplan drones lists them"
-        )
-    return DRONES[name]

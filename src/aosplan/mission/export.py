@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
 from aosplan.mission.limits import check_flown, parts
+from aosplan.plugins import plugin, plugins
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
@@ -39,6 +40,10 @@ FORMER = {"qgc_plan": "plan", "wpml": "kmz"}
 """Names that formats had before version 0.2, which are still understood."""
 
 
+GROUP = "aosplan.formats"
+"""Entry points by which other distributions add formats: a module with `FORMAT` and `render`."""
+
+
 def formats() -> dict[str, Format]:
     """All formats by name, in alphabetical order."""
     return {name: _module(name).FORMAT for name in MODULES}
@@ -56,6 +61,8 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
     name = FORMER.get(name or "", name)
     prefix, colon, rest = path.partition(":")
     prefix = FORMER.get(prefix, prefix)
+    if colon and prefix not in known and _may_be_added(prefix):
+        known |= _added(prefix)
     if colon and prefix in known:
         if name not in (None, prefix):
             raise RequestError(f"output '{path}' and --format {name} contradict each other")
@@ -63,6 +70,7 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
     if not path:
         raise RequestError("output '' is not a file name")
     if name is not None:
+        known |= {} if name in known else _added(name)
         if name not in known:
             raise RequestError(
                 f"unknown format '{name}'", nearest_hint(name, known) or _listing(known)
@@ -72,6 +80,9 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
     for candidate in known.values():
         if suffix in candidate.suffixes:
             return candidate, path
+    for added in plugins(GROUP).values() if suffix else ():
+        if suffix in added.FORMAT.suffixes:
+            return _format_of(added), path
     if path == "-":
         raise RequestError("output '-' (stdout) has no ending", "give its --format, or NAME:-")
     hint = f"a page of the plan: --report {path}" if suffix == ".html" else _listing(known)
@@ -155,7 +166,25 @@ def notes(mission: Mission, chosen: Format) -> list[str]:
 
 
 def _module(name: str) -> Any:
+    if name not in MODULES:
+        return plugin(GROUP, name)
     return import_module(f"aosplan.mission.formats.{MODULES[name]}")
+
+
+def _may_be_added(prefix: str) -> bool:
+    """Whether what stands before a colon may be a format's name, not a drive or part of a path."""
+    return len(prefix) > 1 and prefix.replace("-", "").isalnum()
+
+
+def _added(name: str) -> dict[str, Format]:
+    """The format of a name that another distribution adds, if one does."""
+    module = plugin(GROUP, name)
+    return {} if module is None else {name: _format_of(module)}
+
+
+def _format_of(module: Any) -> Format:
+    form: Format = module.FORMAT
+    return form
 
 
 def _listing(known: dict[str, Format]) -> str:

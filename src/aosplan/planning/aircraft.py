@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.flight.drones import find_drone
+from aosplan.flight.find import find_drone
 from aosplan.messages import Message
 from aosplan.mission.mission import check_hold
 

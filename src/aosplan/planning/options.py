@@ -369,7 +369,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("max_sites", q.whole, "whole", "N", "Refuse areas that need more sites.  [10000]"),
     ),
     "Flight": (
-        ("drone", q.word, "text", "NAME", "Drone: its camera, speed, acceleration and limits."),
+        ("drone", q.word, "text", "NAME|FILE", "Drone: its camera, speeds and limits."),
         (
             "speed",
             _speed,

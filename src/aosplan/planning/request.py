@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.flight.drones import find_drone
+from aosplan.flight.find import find_drone
 from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled

@@ -6,6 +6,7 @@ the documents are turned into.
 
 from __future__ import annotations
 
+import os
 from typing import Any
 
 from pydantic import Field, create_model
@@ -40,6 +41,11 @@ RequestDocument = create_model(
 
 def read_request(path: str) -> dict[str, Any]:
     """The values of a request file: a table of options, or an earlier result that holds one."""
+    if not os.path.exists(path) and path.replace(".", "", 1).removeprefix("-").isdigit():
+        raise RequestError(
+            f"no file '{path}'",
+            f"a latitude and a longitude are one word, with a comma: --origin LAT,{path}",
+        )
     table = read_table(path)
     inner = table.get("request")
     if isinstance(inner, dict):

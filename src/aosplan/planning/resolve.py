@@ -15,7 +15,7 @@ from aosplan.camera.camera import Camera
 from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
-from aosplan.flight.drones import find_drone
+from aosplan.flight.find import find_drone
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver.alternatives import kinds

@@ -1,0 +1,42 @@
+"""Drone files: speeds, limits and camera in TOML or JSON."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from aosplan.files import read_table
+from aosplan.flight.drones import DronePreset
+from aosplan.validation import Document, Finite, Words, checked
+
+Above = Annotated[Finite, Field(gt=0)]
+
+
+class DroneDocument(Document):
+    """A drone file; its names are those of `DronePreset`."""
+
+    title: str
+    speed_mps: Above
+    acceleration_mps2: Above
+    climb_mps: Above
+    airspeed_mps: Above
+    endurance_min: Above | None = None
+    most_waypoints: Annotated[int, Field(ge=2)] | None = None
+    camera: str | None = None
+    photo_interval_s: Above | None = None
+    mission_formats: Words = ()
+    source: str = ""
+    assumed: str = ""
+    autopilot: Literal["px4", "ardupilot", "dji", "autel", "parrot"]
+
+
+def read_drone(path: str) -> DronePreset:
+    """A drone from a TOML or JSON file.
+
+    Raises
+    ------
+    RequestError
+        If it is none; the message names the file and the place in it.
+    """
+    return DronePreset(**checked(DroneDocument, read_table(path), path).model_dump())

@@ -1,0 +1,40 @@
+"""The drone that a name or a file stands for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError
+from aosplan.files import is_file_name
+from aosplan.units import preset_hint
+
+if TYPE_CHECKING:
+    from aosplan.flight.drones import DronePreset
+
+
+def find_drone(name: str) -> DronePreset:
+    """A drone by its preset's name, from a file, or from another distribution (``aosplan.drones``).
+
+    Raises
+    ------
+    RequestError
+        Where there is none of that name; the hint names those that it may mean.
+    """
+    from aosplan.flight.drones import DRONES, DronePreset
+
+    if name in DRONES:
+        return DRONES[name]
+    if is_file_name(name):
+        from aosplan.flight.drone_file import read_drone
+
+        return read_drone(name)
+    from aosplan.plugins import plugin
+
+    added = plugin("aosplan.drones", name)
+    if isinstance(added, DronePreset):
+        return added
+    raise RequestError(
+        f"unknown drone '{name}'",
+        preset_hint(name, {each: drone.title for each, drone in DRONES.items()})
+        or "aosplan drones lists them; a file name ends in .toml",
+    )

@@ -1,0 +1,44 @@
+"""What other installed distributions add: formats, cameras and drones, by entry points.
+
+The metadata of distributions is read only for a name that is not built in, so that a start stays
+quick.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from aosplan.errors import RequestError
+
+
+def plugin(group: str, name: str) -> Any:
+    """The object that an installed distribution offers by a name in a group; None if none does.
+
+    Raises
+    ------
+    RequestError
+        If it cannot be loaded.
+    """
+    return next((value for _, value in _loaded(group, name)), None)
+
+
+def plugins(group: str) -> dict[str, Any]:
+    """All objects that installed distributions offer in a group, by name."""
+    return dict(_loaded(group))
+
+
+def _loaded(group: str, *names: str) -> list[tuple[str, Any]]:
+    from importlib.metadata import entry_points
+
+    found = entry_points(group=group)
+    wanted = [entry for entry in found if not names or entry.name in names]
+    values = []
+    for entry in sorted(wanted, key=lambda each: each.name):
+        try:
+            values.append((entry.name, entry.load()))
+        except Exception as error:  # noqa: BLE001 (whatever the code of others raises)
+            raise RequestError(
+                f"'{entry.name}' of {group} ({entry.value}) cannot be loaded: {error}",
+                "its distribution is installed, but broken: install it anew, or remove it",
+            ) from None
+    return values
