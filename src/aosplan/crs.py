@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
-    from pyproj import CRS
+    from pyproj import CRS, Transformer
 
 UNITS_M = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
 """Metres in the units that a user mostly names."""
@@ -260,13 +260,29 @@ def vertical_name(crs: CRS) -> str | None:
     return next((str(part.name) for part in crs.sub_crs_list if part.is_vertical), None)
 
 
+def transformer(source: CRS | str, target: CRS | str) -> Transformer:
+    """From one system to another, x and longitude first, without PROJ's words on missing grids.
+
+    Raises
+    ------
+    pyproj.exceptions.ProjError
+        If there is no way from one to the other.
+    """
+    import warnings
+
+    from pyproj import Transformer
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return Transformer.from_crs(source, target, always_xy=True)
+
+
 def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     """Metres on the ground, on the ellipsoid, in one unit of x and of y at a place.
 
     The unit and the scale of the projection come out together: of a degree, of a US survey foot,
     of a metre of web Mercator (1 / cos φ too long).  None if the place cannot be found.
     """
-    from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
     plane = horizontal(crs)
@@ -277,8 +293,7 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     # Long enough for nine digits to be left of the differences, short enough for one scale.
     step = 1e-3 if plane.is_geographic else 100.0
     try:
-        to_globe = Transformer.from_crs(plane, globe, always_xy=True)
-        longitudes, latitudes = to_globe.transform(
+        longitudes, latitudes = transformer(plane, globe).transform(
             [x, x - step, x + step, x, x], [y, y, y, y - step, y + step]
         )
     except ProjError:

@@ -90,7 +90,7 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
         raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
 
 
-def read_table(path: str, *, most: int = MOST_BYTES) -> dict[str, Any]:
+def read_table(path: str, *, most: int = MOST_BYTES, with_nan: bool = False) -> dict[str, Any]:
     """A TOML or JSON document with named values at its top.
 
     ``.toml`` is TOML and ``.json`` JSON; anything else is taken by its first character.
@@ -101,7 +101,7 @@ def read_table(path: str, *, most: int = MOST_BYTES) -> dict[str, Any]:
         If it is neither, nests too deeply, gives a name twice, or holds a number beyond what a
         float can hold or text that is not Unicode; the message says where.
     """
-    return parse_table(read_bytes(path, most=most), path)
+    return parse_table(read_bytes(path, most=most), path, with_nan=with_nan)
 
 
 def text_of(content: bytes, path: str) -> str:

@@ -254,3 +254,20 @@ def test_blank_rows_of_spreadsheets_are_no_positions(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("east_m,north_m,\r\n1,2,\r\n,,\r\n\r\n3,4,\r\n")
     assert read_positions(str(path)) == [(1.0, 2.0), (3.0, 4.0)]
+
+
+def points(**more):
+    feature = {"type": "Feature", "properties": {"h": float("nan")}}
+    feature["geometry"] = {"type": "Point", "coordinates": [14.0, 48.0]} | more
+    return {"type": "FeatureCollection", "features": [feature]}
+
+
+def test_points_of_another_datum_are_refused_and_nan_in_properties_is_not_read(tmp_path):
+    path = tmp_path / "a.geojson"
+    path.write_text(json.dumps(points()))
+    assert read_places(str(path)) == [(48.0, 14.0, None)]
+    system = {"crs": {"type": "name", "properties": {"name": "EPSG:4314"}}}
+    for table in (points(**system), points() | system):
+        path.write_text(json.dumps(table))
+        with pytest.raises(RequestError, match="'EPSG:4314' is not WGS 84"):
+            read_places(str(path))

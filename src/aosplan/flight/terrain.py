@@ -11,7 +11,15 @@ import math
 import warnings
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from aosplan.crs import Units, crs_of_wkt, ground_scale, height_unit_m, unit_m, vertical_unit_m
+from aosplan.crs import (
+    Units,
+    crs_of_wkt,
+    ground_scale,
+    height_unit_m,
+    transformer,
+    unit_m,
+    vertical_unit_m,
+)
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import check_input, decoding
 from aosplan.flight.photo_trigger import Ground, Sites
@@ -59,7 +67,6 @@ class Terrain:
     def __init__(self, path: str, units: str | None = None) -> None:
         with needs_extra(f"terrain '{path}'", "raster"):
             import rasterio
-        from pyproj import Transformer
         from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
 
         self.path = path
@@ -80,7 +87,7 @@ class Terrain:
             with decoding("terrain", path):
                 crs = self._coordinate_system()
                 self._unit_m = self._height_unit_m(crs, units)
-                self._to_raster = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+                self._to_raster = transformer("EPSG:4326", crs)
             self._transform = self._raster.transform[:6]
             a, b, left, d, e, _ = self._transform
             self._turn = 360.0 if crs.is_geographic else 0.0

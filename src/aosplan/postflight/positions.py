@@ -8,6 +8,7 @@ import math
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.areas.reprojection import is_wgs84
 from aosplan.errors import RequestError
 from aosplan.files import read_bytes, read_table, text_of
 from aosplan.mission import mavlink as mav
@@ -272,7 +273,9 @@ def _code(value: Any, where: str) -> int:
 
 def _points(path: str) -> Iterator[tuple[Any, ...]]:
     """Points of a GeoJSON file; of a file without points, the places of its lines."""
-    features = read_table(path).get("features")
+    table = read_table(path, with_nan=True)
+    _check_crs(table, f"'{path}':")
+    features = table.get("features")
     if not isinstance(features, list):
         raise RequestError(f"'{path}' is no GeoJSON FeatureCollection")
     found: dict[str, list[tuple[Any, ...]]] = {"Point": [], "LineString": []}
@@ -286,10 +289,24 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
         if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
             continue
         assert isinstance(geometry, dict)  # it has a kind
+        for node in (feature, geometry):
+            _check_crs(node, where)
         coordinates = geometry.get("coordinates")
         for place in [coordinates] if kind == "Point" else _listed(coordinates, where):
             found[kind].append((where, *_coordinates(place, where)))
     yield from found["Point"] or found["LineString"]
+
+
+def _check_crs(node: dict[str, Any], where: str) -> None:
+    """Refuse positions in another coordinate reference system than WGS 84."""
+    crs = node.get("crs")
+    facts = crs.get("properties") if isinstance(crs, dict) else None
+    name = facts.get("name") if isinstance(facts, dict) else crs
+    if crs and not (isinstance(name, str) and is_wgs84(name)):
+        raise RequestError(
+            f"{where} crs {shown(name)} is not WGS 84",
+            "ogr2ogr -t_srs EPSG:4326 points.geojson FILE",
+        )
 
 
 def _listed(value: Any, where: str) -> list[Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from aosplan.crs import ground_scale, true_lengths, unit_text
+from aosplan.crs import ground_scale, transformer, true_lengths, unit_text
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
@@ -112,16 +112,13 @@ def _datum(name: str) -> str:
 def _are_equal(one: CRS, other: CRS, first: PointFile, file: PointFile) -> bool:
     if one == other:
         return True
-    from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
     here = file.first_m()[:2]
     assert file.units.across_m is not None
     assert first.units.across_m is not None
     try:
-        there = Transformer.from_crs(other, one, always_xy=True).transform(
-            *(here / file.units.across_m).tolist()
-        )
+        there = transformer(other, one).transform(*(here / file.units.across_m).tolist())
     except ProjError:
         return False
     moved = math.dist([value * first.units.across_m for value in there], here.tolist())
