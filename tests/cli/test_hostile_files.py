@@ -345,3 +345,14 @@ def test_export_reads_a_plan_beyond_what_other_documents_may_have(folder, comman
     assert len(text) > MOST_BYTES
     (folder / "plan.json").write_text(text, encoding="utf-8")
     assert command("export", "plan.json", "--out", "a.csv")[0] == 0
+
+
+def test_an_image_that_declares_more_pixels_than_it_holds(folder, command):  # 2.7 GB
+    image = pytest.importorskip("PIL.Image")
+    (folder / "images").mkdir()
+    image.new("L", (6000, 5000)).save(folder / "images" / "a.png")
+    pose = {"imagefile": "a.png", "M3x4": [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 30]]}
+    (folder / "poses.json").write_text(json.dumps({"images": [pose]}), encoding="utf-8")
+    status, out, err = command("integrate", "poses.json", "images", "--fov", 60, "--out", "a.png")
+    check_refusal(status, out, err)
+    assert "declares 6000 x 5000 pixels, more than its" in err

@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
 EXTRA = "pictures"
 
+PLAIN_PIXELS = 25_000_000
+"""An image may always have so many pixels,"""
+
+PIXELS_A_BYTE = 100
+"""and a larger one so many for each byte of its file: photos have about one."""
+
 BANDS = {
     # Pillow's modes: what they are converted to, and whether values stay within 0 to 255.
     "1": "L", "L": "L", "LA": "LA", "La": "LA",
@@ -249,7 +255,7 @@ def _opened(path: str) -> Image:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            return Image.open(path)
+            image = Image.open(path)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
         raise RequestError(
             f"image '{path}' has more than {Image.MAX_IMAGE_PIXELS} pixels"
@@ -264,6 +270,19 @@ def _opened(path: str) -> Image:
         raise SurroundingsError(
             f"cannot read '{path}': {(error.strerror or str(error)).lower()}"
         ) from None
+    _check_size(image, path)
+    return image
+
+
+def _check_size(image: Image, path: str) -> None:
+    """Refuse an image that declares far more pixels than its file can hold of a real one."""
+    width, height = image.size
+    stored = os.path.getsize(path)
+    if width * height > max(PLAIN_PIXELS, PIXELS_A_BYTE * stored):
+        image.close()
+        raise RequestError(
+            f"image '{path}' declares {width} x {height} pixels, more than its {stored} bytes hold"
+        )
 
 
 def png_bytes(
