@@ -233,3 +233,15 @@ def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
         read_trajectory(str(path))
     assert said in caught.value.message
     assert str(path) in caught.value.message
+
+
+def test_pulses_that_were_grouped_from_two_do_not_lead_the_track_astray():
+    """Their lever arms are long, so least squares over all would follow them."""
+    rng = np.random.default_rng(12)
+    found, sensor = flown_pulses(rng)
+    wrong = rng.choice(400, 60, replace=False)
+    found.xyz_m[:, 2 * wrong] = rng.uniform([[0], [0], [10]], [[25], [25], [20]], (3, 60))
+    _, pulses, _ = grouping.grouped(found, timed=True)
+    at = track.fitted(found, pulses)
+    assert at is not None
+    assert np.abs(at.at(found.time_s[pulses.first]) - sensor).max() < 1.0

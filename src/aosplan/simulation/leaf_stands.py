@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LAYER_M = 0.25
-CELL_M = 0.4
-"""A ray and the leaves that it may meet in a layer lie within half of this of each other, up to 45°."""
+"""Thickness of the layers in which leaves are looked up."""
 
 
 class LeafStand(NamedTuple):
@@ -55,9 +54,12 @@ class LeafStand(NamedTuple):
         ground_m
             Shape (2, n): where the rays meet the ground.
         slope
-            Shape (2, n): x and y that they move by for each metre up, below 1.
+            Shape (2, n): x and y that they move by for each metre up.
         """
-        count = max(math.ceil(self.size_m / CELL_M - 1e-9) - 1, 3)
+        # A ray at a layer's middle and a leaf that it may meet are within half a cell.
+        steepest = float(np.abs(slope).max(initial=0.0))
+        reach = self.radius_m + steepest * (0.5 * LAYER_M + self.radius_m)
+        count = max(int(self.size_m / max(2.0 * reach, 0.1)), 1)
         edge = self.size_m / count
         layers = math.ceil(self.top_m / LAYER_M)
         level = np.minimum((self.centre_m[2] / LAYER_M).astype(np.intp), layers - 1)
@@ -68,8 +70,6 @@ class LeafStand(NamedTuple):
         height = np.zeros(ground_m.shape[1])
         open_rays = np.arange(height.size)
         for k in range(layers - 1, -1, -1):
-            # A leaf of the layer below may stand out above one of this layer, so a ray that was
-            # hit is dropped one layer later.
             middle = (k + 0.5) * LAYER_M
             place = (ground_m[:, open_rays] + slope[:, open_rays] * middle) / edge
             corner = np.floor(place - 0.5).astype(np.intp)
@@ -79,10 +79,9 @@ class LeafStand(NamedTuple):
                     cell = (k * count + y) * count + x
                     ray, leaf = _pairs(open_rays, starts[cell], starts[cell + 1])
                     self._meet(height, ray, order[leaf], ground_m, slope)
-            open_rays = open_rays[height[open_rays] <= (k + 1) * LAYER_M + self.radius_m]
-            open_rays = open_rays[
-                (height[open_rays] == 0.0) | (height[open_rays] < k * LAYER_M + self.radius_m)
-            ]
+            # A leaf of the layer below may stand out into this one.
+            reached = height[open_rays]
+            open_rays = open_rays[(reached == 0.0) | (reached < k * LAYER_M + self.radius_m)]
         return height
 
     def _meet(

@@ -64,6 +64,9 @@ FEWEST_GROUND_POINTS_PER_M2 = 0.04
 SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
 FULL_FOOTPRINT = 0.95
+POINTS_A_COLUMN = 1.6
+"""Points on the ground of a voxel below which every fifth would hold none by chance."""
+
 SPACINGS_ACROSS = 4.0
 """Mean spacings of points across a square that is to hold one: it has 16 on average."""
 
@@ -461,11 +464,13 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
             f"(--voxel), as the pulses do not tell it: {volume.opacity.reason}"
         )
         yield "opacity_from_voxels", message
-    if voxel_m < spacing_m and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
+    enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m
+    if voxel_m < enough_m * (1.0 - 1e-9) and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
+        points = (voxel_m / spacing_m) ** 2
         message = (
-            f"voxels of {voxel_m:g} m are smaller than the mean spacing of the points, "
-            f"{spacing_m:.2g} m, so the canopy looks more transparent than it is: use "
-            f"{_rounded_up(spacing_m):g} m or more"
+            f"columns of {voxel_m:g} m hold {points:.2g} points on average, so {math.exp(-points):.0%} "
+            "of them hold none by chance, and the canopy looks more transparent than it is: use "
+            f"voxels of {_rounded_up(enough_m):g} m or more"
         )
         yield "voxel_below_spacing", message
     if occupancy > SATURATED_OCCUPANCY:

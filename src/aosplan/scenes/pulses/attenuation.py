@@ -7,8 +7,8 @@ block of 2 x 2 x 2 around it, λ = (I + a)/(L + a/λ_parent), from the layer thr
 pulses predicts the other best.
 
 The mean transmission through voxels of one λ each is not quite the measured one, as leaves are
-clumped within voxels and λ is uncertain.  A scale for all λ makes each half of the pulses
-transmit, on average, what its pulses report (cross-fitting).
+clumped within voxels and λ is uncertain.  A scale for all λ makes the pulses transmit, on average,
+what they report, each quarter of them through the λ of the other three (cross-fitting).
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
@@ -33,6 +35,12 @@ class Sums(NamedTuple):
 
     intercepted: Singles
     path_m: Singles
+
+
+def total(parts: Sequence[Sums]) -> Sums:
+    """Sums of several parts of the pulses."""
+    intercepted, path_m = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
+    return Sums(intercepted, path_m)
 
 
 def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:

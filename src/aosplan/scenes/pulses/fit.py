@@ -30,6 +30,15 @@ LEAST_COMPLETE = 0.5
 FEWEST_THROUGH = 500
 """Pulses that cross all of the canopy within the plot from which they alone set the scale."""
 
+LEAST_COSINE = 0.2
+"""Of the zenith angle: flatter pulses say nothing of views from above."""
+
+WIDEST_M = 0.5
+"""Distance of a first return from the line between the last one and the sensor."""
+
+FOLDS = 4
+"""Parts of the pulses, each of which is predicted from the others."""
+
 FOLD_SEED = 1
 ENERGIES = ("first", "weighted", "last")
 
@@ -303,7 +312,12 @@ def directions(
             away = found.at(time_s[of]) - at_m[:, of]
             to_sensor[:, of] = away / np.sqrt((away * away).sum(axis=0))
             sound[of] = True
-    sound &= to_sensor[2] > 0.2
+    sound &= to_sensor[2] > LEAST_COSINE
+    # Returns that do not lie on the line to the sensor belong to two pulses.
+    lever = returns.xyz_m[:, pulses.first] - at_m
+    along = (lever * to_sensor).sum(axis=0)
+    aside = np.sqrt(np.maximum((lever * lever).sum(axis=0) - along * along, 0.0))
+    sound &= (aside <= WIDEST_M) & (along >= 0.0)
     return to_sensor, sound, worst
 
 
@@ -315,14 +329,21 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
     UnsoundPulsesError
         If no energy reaches the ground, or all of it.
     """
-    fold = np.random.Generator(np.random.PCG64(FOLD_SEED)).integers(0, 2, len(beams.pulses))
-    halves = _sums(beams.take(fold == 0), grid), _sums(beams.take(fold == 1), grid)
+    fold = np.random.Generator(np.random.PCG64(FOLD_SEED)).integers(0, FOLDS, len(beams.pulses))
+    parts = [_sums(beams.take(fold == k), grid) for k in range(FOLDS)]
+    both = attenuation.total(parts)
+    halves = attenuation.total(parts[::2]), attenuation.total(parts[1::2])
     strength = attenuation.best_strength(halves, grid.voxel_m)
-    through = _through(beams, grid)
+    del halves
+    through = through_canopy(beams, grid)
     depths = np.zeros(len(beams.pulses))
-    for half, other in ((0, 1), (1, 0)):
-        rate = attenuation.attenuation(halves[half], strength, grid.voxel_m)
-        held_out = through & (fold == other)
+    for k, part in enumerate(parts):
+        others = attenuation.Sums(*(each - own for each, own in zip(both, part, strict=True)))
+        # A difference of sums may fall below 0 by rounding.
+        for each in others:
+            np.maximum(each, 0.0, out=each)
+        rate = attenuation.attenuation(others, strength, grid.voxel_m)
+        held_out = through & (fold == k)
         depths[held_out] = optical_depths(rate, beams.take(held_out), grid)
     gaps = {name: float(each[through].mean()) for name, each in beams.gaps().items()}
     if not 0.0 < gaps["weighted"] < 1.0:
@@ -332,7 +353,6 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
             else "nothing intercepts the pulses"
         )
     scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
-    both = attenuation.Sums(*(one + other for one, other in zip(*halves, strict=True)))
     lowest = int(grid.cut_m / grid.voxel_m + FACE)
     return Field(
         attenuation.attenuation(both, strength, grid.voxel_m),
@@ -343,7 +363,7 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
     )
 
 
-def _through(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
+def through_canopy(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
     """Which pulses cross all of the canopy within the plot, and have every return.
 
     The canopy outside the plot is unknown.  If these pulses are few, all with every return.

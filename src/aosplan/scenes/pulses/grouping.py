@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-SAME_TIME_S = 1e-4
-"""Returns of one pulse have one time; files may round it."""
+SAME_TIME_S = 1e-6
+"""Returns of one pulse have one time, but for its rounding; the fastest lasers fire as often."""
 
 PLAUSIBLE_SUM = 0.15
 """Relative deviation from 1 that the energies of pulses of several returns may add up to."""
 
-FEWEST_OF_A_KIND = 200
+FEWEST_OF_A_KIND = 50
 """Returns of a kind from which their mean intensity calibrates."""
 
 

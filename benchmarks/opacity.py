@@ -1,0 +1,94 @@
+"""Opacity from pulses: against rays cast through known leaves, and over the size of voxels.
+
+``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``: for generated stands p̄ and V
+of nine views 2 m apart from 50 m by rays cast through the leaves, and what is predicted from their
+simulated pulses with calibrated and with equal energies, and from voxels that hold a point; for a
+real cloud, if one is given, the same predictions for 49 views, without a truth.  Processor time is
+that of reading the cloud and fitting it.
+"""
+
+import csv
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+
+from support.leaf_clouds import write_scan
+
+from aosplan.models.measured import MeasuredModel
+from aosplan.scenes.files.point_cloud import read_voxels
+from aosplan.simulation.leaf_stands import crowned_stand, hidden_share, laser_scan
+
+RESULTS = Path(__file__).parent / "results" / "opacity.csv"
+COLUMNS = (
+    "stand", "pulses_a_m2", "footprint_m", "voxel_m", "opacity", "density", "expected", "normalized",
+    "true_density", "true_expected", "true_normalized", "cpu_s",
+)  # fmt: skip
+ALTITUDE_M = 50.0
+CASES = ((1, 1.5, 100.0, 0.1), (2, 1.5, 250.0, 0.1), (3, 3.0, 250.0, 0.3), (4, 1.5, 400.0, 0.1))
+"""Seed, leaf area index, pulses a square metre and footprint [m]."""
+
+
+def grid(side):
+    """Square of views 2 m apart."""
+    line = (np.arange(side) - 0.5 * (side - 1)) * 2.0
+    return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+
+
+def predicted(path, opacity, voxel_m, views):
+    """p̄, V and V̂ of views on a cloud, and the processor time."""
+    began = time.process_time()
+    volume = read_voxels(path, opacity=opacity, voxel_m=voxel_m, min_height_m=0.5)
+    spent = time.process_time() - began
+    found = MeasuredModel(volume, ALTITUDE_M).predict_positions(views)
+    return found.density, found.expected, found.normalized, spent
+
+
+def generated(folder):
+    """Rows of generated stands."""
+    views = grid(3)
+    for seed, leaf_area_index, pulses, footprint in CASES:
+        rng = np.random.default_rng(seed)
+        stand = crowned_stand(rng, 8.0, leaf_area_index=leaf_area_index, crowns=5)
+        hidden = hidden_share(stand, ALTITUDE_M, views, 0.08)
+        p, square = float(hidden.mean()), float((hidden**2).mean())
+        truth = p, 1.0 - square, 1.0 - (square - p * p) / (p * (1.0 - p))
+        scan = laser_scan(rng, stand, pulses_a_m2=pulses, footprint_m=footprint)
+        name = f"leaves {seed}, LAI {leaf_area_index:g}"
+        for calibrated in (True, False):
+            path = write_scan(Path(folder) / "leaves.las", scan, calibrated=calibrated)
+            for voxel_m in (0.15, 0.25, 0.5):
+                *shown, spent = predicted(path, "pulses", voxel_m, views)
+                kind = "pulses, intensity" if calibrated else "pulses, 1/n"
+                yield name, pulses, footprint, voxel_m, kind, *shown, *truth, spent
+        for voxel_m in (0.15, 0.25, 0.5):
+            *shown, spent = predicted(path, "voxels", voxel_m, views)
+            yield name, pulses, footprint, voxel_m, "voxels", *shown, *truth, spent
+
+
+def real(path):
+    """Rows of a real cloud."""
+    for opacity in ("pulses", "voxels"):
+        for voxel_m in (0.15, 0.25, 0.35, 0.5):
+            *shown, spent = predicted(path, opacity, voxel_m, grid(7))
+            yield Path(path).name, "", "", voxel_m, opacity, *shown, "", "", "", spent
+
+
+def main():
+    """Write the results."""
+    with tempfile.TemporaryDirectory() as folder, RESULTS.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        rows = [*generated(folder), *(row for path in sys.argv[1:] for row in real(path))]
+        for row in rows:
+            shown = [f"{value:.4f}" if isinstance(value, float) else value for value in row]
+            writer.writerow(shown)
+            print(*shown, sep=", ")
+
+
+if __name__ == "__main__":
+    main()
