@@ -398,3 +398,27 @@ def test_a_tolerance_is_a_length(tmp_path, command):
     csv_of(tmp_path / "f.csv", [(0.0, 0.0)])
     status, _, err = command("review", "f.csv", "--altitude=40", "--tolerance=-1")
     assert (status, "--tolerance" in err) == (2, True)
+
+
+FOUND = {"find": "person", "contrast": 3.0, "canopy_offset": 0.0, "crown_share": 0.0}
+FEW_SLICES = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 3.0}
+
+
+def test_what_was_flown_finds_less_than_planned_and_the_top_up_as_much(tmp_path):
+    request = PlanRequest(altitude=40, samples=36, baseline=2.0, **FEW_SLICES, **FOUND)
+    planned = plan(request)
+    # The last lines are missing: every other photo of the whole grid would find as many.
+    half = without(sites_of(planned), range(12, 36))
+    found = reviewed(tmp_path / "flown.csv", half, request)
+    assert found.detection.planned == planned.detection.probability
+    assert found.detection.completed == pytest.approx(planned.detection.probability, abs=1e-6)
+    assert found.detection.flown < found.detection.planned - 0.02
+    document = found.document()
+    assert document["detection"] == found.detection._asdict()
+    Draft202012Validator(json_schema("review")).validate(document)
+    plain = reviewed(
+        tmp_path / "plain.csv",
+        half,
+        PlanRequest(altitude=40, samples=36, baseline=2.0, **FEW_SLICES),
+    )
+    assert "detection" not in plain.document()

@@ -50,6 +50,8 @@ FIELD_DESCRIPTIONS = {
     "DetectionDocument.uncertainty": "Standard error of the probability from the plot's quarters; null: unknown.",
     # Searches in the computer
     "search": "Targets found in simulated forests, beside the prediction; with --find.",
+    "ReviewDocument.detection": "Probability of detection as planned, flown and completed; with --find.",
+    "ThinningDocument.detection": "Probability of detection by all views and by the kept ones; with --find.",
     "TradeoffRowDocument.detection": "Probability of detection, with --find; null: not counted for this row.",
     "SearchDocument.predicted": "Predicted probability of detection.",
     "SearchDocument.simulated": "Share of the targets that were found at the predicted threshold.",

@@ -104,6 +104,14 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
     yield "Photos", f"{len(found.views)}{aside} (within {found.tolerance_m:.3g} m)"
     if found.errors_m is not None:
         yield "Off site", "{:.2f} m root mean square, {:.2f} m at most".format(*found.errors_m)
+    if found.detection is not None:
+        named_shares = (
+            ("planned", found.detection.planned),
+            ("flown", found.detection.flown),
+            ("after the top-up", found.detection.completed if found.topup else None),
+        )
+        shares = [f"{share:.0%} {name}" for name, share in named_shares if share is not None]
+        yield "Detection", ", ".join(shares)
     yield "Sites", f"{total - len(found.missing)} of {total} have a photo"
     if found.topup is None:
         return

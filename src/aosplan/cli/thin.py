@@ -75,6 +75,9 @@ def run(
                 f"{count} apart": (count, found.bound),
             }
         )
+        if found.detection is not None:
+            every, kept = found.detection
+            show(one_line(f"Found: {kept:.0%} of the targets, of all views {every:.0%}"))
         show(one_line(""), one_line(f"Wrote {out}" if out else "Next: --out kept.csv"))
 
 

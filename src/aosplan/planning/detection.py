@@ -23,6 +23,8 @@ from aosplan.scenes.scene import Layer
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from numpy.typing import NDArray
+
     from aosplan.grid.patterns import Sites
     from aosplan.models.detection import Detection
     from aosplan.planning.loaded_scene import LoadedScene
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
+
+    Floats = NDArray[np.float64]
 
 CLEAR = (Layer(1.0, 1.1, 1e-6, 0.2),)
 """Used instead of a scene without occluders: a millionth of the ground is hidden."""
@@ -123,18 +127,17 @@ def detection_of(
     """
     if model != "measured":
         return detection_model(found.scene, request, altitude_m).predict(pattern, baseline_m)
-    return _counted(request, found.volume, altitude_m, pattern, baseline_m, heading_deg)
+    sites = np.column_stack(local_sites(pattern, baseline_m, heading_deg))
+    return _counted(request, found.volume, altitude_m, sites)
 
 
 def _counted(
     request: PlanRequest,
     volume: VoxelVolume | None,
     altitude_m: float,
-    pattern: Sites,
-    baseline_m: float,
-    heading_deg: float,
+    sites_m: Floats,
 ) -> Detection:
-    """Detection counted in the voxels of a stand."""
+    """Detection counted in the voxels of a stand, sites east and north of the middle."""
     if volume is None:
         raise RequestError(
             "--find needs the voxels of the stand, and this scene has statistics alone",
@@ -144,7 +147,7 @@ def _counted(
     assert request.false_alarms is not None
     return count_detection(
         volume,
-        np.column_stack(local_sites(pattern, baseline_m, heading_deg)),
+        sites_m,
         altitude_m,
         target_of(request),
         signature,
@@ -172,11 +175,32 @@ def detections_of_rows(
         model = detection_model(plan.scene, request, plan.altitude_m).for_search()
         return [model.predict(pattern, baseline) for pattern, baseline, _ in rows]
     return [
-        _counted(request, plan.volume, plan.altitude_m, pattern, baseline, plan.heading_deg)
+        _counted(
+            request,
+            plan.volume,
+            plan.altitude_m,
+            np.column_stack(local_sites(pattern, baseline, plan.heading_deg)),
+        )
         if matters
         else None
         for pattern, baseline, matters in rows
     ]
+
+
+def detection_at(plan: PlanData, points_m: Floats) -> Detection:
+    """Detection by photos from known positions over the scene of a plan.
+
+    Parameters
+    ----------
+    plan
+        With what is looked for.
+    points_m
+        Shape (N, 2), from the middle: east and north over voxels, along the plan's axes otherwise.
+    """
+    if plan.model != "measured":
+        model = detection_model(plan.scene, plan.request, plan.altitude_m)
+        return model.predict_positions(points_m)
+    return _counted(plan.request, plan.volume, plan.altitude_m, points_m)
 
 
 def detection_warnings(

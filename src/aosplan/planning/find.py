@@ -18,6 +18,9 @@ NUMBERS = ("contrast", "canopy_offset", "crown_share")
 OPTIONS = ("signature", *NUMBERS, "false_alarms")
 """Options that go with ``--find``."""
 
+SEARCH = ("find", *OPTIONS)
+"""All options of a search."""
+
 SMALLEST_M, LARGEST_M = 0.1, 10.0
 """Sides of a target."""
 

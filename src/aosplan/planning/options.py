@@ -16,7 +16,7 @@ from aosplan.grid.patterns import GRIDS
 from aosplan.mission.mission import FRAMES
 from aosplan.models.model import MODELS, RAYS
 from aosplan.models.signatures import SIGNATURES
-from aosplan.planning.find import contrast, false_alarms, radiance, target_name
+from aosplan.planning.find import SEARCH, contrast, false_alarms, radiance, target_name
 from aosplan.solver.problem import OBJECTIVES
 
 if TYPE_CHECKING:
@@ -513,6 +513,7 @@ SHOWING = tuple(
     option.name
     for option in OPTIONS
     if option.panel in ("Altitude", "Scene", "Camera")
-    or option.name in ("coverage", "model", "view", "rays", "origin", "heading", "clearance")
+    or option.name
+    in (*SEARCH, "coverage", "model", "view", "rays", "origin", "heading", "clearance")
 )
 """Options that say what given positions show, whatever else is planned."""

@@ -21,6 +21,13 @@ class KeptViewDocument(OpenDocument):
     longitude: Finite | None
 
 
+class ThinnedDetectionDocument(OpenDocument):
+    """Probability of detection by all views, and by the chosen ones."""
+
+    all: Finite
+    kept: Finite
+
+
 class ThinningDocument(OpenDocument):
     """What `aosplan thin --json` prints.
 
@@ -38,6 +45,7 @@ class ThinningDocument(OpenDocument):
     all: VisibilityDocument
     kept: VisibilityDocument
     bound: VisibilityDocument
+    detection: ThinnedDetectionDocument | None = None
     views: list[KeptViewDocument]
     warnings: list[MessageDocument]
 
@@ -58,6 +66,14 @@ class StrayDocument(OpenDocument):
     north_m: Finite
     nearest_site: Annotated[int, Field(ge=0)]
     off_m: Finite
+
+
+class FlownDetectionDocument(OpenDocument):
+    """Probability of detection: as planned, by the photos, and by them and the missing sites."""
+
+    planned: Finite
+    flown: Finite | None
+    completed: Finite | None
 
 
 class ReviewDocument(OpenDocument):
@@ -81,6 +97,7 @@ class ReviewDocument(OpenDocument):
     planned: VisibilityDocument
     flown: VisibilityDocument | None
     completed: VisibilityDocument | None
+    detection: FlownDetectionDocument | None = None
     missing: list[WaypointDocument]
     strays: list[StrayDocument]
     topup: FlightDocument | None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,14 @@ ALTITUDE_SHARE = 0.05
 """Share by which a recorded altitude may differ from the plan's without a warning."""
 
 
+class FlownDetection(NamedTuple):
+    """Probability of detection: as planned, by the photos, and by them and the missing sites."""
+
+    planned: float
+    flown: float | None
+    completed: float | None
+
+
 @dataclass(frozen=True)
 class Review:
     """What was flown of a plan.
@@ -74,6 +82,9 @@ class Review:
         The plan with the way to just the missing sites; None where there are none.
     warnings
         What the user should know.
+    detection
+        How likely what the plan looks for is found; None where it looks for nothing, or no single
+        prediction says it.
     """
 
     plan: Plan
@@ -90,6 +101,7 @@ class Review:
     counted: int
     topup: Plan | None
     warnings: tuple[Message, ...]
+    detection: FlownDetection | None = None
 
     @property
     def strays(self) -> list[int]:
@@ -122,6 +134,7 @@ class Review:
             else {"root_mean_square": errors[0], "largest": errors[1]},
             "planned": prediction_document(planned),
             "flown": None if self.flown is None else prediction_document(self.flown),
+            **({} if self.detection is None else {"detection": self.detection._asdict()}),
             "completed": None if self.completed is None else prediction_document(self.completed),
             "missing": [
                 {
@@ -207,11 +220,12 @@ def review(
     warnings += _of_altitudes(planned, views)
     counted = points_m[near | _sees_middle(planned, points_m)]
     reason = _unpredictable(planned, len(sites), len(counted) + len(missing))
-    flown = completed = None
+    flown = completed = detection = None
     if reason is not None:
         warnings.append(reason)
     else:
         flown, completed = _predictions(planned, counted, sites_m[~there])
+        detection = _detections(planned, counted, sites_m[~there])
         warnings += _of_blind(len(points_m) - len(counted))
     topup = _topup(planned, missing) if missing else None
     if topup is not None:
@@ -231,7 +245,26 @@ def review(
         len(counted),
         topup,
         tuple(warnings),
+        detection,
     )
+
+
+def _detections(
+    planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
+) -> FlownDetection | None:
+    """How likely what a plan looks for is found, by photos as `_predictions` takes them."""
+    if planned.detection is None:
+        return None
+    from aosplan.planning.detection import detection_at
+
+    def found(points_m: NDArray[np.float64]) -> float | None:
+        if not len(points_m):
+            return None
+        return detection_at(planned, in_axes(planned, *points_m.T)).probability
+
+    completed = found(np.vstack([flown_m, missing_m]))
+    flown = found(flown_m) if len(missing_m) else completed
+    return FlownDetection(planned.detection.probability, flown, completed)
 
 
 def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:

@@ -19,6 +19,9 @@ from aosplan.postflight.views import Views, in_axes, predicted
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import numpy as np
+    from numpy.typing import NDArray
+
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
 
@@ -35,7 +38,8 @@ ADDED = "original_index"
 class Thinning(NamedTuple):
     """The chosen views, by their places among all, rising, and what they and all of them show.
 
-    The plan holds scene and model; what it plans is no matter.
+    The plan holds scene and model; what it plans is no matter.  `detection` is the probability of
+    detection by all views and by the chosen ones, if something is looked for.
     """
 
     plan: Plan
@@ -48,6 +52,7 @@ class Thinning(NamedTuple):
     every: Prediction
     kept: Prediction
     warnings: tuple[Message, ...]
+    detection: tuple[float, float] | None = None
 
     @property
     def bound(self) -> Prediction:
@@ -69,6 +74,11 @@ class Thinning(NamedTuple):
             "all": prediction_document(self.every),
             "kept": prediction_document(self.kept),
             "bound": prediction_document(self.bound),
+            **(
+                {}
+                if self.detection is None
+                else {"detection": dict(zip(("all", "kept"), self.detection, strict=True))}
+            ),
             "views": [
                 {
                     "index": index,
@@ -155,7 +165,9 @@ def thinned(
     hidden = model.hidden_at(points) if best == "visibility" else None
     chosen = thin(points, samples, model.correlation, hidden)
     every, few = predicted(scene, points), predicted(scene, points[chosen])
-    warnings = [*scene.notices, *views.messages()]
+    # The plan of one photo is warned of, and nobody flies it.
+    notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]
+    warnings = [*notices, *views.messages()]
     if hidden is None and few.density > every.density + MORE_HIDDEN:
         warnings.append(
             Message(
@@ -175,4 +187,17 @@ def thinned(
         every,
         few,
         tuple(warnings),
+        _detections(scene, points, points[chosen]),
     )
+
+
+def _detections(
+    scene: Plan, every_m: NDArray[np.float64], chosen_m: NDArray[np.float64]
+) -> tuple[float, float] | None:
+    """How likely what is looked for is found by all views, and by the chosen ones."""
+    if scene.request.find is None:
+        return None
+    from aosplan.planning.detection import detection_at
+
+    every, few = (detection_at(scene, points).probability for points in (every_m, chosen_m))
+    return every, few
