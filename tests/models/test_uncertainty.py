@@ -9,10 +9,20 @@ from support.forests import STANDS, clumped_forest
 from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
-from aosplan.models.uncertainty import SMALLEST_QUARTER, of_parts, of_targets, quarters
+from aosplan.models.uncertainty import (
+    OCTAVE,
+    SMALLEST_QUARTER,
+    UNIFORM,
+    Uncertainty,
+    of_parts,
+    of_targets,
+    quarters,
+    with_opacity,
+)
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.voxels import VoxelVolume
 
 
@@ -164,3 +174,51 @@ def test_scenes_of_numbers_say_why_they_state_no_error():
         visibility = plan(request).document()["visibility"]
         assert visibility["uncertainty"] is None
         assert visibility["uncertainty_reason"]
+
+
+def test_the_doubt_about_opacity_is_an_independent_error():
+    rng = np.random.default_rng(2)
+    # Anywhere between two bounds, evenly: the standard deviation by drawing.
+    assert rng.uniform(0.0, 1.0, 200_000).std() == pytest.approx(UNIFORM, rel=0.01)
+    one, other = Prediction(0.7, 0.3, 0.2), Prediction(0.5, 0.5, 0.3)
+    found = with_opacity(Uncertainty(0.03, 0.04, None, "parts"), one, other, UNIFORM)
+    assert found.density == pytest.approx(math.sqrt(0.03**2 + 0.2**2 / 12.0))
+    gap = one.expected - other.expected
+    assert found.expected == pytest.approx(math.sqrt(0.04**2 + gap**2 / 12.0))
+    assert found.normalized is None
+    assert found.method == "parts, and opacity"
+
+
+@pytest.mark.parametrize("source", ["pulses", "voxels"])
+def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
+    """Of bounds by their own predictions; of voxels by voxels of twice the size."""
+    rng = np.random.default_rng(3)
+    middle = rng.random((40, 64, 64)) < 0.02
+    thin, dense = (
+        middle & (rng.random(middle.shape) < 0.5),
+        middle | (rng.random(middle.shape) < 0.02),
+    )
+    given = {"opacity": Opacity("voxels"), "voxel_m": 0.25}
+    if source == "pulses":
+        given = {"bounds": (dense, thin), "opacity": PULSES, "voxel_m": 0.25, "slice_m": 0.25}
+    path = tmp_path / "s.npz"
+    path.write_bytes(stand_npz(Stand.of(VoxelVolume(middle, **given))))
+    request = PlanRequest(altitude=40, scene=str(path), samples=9, baseline=2)
+    solved = plan(request)
+    if source == "pulses":
+        pair = (VoxelVolume(each, 0.25, slice_m=0.25) for each in (dense, thin))
+        share = UNIFORM
+    else:
+        double = middle.reshape(20, 2, 32, 2, 32, 2).any(axis=(1, 3, 5))
+        pair, share = (VoxelVolume(middle, 0.25), VoxelVolume(double, 0.5)), OCTAVE
+    sites = [(x, y) for x in (-2.0, 0.0, 2.0) for y in (-2.0, 0.0, 2.0)]
+    one, other = (MeasuredModel(each, 40.0).predict_positions(sites) for each in pair)
+    assert solved.uncertainty.expected > share * abs(one.expected - other.expected)
+    assert solved.uncertainty.expected == pytest.approx(
+        share * abs(one.expected - other.expected), rel=0.05
+    )
+
+
+PULSES = Opacity(
+    "pulses", "", 0.1, 0.2, 0.3, "equal", (1.0, 20.0), 0.9, 1000, 2, 0.25, 0.06, 1.0, 1.5, 0.7, 0.2, 1
+)  # fmt: skip

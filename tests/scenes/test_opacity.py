@@ -1,11 +1,14 @@
 """Opacity from pulses: against rays cast through known leaves, and pulses against each other."""
 
+import json
+
 import numpy as np
 import pytest
 from support.clouds import laspy, write_cloud
 from support.leaf_clouds import write_scan
 from support.paths import SHARED
 
+from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.models.measured import MeasuredModel
 from aosplan.scenes.files.ground import surface, vertices
@@ -131,6 +134,23 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
     path = write_scan(tmp_path / "clip.las", clipped)
     said = dict(read_voxels(path, opacity="auto", ground="normalized").warnings)
     assert "no flight line" in said["opacity_from_voxels"]
+
+
+def test_the_command_prints_what_the_pulses_say(tmp_path, leaves, capsys, monkeypatch):
+    monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "cache"))
+    path = str(write_scan(tmp_path / "leaves.las", leaves[2]))
+    for _ in range(2):  # read, and from the cache
+        assert run(["scene", path, "--min-height", "0.5", "--json", "--quiet"]) == 0
+        opacity = json.loads(capsys.readouterr().out)["opacity"]
+        assert opacity["source"] == "pulses"
+        assert opacity["gap_first"] < opacity["gap_weighted"] < opacity["gap_last"]
+    assert run(["scene", path, "--min-height", "0.5"]) == 0
+    shown = capsys.readouterr().out
+    assert "of 3 flight lines" in shown
+    assert f"{100 * opacity['gap_weighted']:.1f} % of the pulses' energy" in shown
+    for option in ("--leaf-size=0.1", "--trajectory=a.csv"):
+        assert run(["scene", path, "--opacity", "voxels", option]) == 2
+        assert option.split("=", maxsplit=1)[0] in capsys.readouterr().err
 
 
 @pytest.mark.slow

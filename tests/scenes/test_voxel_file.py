@@ -3,6 +3,7 @@
 import io
 import json
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from support.forests import STANDS, clumped_forest
 from aosplan.errors import AosplanError, RequestError
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.files.voxel_file import Stand, read_stand, stand_npz
+from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.voxels import VoxelVolume
 
 FOREST = VoxelVolume(
@@ -45,6 +47,29 @@ def test_a_volume_is_read_as_it_was_written(tmp_path):
     assert np.array_equal(again.occupied, FOREST.occupied)
     names = set(FOREST.__dataclass_fields__) - {"occupied"}
     assert {n: getattr(again, n) for n in names} == {n: getattr(FOREST, n) for n in names}
+
+
+def test_opacity_from_pulses_is_kept_with_its_bounds(tmp_path):
+    opacity = Opacity(
+        "pulses", "", 0.1, 0.2, 0.3, "equal", (1.0, 20.0), 0.9, 1000, 2, 0.25, 0.06, 1.0, 1.5, 0.7,
+        0.2, 1,
+    )  # fmt: skip
+    bounds = FOREST.occupied, np.zeros_like(FOREST.occupied)
+    volume = replace(FOREST, slice_m=0.3, opacity=opacity, bounds=bounds)
+    path = tmp_path / "stand.npz"
+    path.write_bytes(volume_npz(volume))
+    found = read_volume(str(path))
+    assert (found.slice_m, found.opacity) == (0.3, opacity)
+    assert all(np.array_equal(one, other) for one, other in zip(found.bounds, bounds, strict=True))
+
+
+@pytest.mark.parametrize(
+    "document",
+    [{}, {"source": "pulses"}, {"source": "voxels", "seed": "x"}, {"source": "no"}, [1], "voxels"],
+)
+def test_an_opacity_that_is_none_is_refused(document):
+    with pytest.raises((TypeError, ValueError)):
+        Opacity.from_document(document)
 
 
 def test_layers_and_correlogram_are_kept_with_it(tmp_path):

@@ -216,6 +216,13 @@ def _cloud(
     }
     if request.units is not None:
         reading["units"] = request.units
+    if request.opacity == "voxels":
+        for option in ("leaf_size", "trajectory"):
+            if getattr(request, option) is not None:
+                raise RequestError(
+                    f"--{option.replace('_', '-')} goes with opacity from pulses, not with "
+                    "--opacity voxels"
+                )
     if request.leaf_size is not None:
         reading["leaf_size"] = request.leaf_size
     trajectory = None

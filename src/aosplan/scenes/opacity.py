@@ -8,6 +8,10 @@ OpacitySource = Literal["auto", "pulses", "voxels"]
 """Where opacity comes from: the pulses, or voxels that are opaque if they hold a point."""
 
 
+TEXTS = ("source", "reason", "energy")
+COUNTS = ("pulses", "lines", "seed")
+
+
 class Opacity(NamedTuple):
     """How the opacity of a volume was found.
 
@@ -70,9 +74,29 @@ class Opacity(NamedTuple):
 
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> Opacity:
-        """What `to_document` made plain."""
-        known = {name: document[name] for name in cls._fields if document.get(name) is not None}
-        if "zenith_deg" in known:
-            low, high = known["zenith_deg"]
-            known["zenith_deg"] = float(low), float(high)
+        """What `to_document` made plain.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it is something else.
+        """
+        if not isinstance(document, dict):
+            raise TypeError("its opacity is not a table")
+        known: dict[str, Any] = {}
+        for name in cls._fields:
+            value = document.get(name)
+            if value is None:
+                continue
+            if name == "zenith_deg":
+                low, high = value
+                known[name] = float(low), float(high)
+            else:
+                kind = str if name in TEXTS else int if name in COUNTS else float
+                known[name] = kind(value)
+        missing = set(cls._fields) - set(known) - {"reason"}
+        if known.get("source") not in ("pulses", "voxels") or (
+            known["source"] == "pulses" and missing
+        ):
+            raise ValueError("its opacity is not complete")
         return cls(**known)

@@ -23,7 +23,7 @@ class Density(NamedTuple):
     `independent` is the hidden share were the layers independent of each other, `measured` that of
     the voxels behind them, and None where there are none.  `hidden_pulses` is the share of the laser
     pulses' energy that does not reach the ground by first, weighted and last returns, at the
-    pulses' own angles, and None for opacity that is not from pulses.
+    pulses' own angles `pulses_zenith_deg`, and None for opacity that is not from pulses.
     """
 
     scene: str
@@ -34,6 +34,7 @@ class Density(NamedTuple):
     measured: tuple[float, ...] | None
     voxel_m: float | None
     hidden_pulses: tuple[float, float, float] | None = None
+    pulses_zenith_deg: tuple[float, float] | None = None
 
     @property
     def title(self) -> str:
@@ -57,8 +58,8 @@ class Density(NamedTuple):
             return text
         first, weighted, last = self.hidden_pulses
         return (
-            f"{text} Of the energy of the laser pulses {weighted:.3g} does not reach the ground, "
-            f"{first:.3g} by first returns and {last:.3g} by last returns."
+            f"{text} Of the energy of the laser {_slanted(self)}, {weighted:.3g} does not reach the "
+            f"ground, {first:.3g} by first returns and {last:.3g} by last returns."
         )
 
     def document(self) -> dict[str, Any]:
@@ -109,6 +110,7 @@ def density_of(found: LoadedScene) -> Density:
         measured,
         None if volume is None else volume.slice_height_m,
         _hidden_pulses(volume),
+        None if volume is None or volume.opacity is None else volume.opacity.zenith_deg,
     )
 
 
@@ -119,6 +121,12 @@ def _hidden_pulses(volume: VoxelVolume | None) -> tuple[float, float, float] | N
     assert opacity.gap_first is not None  # all three are there, or none
     assert opacity.gap_last is not None
     return 1.0 - opacity.gap_first, 1.0 - opacity.gap_weighted, 1.0 - opacity.gap_last
+
+
+def _slanted(shown: Density) -> str:
+    assert shown.pulses_zenith_deg is not None  # pulses have angles
+    low, high = shown.pulses_zenith_deg
+    return f"pulses {low:.0f}° to {high:.0f}° off the vertical"
 
 
 def draw(figure: Figure, shown: Density, theme: Theme) -> None:
@@ -162,7 +170,7 @@ def draw(figure: Figure, shown: Density, theme: Theme) -> None:
             fmt="o",
             color=theme.data[2],
             capsize=3.0,
-            label="pulses: last, weighted and first returns",
+            label=f"{_slanted(shown)}: last, weighted, first returns",
         )
     right.set(xlabel="hidden share of the ground", xlim=(0.0, 1.0))
     legend_below(figure, right.get_legend_handles_labels()[0])
