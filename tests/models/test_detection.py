@@ -1,6 +1,7 @@
 """Detection against the design's figures, drawn points, and drawn windows and cells."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -261,8 +262,11 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
 # --- Voxels -------------------------------------------------------------------------------------
 
 
-def test_what_is_counted_in_voxels_is_what_the_measured_model_sees():
+@pytest.mark.parametrize("slice_m", [None, 0.8])
+def test_what_is_counted_in_voxels_is_what_the_measured_model_sees(slice_m):
+    """Cubes, and the same voxels as plates in thicker slices."""
     volume = clumped_forest(generator(3), 0.7, 0.4, 2.0, 8.0, (24.0, 24.0))
+    volume = replace(volume, slice_m=slice_m)
     sites = 1.5 * np.array(list(Pattern(3, 3).offsets()))
     found = count_detection(volume, sites, 40.0, PERSON, Signature(8.0, 0.0, 0.0), false_alarms=1.0)
     seen = MeasuredModel(volume, 40.0).predict_positions(sites)

@@ -86,24 +86,27 @@ def planes_of_layers(
 def planes_of_volume(
     rng: np.random.Generator, volume: VoxelVolume, canopy: Canopy, focal_height_m: float = 0.0
 ) -> list[Plane]:
-    """The voxels of a stand: each slice at the height of its bottom and of its top.
+    """The voxels of a stand: of cubes the bottom and the top of each slice, of plates its middle.
 
-    Heights count from a plane `focal_height_m` above the ground; what is below hides nothing.
+    Heights count from a plane `focal_height_m` above the ground; what is below hides nothing.  The
+    longer path of slanted rays through plates, 1 % at 8°, is left out.
     """
     _, rows, columns = volume.occupied.shape
     size_m = max(rows, columns) * volume.voxel_m
     crowns = _crowns(rng, size_m)
     origin = -0.5 * volume.voxel_m * np.array([columns, rows])
     planes = []
+    thickness = volume.slice_height_m
     for level in np.flatnonzero(volume.slice_densities):
-        height = float(level) * volume.voxel_m - focal_height_m
-        if height + volume.voxel_m <= 0.0:
+        bottom = float(level) * thickness - focal_height_m
+        if bottom + thickness <= 0.0:
             continue
+        heights = [max(bottom, 0.0), bottom + thickness]
+        if volume.slice_m is not None:
+            heights = [0.5 * sum(heights)]
         hidden = volume.occupied[level]
-        plane = _plane(
-            rng, max(height, 0.0), volume.voxel_m, origin, hidden, crowns, size_m, canopy
-        )
-        planes += [plane, plane._replace(height_m=height + volume.voxel_m)]
+        plane = _plane(rng, heights[0], volume.voxel_m, origin, hidden, crowns, size_m, canopy)
+        planes += [plane._replace(height_m=height) for height in heights]
     return planes
 
 
