@@ -78,9 +78,20 @@ def test_a_camera_too_slow_for_short_stops_is_a_warning():
 
 def test_a_flight_longer_than_the_battery_is_a_warning():
     values = {"altitude": 40, "drone": "dji-m3t", "samples": 900, "baseline": 3}
-    assert "battery" in {warning.code for warning in plan(PlanRequest(**values)).warnings}
-    split = plan(PlanRequest(**values, flight_time=30))
+    whole = plan(PlanRequest(**values, flight_time=60))
+    assert "battery" in {warning.code for warning in whole.warnings}
+    assert len(whole.route.flights) == 1
+    # Unless given, two thirds of the 45 minutes in still air are planned with.
+    split = plan(PlanRequest(**values))
+    assert split.request.flight_time == 30.0
+    assert (
+        max(flight.time_s for flight in split.route.flights)
+        <= 1800.0
+        < whole.route.flights[0].time_s
+    )
     assert "battery" not in {warning.code for warning in split.warnings}
+    # The files of later flights count on.
+    assert [m.first_index for m in split.missions()] == [f.first for f in split.route.flights]
 
 
 def test_drones_as_json(capsys):

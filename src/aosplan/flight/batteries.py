@@ -55,9 +55,13 @@ class Home(NamedTuple):
         ways = track.up_m if self.ways_up_m is None else self.ways_up_m
         return max(ways) if back and self.ways_up_m is not None else ways[place]
 
+    def level_m(self, track: Track, place: int) -> float:
+        """Level distance of a waypoint."""
+        return math.hypot(track.east_m[place] - self.east_m, track.north_m[place] - self.north_m)
+
     def way_m(self, track: Track, place: int, *, back: bool = False) -> float:
         """Length of the way between the take-off and a waypoint: up, level, and up or down."""
-        level = math.hypot(track.east_m[place] - self.east_m, track.north_m[place] - self.north_m)
+        level = self.level_m(track, place)
         up = self.way_up_m(track, place, back=back)
         return level + abs(up - self.up_m) + abs(up - track.up_m[place])
 
@@ -86,6 +90,27 @@ def _parts(track: Track, timing: Timing) -> Iterator[_Part]:
     for start, stop in pairwise(track.stops(timing)):
         if any(track.photo[start : stop + 1]):
             yield _Part(start, stop)
+
+
+def _shorter(track: Track, timing: Timing, home: Home, part: _Part, longest_s: float) -> str:
+    """What makes a flight to one part shorter, with numbers."""
+    there = home.way_s(track, part.first, timing)
+    ways = there + home.way_s(track, part.last, timing, back=True)
+    level = max(home.level_m(track, part.first), home.level_m(track, part.last))
+    hint = (
+        f"the ways there and back, up to {level:.0f} m at {timing.transit.speed_mps:.3g} m/s and with "
+        f"climb and descent, take {ways / 60.0:.3g} min of it: take off nearer, or give a faster "
+        "--transit-speed or a longer --flight-time"
+    )
+    if not timing.fly_through:
+        return hint
+    length = track.lengths_m[part.last] - track.lengths_m[part.first]
+    left_m = (longest_s - ways) * timing.speed_mps - timing.speed_mps**2 / timing.acceleration_mps2
+    shorter = f", lines of at most {left_m:.0f} m" if left_m > 0.0 else ""
+    return (
+        f"{hint}; the line of {length:.0f} m at {timing.speed_mps:.3g} m/s takes the rest: a faster "
+        f"--speed{shorter} (a narrower --area, another --heading), or --trigger stop"
+    )
 
 
 def flights_of(
@@ -134,8 +159,7 @@ def flights_of(
             f"to fly to one {what}, at waypoint {parts[worst].first}, and back takes "
             f"{(landed[worst] - begun[worst]) / 60.0:.4g} min, more than --flight-time "
             f"{longest_s / 60.0:.4g}",
-            "take off nearer, fly faster, or use a battery that lasts longer"
-            + (", or --trigger stop" if timing.fly_through else ""),
+            _shorter(track, timing, home, parts[worst], longest_s),
         )
     firsts = [0]
     for place in range(1, len(parts)):

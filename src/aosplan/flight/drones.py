@@ -531,3 +531,14 @@ DRONES: dict[str, DronePreset] = {
         autopilot="px4",
     ),
 }
+
+
+TRUSTED_SHARE = 2.0 / 3.0
+"""Share of the maker's longest flight in still air that is planned with: the rest is for wind, cold,
+an older battery, and the landing."""
+
+
+def trusted_min(drone: DronePreset) -> float | None:
+    """Minutes that a battery is planned with unless given; None if the maker says nothing."""
+    endurance = drone.endurance_min
+    return None if endurance is None else round(TRUSTED_SHARE * endurance, 1)

@@ -129,7 +129,8 @@ class Mission(NamedTuple):
     """What a format writes: waypoints in flight order, a summary of the plan, and the flight settings.
 
     `flight` counts from 1, of `flights` into which a plan is split; `part` from 1, of `parts`
-    into which a flight is split where a file cannot hold all of it.
+    into which a flight is split where a file cannot hold all of it.  `first_index` is the number of
+    its first waypoint in the whole plan, which counts from 0.
     """
 
     waypoints: Waypoints
@@ -139,6 +140,7 @@ class Mission(NamedTuple):
     flights: int = 1
     part: int = 1
     parts: int = 1
+    first_index: int = 0
 
     @property
     def title(self) -> str:
@@ -287,6 +289,7 @@ def split(whole: Mission, shares: Sequence[Share]) -> tuple[Mission, ...]:
             ),
             flight=number,
             flights=len(shares),
+            first_index=share.first,
         )
         for number, share in enumerate(shares, 1)
     )

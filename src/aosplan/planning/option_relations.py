@@ -121,6 +121,7 @@ BROUGHT_BY_DRONE = (
     "autopilot",
     "camera_control",
     "payload",
+    "flight_time",
 )
 """What a drone brings along, beside its camera."""
 

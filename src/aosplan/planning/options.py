@@ -458,7 +458,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _positive,
             "number",
             "MIN",
-            "Minutes that a battery lasts: longer missions are split into flights.",
+            "Minutes of a battery: longer missions are split.  [2/3 of the drone's in still air]",
         ),
         (
             "resume_at",

@@ -31,6 +31,8 @@ from aosplan.planning.options import BY_NAME, OPTIONS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from aosplan.flight.drones import DronePreset
+
 
 @dataclass(frozen=True)
 class PlanRequest:
@@ -259,6 +261,7 @@ class PlanRequest:
             "acceleration": drone.acceleration_mps2 if drone else 2.0,
             "climb": drone.climb_mps if drone else 3.0,
             "camera": None if own_camera else carried or (drone.camera if drone else None),
+            "flight_time": _trusted_min(drone) if drone else None,
             "photo_interval": drone.photo_interval_s if drone else None,
             "airspeed": drone.airspeed_mps if drone else 15.0 if self.wind_speed else None,
             "max_blur": BLUR_PX if self.trigger == "distance" else None,
@@ -310,6 +313,13 @@ class PlanRequest:
             object.__setattr__(self, "buffer", 5.0 if self.buffer is None else self.buffer)
         if self.line_length is not None and self.grid != "line":
             raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
+
+
+def _trusted_min(drone: DronePreset) -> float | None:
+    """Minutes of a drone's battery that are planned with."""
+    from aosplan.flight.drones import trusted_min  # loaded only if a drone is named
+
+    return trusted_min(drone)
 
 
 def request_from(

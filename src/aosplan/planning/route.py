@@ -41,7 +41,8 @@ class Route(NamedTuple):
     `length_m` and `time_s` count from the first photo to the last, whatever lies between;
     `closer_by_m` and `farther_by_m` say how much nearer to the ground, and farther from it, the ways between
     waypoints come than their ends, and `highest_way_m` how far above the ground the ways from the
-    take-off and back lead.  Heights of the ground count from `datum`.  The take-off is None where nothing depends on it.
+    take-off and back lead.  Heights of the ground count from `datum`.  `wind_delay_s` is how much
+    longer the wind makes `time_s`; None without wind.  The take-off is None where nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -56,6 +57,7 @@ class Route(NamedTuple):
     farther_by_m: float = 0.0
     highest_way_m: float | None = None
     datum: str | None = None
+    wind_delay_s: float | None = None
 
     @property
     def total_time_s(self) -> float:
@@ -260,11 +262,17 @@ def build_route(
         if known is None and origin is not None and (terrain or len(flights) > 1):
             (latitude,), (longitude,) = to_wgs84(origin, [takeoff.east_m], [takeoff.north_m])
             known = latitude, longitude
+    length_m, time_s = _first_photo_to_last(track, timing)
+    delay_s = None
+    if flight.wind is not None:
+        calm, _ = flown(flight._replace(wind=None), heading_deg, baseline_m)
+        delay_s = time_s - _first_photo_to_last(track, calm)[1]
     return Route(
         placed(_waypoints(ground, altitude_m, flights, known=terrain is not None), origin),
         timing,
         _counted(flights),
-        *_first_photo_to_last(track, timing),
+        length_m,
+        time_s,
         limits=(limit,) if limit else (),
         takeoff=known,
         takeoff_ground_m=takeoff.up_m if terrain else None,
@@ -272,6 +280,7 @@ def build_route(
         farther_by_m=ground.farther_by_m,
         highest_way_m=_highest_way_m(flights, takeoff, lowest) if terrain else None,
         datum=terrain.datum if terrain else None,
+        wind_delay_s=delay_s,
     )
 
 

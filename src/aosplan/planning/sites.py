@@ -167,12 +167,13 @@ def _continuous_for(solved: SolvedPlan) -> Continuous | None:
     if solved.problem is None or not inputs.is_line:
         return None
     from aosplan.models.rolling import continuous_of
+    from aosplan.planning.route import flown
 
     return continuous_of(
         solved.problem.model,
         solution.pattern.samples,
         solution.baseline_m,
-        speed_mps=inputs.flight.speed_mps,
+        speed_mps=flown(inputs.flight, inputs.heading_deg, solution.baseline_m)[0].speed_mps,
         shortest_interval_s=inputs.flight.photo_interval_s,
         photos=None if inputs.line_length_m is None else flown_pattern(inputs, solution).samples,
     )

@@ -25,7 +25,7 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
     """
     ways = mission.waypoints
     known: dict[str, tuple[str, Sequence[Any] | None]] = {
-        "index": ("%d", range(len(ways))),
+        "index": ("%d", range(mission.first_index, mission.first_index + len(ways))),
         "east_m": ("%.4f", ways.east_m),
         "north_m": ("%.4f", ways.north_m),
         "altitude_m": ("%.4f", ways.altitude_m),

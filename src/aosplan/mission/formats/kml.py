@@ -21,7 +21,7 @@ _STEP = f"{_PLACE}\n"
 
 
 def render(mission: Mission) -> bytes:
-    """Placemarks are numbered from 1; a path across the antimeridian is cut there."""
+    """Placemarks have the numbers of the plan, from 0; a path across the antimeridian is cut there."""
     ways = mission.waypoints
     assert ways.latitude is not None  # the format needs a place
     assert ways.longitude is not None
@@ -32,7 +32,10 @@ def render(mission: Mission) -> bytes:
         f"<Placemark><name>%d</name>{kind}<Point>{_MODE}{_PLACE}</coordinates></Point>"
         "</Placemark>\n"
     )
-    sites = (template, [range(1, len(ways) + 1), *kinds, *place])
+    sites = (
+        template,
+        [range(mission.first_index, mission.first_index + len(ways)), *kinds, *place],
+    )
     pieces = path_parts(*place)
     whole = [(_STEP, place)] if len(pieces) == 1 else []
     lines = [rows(_STEP, *piece) for piece in pieces if not whole]

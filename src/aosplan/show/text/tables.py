@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
+from aosplan.show.text.flight_rows import flight_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
 from aosplan.show.text.opacity_rows import opacity_rows
 from aosplan.show.text.terminal import (
@@ -213,7 +214,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         )
     if plan.layout.survey is not None:
         yield from _area_rows(plan.layout.survey)
-    yield from _flight_rows(plan)
+    yield from flight_rows(plan)
     if plan.layout.continuous is not None:
         for integral in plan.layout.continuous.by_samples:
             yield (
@@ -235,45 +236,6 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
         f", {survey.length_m / survey.shortest_m:.3g} of a lower bound" if survey.shortest_m else ""
     )
     yield "", f"lines {survey.axis} the heading{over}"
-
-
-def _flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    route, flight = plan.route, plan.inputs.flight
-    yield "Flight", f"{route.length_m:,.0f} m, {_minutes(route.time_s)} (first photo to last)"
-    if flight.trigger == "distance":
-        yield (
-            "",
-            f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
-            f"run-in {route.timing.run_in_m:.3g} m",
-        )
-    if flight.autopilot is not None:
-        triggered = {
-            "outputs": ", which triggers the camera by its own outputs (--camera-control)",
-            "mavlink": ", which triggers the camera by MAVLink (--camera-control)",
-        }
-        yield "Autopilot", flight.autopilot + triggered.get(flight.camera_control or "", "")
-    known = (flight.drone, flight.takeoff, flight.flight_time_min, flight.resume_at)
-    if any(value is not None for value in known) or len(route.flights) > 1:
-        count = len(route.flights)
-        each = f"{count} flights, the longest" if count > 1 else "1 flight,"
-        longest = max(flight.time_s for flight in route.flights)
-        yield "", f"{each} {_minutes(longest)} with take-off and return"
-    if route.datum is not None:
-        low = plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m
-        ground = plan.waypoints.ground_m
-        assert ground is not None  # the terrain gave it
-        yield (
-            "Terrain",
-            f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "
-            f"never below {low:.1f} m above ground",
-        )
-
-
-def _minutes(seconds: float) -> str:
-    whole = round(seconds)
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600:,} h {whole // 60 % 60} min"
 
 
 def _scene_text(scene: Scene, *, custom_base: bool) -> str:

@@ -1,0 +1,63 @@
+"""Rows of a plan's table about its flight: speed, wind, autopilot, battery and terrain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from aosplan.planning.result import Plan
+
+
+def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
+    """Rows of what is flown, a heading and a text each."""
+    route, flight = plan.route, plan.inputs.flight
+    yield "Flight", f"{route.length_m:,.0f} m, {minutes(route.time_s)} (first photo to last)"
+    if flight.trigger == "distance":
+        yield (
+            "",
+            f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
+            f"run-in {route.timing.run_in_m:.3g} m",
+        )
+    if flight.wind is not None and route.wind_delay_s is not None:
+        said = f"{flight.wind.speed_mps:g} m/s from {flight.wind.from_deg:g}°: "
+        yield (
+            "Wind",
+            said + f"{route.wind_delay_s:.0f} s longer from first photo to last"
+            if route.wind_delay_s >= 0.5
+            else said + "no longer: the drone reaches the same speeds over ground",
+        )
+    if flight.autopilot is not None:
+        triggered = {
+            "outputs": ", which triggers the camera by its own outputs (--camera-control)",
+            "mavlink": ", which triggers the camera by MAVLink (--camera-control)",
+        }
+        yield "Autopilot", flight.autopilot + triggered.get(flight.camera_control or "", "")
+    known = (flight.drone, flight.takeoff, flight.flight_time_min, flight.resume_at)
+    if any(value is not None for value in known) or len(route.flights) > 1:
+        count = len(route.flights)
+        each = f"{count} flights, the longest" if count > 1 else "1 flight,"
+        longest = max(flight.time_s for flight in route.flights)
+        yield "", f"{each} {minutes(longest)} with take-off and return"
+    if flight.flight_time_min is not None:
+        endurance = flight.drone.endurance_min if flight.drone is not None else None
+        of = "" if endurance is None else f" of {endurance:g} min in still air"
+        yield "Battery", f"planned with {flight.flight_time_min:g} min{of} (--flight-time)"
+    if route.datum is not None:
+        low = plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m
+        ground = plan.waypoints.ground_m
+        assert ground is not None  # the terrain gave it
+        yield (
+            "Terrain",
+            f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "
+            f"never below {low:.1f} m above ground",
+        )
+
+
+def minutes(seconds: float) -> str:
+    """A duration in minutes and seconds, or in hours and minutes."""
+    whole = round(seconds)
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600:,} h {whole // 60 % 60} min"
