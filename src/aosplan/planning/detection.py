@@ -248,14 +248,14 @@ def sentence(detection: Detection, request: PlanRequest) -> str:
     alarms = detection.false_alarms
     rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
     return (
-        f"of 100 {who} lying there, about {_count(detection.probability)} would be found at {rate} "
+        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} would be found at {rate} "
         f"a hectare; {_count(detection.unseen)} are nearly unseen"
     )
 
 
-def _count(share: float) -> str:
+def _count(share: float, about: str = "") -> str:
     """A share of a hundred, without claiming none or all where it is only nearly so."""
     hundred = 100.0 * share
     if 0.0 < hundred < 0.5:
         return "fewer than 1" if hundred >= 0.05 else "0"
-    return "more than 99" if 99.5 <= hundred < 99.95 else f"{hundred:.0f}"
+    return "more than 99" if 99.5 <= hundred < 99.95 else f"{about}{hundred:.0f}"

@@ -27,11 +27,16 @@ def print_search(found: SearchComparison) -> None:
         SHARES, found.seen_predicted, found.seen, found.seen_errors, strict=True
     ):
         table.add_row(one_line(f"at least {share:.0%} seen"), *_percents(*numbers))
+    what = (
+        f"the cloud with {found.forests} draws of radiances"
+        if found.forest == "cloud"
+        else f"{found.forests} {found.forest} forests"
+    )
     verdict = "They agree" if found.agree else "They disagree"
     show(
         Text(""),
         one_line(
-            f"Search of {found.forests} {found.forest} forests, {found.targets} targets on "
+            f"Search of {what}, {found.targets} targets on "
             f"{found.hectares:.2f} ha, seed {found.seed}, at the predicted threshold"
         ),
         Text(""),

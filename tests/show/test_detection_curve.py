@@ -1,0 +1,38 @@
+"""The page's section on detection: there with a target, and with the numbers of the plan."""
+
+import re
+
+import pytest
+
+from aosplan import PlanRequest, plan
+from aosplan.show.page.charts import BOTTOM, LEFT, RIGHT, TOP
+from aosplan.show.page.detection_curve import detection_curve
+
+pytest.importorskip("jinja2")
+
+SCENE = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 3.0, "altitude": 40.0}
+OWN = {"find": "person", "contrast": -3.0, "canopy_offset": 0.0, "crown_share": 0.0}
+
+
+def test_the_curve_rises_to_the_right_and_the_plan_lies_on_it():
+    planned = plan(PlanRequest(**SCENE, **OWN, samples=16, baseline=2.0))
+    curve = detection_curve(planned)
+    points = [tuple(map(float, point.split(","))) for point in curve.points.split()]
+    assert points == sorted(points)
+    assert [y for _, y in points] == sorted((y for _, y in points), reverse=True)
+    assert all(LEFT <= x <= RIGHT and TOP <= y <= BOTTOM for x, y in points)
+    # A colder target lies at the amount of its contrast.
+    chosen = tuple(round(place, 2) for place in curve.chosen)
+    assert chosen in points
+
+
+def test_a_page_asks_whether_it_will_be_found_only_of_what_is_looked_for():
+    from aosplan.show.page.page import report_page
+
+    with_target = report_page(
+        plan(PlanRequest(**SCENE, **OWN, samples=9, baseline=2.0)), seed=None
+    ).decode()
+    assert "Will it be found?" in with_target
+    assert re.search(r"Of 100 people lying there", with_target)
+    without = report_page(plan(PlanRequest(**SCENE, samples=9, baseline=2.0)), seed=None).decode()
+    assert "Will it be found?" not in without
