@@ -1,22 +1,39 @@
-"""Photos of a flight that never was, with the positions that a drone's GNSS would write:
+"""Photos of a flight that never was, with the tags that a DJI drone writes:
 
     python examples/tutorial/fly.py plan.json photos --miss 4
+    python examples/tutorial/fly.py plan.json photos --stand stand.laz --yaw-bias 3 --height-error 2
 
-One small grey JPEG a waypoint of the plan, half a metre off its site (standard deviation along
-either axis), the last few sites missing as after an empty battery.  Needs the extra pictures.
+One JPEG a waypoint of the plan, recorded half a metre off its site (standard deviation along either
+axis), the last few sites missing as after an empty battery.  The photos are grey, or, with a stand,
+what a camera sees of a chart below it; the compass and the barometer may be off.  Needs the extra
+pictures, and lidar for a stand.
 """
 
 import argparse
 import json
 import math
 import random
+import sys
 from fractions import Fraction
 from pathlib import Path
 
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
+sys.path.insert(0, str(Path(__file__).parent))
+
 METRES_A_DEGREE = 111_320.0
+
+XMP = """<x:xmpmeta xmlns:x="adobe:ns:meta/">
+ <rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+  <rdf:Description rdf:about="DJI Meta Data" xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/"
+   drone-dji:GpsLatitude="{latitude:+.9f}" drone-dji:GpsLongitude="{longitude:+.9f}"
+   drone-dji:AbsoluteAltitude="{absolute:+.3f}" drone-dji:RelativeAltitude="{relative:+.3f}"
+   drone-dji:GimbalRollDegree="+0.00" drone-dji:GimbalYawDegree="{yaw:+.2f}"
+   drone-dji:GimbalPitchDegree="-90.00" drone-dji:FlightYawDegree="{yaw:+.2f}"
+   {camera}drone-dji:RtkFlag="16"/>
+ </rdf:RDF>
+</x:xmpmeta>"""
 
 
 def sexagesimal(degrees):
@@ -26,23 +43,44 @@ def sexagesimal(degrees):
     return tuple(IFDRational(part.numerator, part.denominator) for part in map(Fraction, parts))
 
 
-def fly(plan, folder, *, miss=0, off_m=0.5, seed=1):
+def save(image, path, exif, xmp):
+    """Write a JPEG with both, the XMP as its own segment after the EXIF."""
+    image.save(path, exif=exif, quality=95)
+    segment = b"http://ns.adobe.com/xap/1.0/\0" + xmp.encode()
+    content = path.read_bytes()
+    end = 4 + int.from_bytes(content[4:6], "big")  # of the first segment, which is the EXIF
+    marker = b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big")
+    path.write_bytes(content[:end] + marker + segment + content[end:])
+
+
+def fly(plan, folder, *, miss=0, off_m=0.5, seed=1, stand=None, yaw_bias=0.0, height_error=0.0):
     """Write the photos of a plan's document; how many there are."""
     noise = random.Random(seed)
     folder.mkdir(exist_ok=True)
     waypoints = plan["waypoints"][: len(plan["waypoints"]) - miss]
-    for place in waypoints:
+    altitude = plan["altitude_m"]
+    camera, pictures = "", (Image.new("L", (64, 51), 128) for _ in waypoints)
+    if stand is not None:
+        from record import PIXEL_M, photos_of
+
+        camera = f'drone-dji:CalibratedFocalLength="{altitude / PIXEL_M:.3f}" '
+        pictures = (Image.fromarray(pixels) for _, pixels in photos_of(plan, stand))
+    for place, picture in zip(waypoints, pictures, strict=False):
         latitude = place["latitude"] + noise.gauss(0.0, off_m) / METRES_A_DEGREE
         east = noise.gauss(0.0, off_m) / METRES_A_DEGREE
         longitude = place["longitude"] + east / math.cos(math.radians(latitude))
         exif = Image.Exif()
+        exif[0x010F], exif[0x0110] = "DJI", "M3T"
         exif[0x8825] = {
             1: "N" if latitude >= 0 else "S",
             2: sexagesimal(latitude),
             3: "E" if longitude >= 0 else "W",
             4: sexagesimal(longitude),
         }
-        Image.new("L", (64, 51), 128).save(folder / f"DJI_{place['index']:04d}.jpg", exif=exif)
+        relative = altitude + height_error
+        xmp = XMP.format(latitude=latitude, longitude=longitude, absolute=relative + 470.0,
+                         relative=relative, yaw=yaw_bias, camera=camera)  # fmt: skip
+        save(picture, folder / f"DJI_{place['index']:04d}.jpg", exif, xmp)
     return len(waypoints)
 
 
@@ -51,6 +89,12 @@ if __name__ == "__main__":
     parser.add_argument("plan", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--miss", type=int, default=0, help="sites at the end without a photo")
+    parser.add_argument("--stand", type=Path, help="point cloud that the photos look through")
+    parser.add_argument("--off", type=float, default=0.5, help="error of a position [m]")
+    parser.add_argument("--yaw-bias", type=float, default=0.0, help="error of the compass [deg]")
+    parser.add_argument("--height-error", type=float, default=0.0, help="error of heights [m]")
     given = parser.parse_args()
-    count = fly(json.loads(given.plan.read_text("utf-8")), given.folder, miss=given.miss)
+    count = fly(json.loads(given.plan.read_text("utf-8")), given.folder, miss=given.miss,
+                off_m=given.off, stand=given.stand, yaw_bias=given.yaw_bias,
+                height_error=given.height_error)  # fmt: skip
     print(f"Wrote {given.folder}: {count} photos")

@@ -18,14 +18,14 @@ from aosplan.scenes.occlusion import Occlusion, Window
 from aosplan.simulation.pictures import LEAVES, resolution_chart
 
 GROUND_PX, PHOTO_PX, CHART_PX = 320, 220, 96
-PIXELS_A_VOXEL = 2
+PIXELS_A_VOXEL, PIXEL_M = 2, 0.125
 NADIR = np.diag([1.0, -1.0, -1.0])
 
 
-def record(plan, stand, folder):
-    """Write photos and poses; how many."""
+def photos_of(plan, stand):
+    """A plan's photos through a stand: where each was taken [m], and its pixels; north is up."""
     volume = read_voxels(str(stand))
-    pixel_m = volume.voxel_m / PIXELS_A_VOXEL
+    assert volume.voxel_m == PIXELS_A_VOXEL * PIXEL_M
     first = (volume.occupied.shape[1] * PIXELS_A_VOXEL - GROUND_PX) // 2
     seen = Occlusion(
         volume,
@@ -40,23 +40,28 @@ def record(plan, stand, folder):
     ground[margin : margin + CHART_PX, margin : margin + CHART_PX] = chart[::-1]  # rows run north
     # Sites on whole pixels: a photo straight down is then a part of the ground.
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
-    steps = np.rint(sites / pixel_m).astype(int)
+    steps = np.rint(sites / PIXEL_M).astype(int)
     if 2 * abs(steps).max() > GROUND_PX - PHOTO_PX:
         sys.exit("error: sites too far out: photos would reach beyond the stand")
-    views = []
-    (folder / "images").mkdir(parents=True, exist_ok=True)
-    for index, (hidden, step) in enumerate(
-        zip(seen.unpack(seen.masks(steps * pixel_m)), steps, strict=True)
-    ):
+    masks = seen.unpack(seen.masks(steps * PIXEL_M))
+    for hidden, step in zip(masks, steps, strict=True):
         shown = np.where(hidden[..., None], LEAVES, ground[..., None])
         column, row = (GROUND_PX - PHOTO_PX) // 2 + step
         photo = shown[row : row + PHOTO_PX, column : column + PHOTO_PX][::-1]
+        yield step * PIXEL_M, np.rint(255 * photo).astype(np.uint8)
+
+
+def record(plan, stand, folder):
+    """Write photos and poses; how many."""
+    views = []
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    for index, (site, photo) in enumerate(photos_of(plan, stand)):
         name = f"{index:03d}.png"
-        Image.fromarray(np.rint(255 * photo).astype(np.uint8)).save(folder / "images" / name)
-        position = np.array([*(step * pixel_m), plan["altitude_m"]])
+        Image.fromarray(photo).save(folder / "images" / name)
+        position = np.array([*site, plan["altitude_m"]])
         matrix = np.column_stack([NADIR, -NADIR @ position])
         views.append({"imagefile": name, "M3x4": matrix.tolist()})
-    focal = plan["altitude_m"] / pixel_m
+    focal = plan["altitude_m"] / PIXEL_M
     middle = PHOTO_PX / 2
     camera = {"width": PHOTO_PX, "height": PHOTO_PX, "fx": focal, "fy": focal,
               "cx": middle, "cy": middle}  # fmt: skip

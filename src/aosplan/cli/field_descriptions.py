@@ -283,6 +283,7 @@ FIELD_DESCRIPTIONS = {
     "recorded_views": "Photos of the recording.",
     "up": "Axis of the world that points upwards.",
     "focal_height_m": "Height of the focal plane.",
+    "crs": "Coordinate system of the map that the world is part of, for PROJ.",
     "nearest_m": "Distance of the nearest two views.",
     "IntegralDocument.aperture_m": "Extent of the positions along x and y.",
     "IntegralDocument.extent_m": "Least x and y, largest x and y.",

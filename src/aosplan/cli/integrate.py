@@ -29,8 +29,8 @@ ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
 def run(
     *,
-    poses: str,
-    images: str,
+    photos: str,
+    images: str | None,
     out: tuple[str, ...],
     focal_height: str | None,
     up: str | None,
@@ -38,6 +38,10 @@ def run(
     extent: str | None,
     camera: str | None,
     fov: str | None,
+    band: str | None,
+    plan: str | None,
+    altitude: str | None,
+    heading: str | None,
     views: str | None,
     pitch: str | None,
     aperture: str | None,
@@ -50,6 +54,7 @@ def run(
 ) -> None:
     """Average recorded images on a focal plane, and compare choices of them."""
     from aosplan.files import check_output, write_all
+    from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
     from aosplan.postflight.integral.recording import Recording, least_views
     from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
 
@@ -66,11 +71,17 @@ def run(
         )
     corners = _extent(extent)
     recording = Recording(
-        poses,
+        photos,
         images,
         focal_height_m=0.0 if focal_height is None else _place(focal_height, "--focal-height"),
         up=up,
         camera=_camera(camera, fov),
+        photos=PhotoOptions(
+            check_band(band),
+            plan,
+            None if altitude is None else positive(altitude, "--altitude", "m"),
+            None if heading is None else number(heading, "--heading", "deg"),
+        ),
     )
     raster = recording.raster(corners, None if gsd is None else positive(gsd, "--gsd", "m"))
     indices = recording.choose(choice)
@@ -94,7 +105,7 @@ def run(
             )
             comparison = {"choice": compare, "views": len(other), **found._asdict()}
     limits = _limits(integral, least, stretch=stretch)
-    write_all({path: _bytes(path, integral, least, limits) for path in out}, force=force)
+    write_all({path: _bytes(path, recording, integral, least, limits) for path in out}, force=force)
     document = {
         "schema": SCHEMA,
         "version": __version__,
@@ -117,7 +128,7 @@ def _check_endings(out: tuple[str, ...]) -> None:
         if not path.lower().endswith(ENDINGS):
             raise RequestError(
                 f"--out '{path}' does not end in {', '.join(ENDINGS)}",
-                ".png to look at, .tif with the values of grey images, .npz with everything",
+                ".png to look at, .tif with the values, .npz with everything",
             )
 
 
@@ -169,7 +180,15 @@ def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, fl
     return float(low), float(high)
 
 
-def _bytes(path: str, integral: Integral, least: int, limits: tuple[float, float]) -> bytes:
+def _bytes(
+    path: str,
+    recording: Recording,
+    integral: Integral,
+    least: int,
+    limits: tuple[float, float],
+) -> bytes:
+    import numpy as np
+
     from aosplan.postflight.integral.images import png_bytes, tiff_bytes
 
     seen = integral.seen(least)
@@ -178,8 +197,6 @@ def _bytes(path: str, integral: Integral, least: int, limits: tuple[float, float
         return png_bytes(integral.values, seen, limits)
     if suffix == "npz":
         import io
-
-        import numpy as np
 
         buffer = io.BytesIO()
         raster = integral.raster
@@ -191,12 +208,12 @@ def _bytes(path: str, integral: Integral, least: int, limits: tuple[float, float
             gsd_m=np.array(raster.gsd_m),
         )
         return buffer.getvalue()
-    if integral.values.shape[2] != 1:
-        raise RequestError(
-            f"--out '{path}': a TIFF holds the values of grey images alone",
-            "write a .png to look at, or an .npz with the values",
-        )
-    return tiff_bytes(integral.values, seen)
+    if recording.georeference is None and integral.values.shape[2] == 1:
+        return tiff_bytes(integral.values, seen)
+    from aosplan.postflight.integral.geotiff import geotiff_bytes
+
+    shown = np.where(seen[..., None], integral.values, np.nan)
+    return geotiff_bytes(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
 
 
 def _described(
@@ -208,6 +225,8 @@ def _described(
         "recorded_views": len(recording.views),
         "up": recording.plane.up,
         "focal_height_m": recording.plane.height_m,
+        "origin": None if recording.origin is None else list(recording.origin),
+        "crs": None if recording.georeference is None else recording.georeference.crs,
         "altitude_m": float(recording.heights_m[indices].mean()),
         "aperture_m": list(recording.extent_m(indices)),
         "nearest_m": recording.nearest_m(indices),
@@ -224,7 +243,7 @@ def _described(
 
 
 def _warnings(recording: Recording, integral: Integral, least: int) -> list[dict[str, str]]:
-    found = []
+    found = [(message.code, message.message) for message in recording.messages]
     if recording.missing:
         count = len(recording.missing)
         found.append(
@@ -302,13 +321,14 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None]]:
 
 
 def _options() -> list[Any]:
-    plane, choice = "Focal plane", "Choice of views"
+    lens, plane, choice = "Photos", "Focal plane", "Choice of views"
     return [
         file_argument(
-            "poses",
-            "Poses: JSON with 3 x 4 matrices as the AOS project has it, or a COLMAP text folder.",
+            "photos",
+            "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x 4 matrices as the "
+            "AOS project has it, a COLMAP folder, or OpenDroneMap's shots.geojson.",
         ),
-        file_argument("images", "Folder of the images."),
+        file_argument("images", "Folder of the images, beside poses.", required=False),
         text_option(
             "--focal-height", "M", "Height of the plane along the world's upward axis [0].", plane
         ),
@@ -321,8 +341,24 @@ def _options() -> list[Any]:
             "middle view sees [centre].",
             plane,
         ),
-        text_option("--camera", "NAME", "Camera, where the poses have none: name or file.", plane),
-        text_option("--fov", "DEG", "Horizontal field of view, instead.", plane),
+        text_option(
+            "--camera",
+            "NAME",
+            "Camera, if the poses have none or instead of the photos': name or file.",
+            lens,
+        ),
+        text_option("--fov", "DEG", "Horizontal field of view, instead.", lens),
+        text_option("--band", "NAME", "Of several cameras: thermal, visible, wide or zoom.", lens),
+        text_option(
+            "--plan",
+            "FILE",
+            "Plan with what the photos lack: camera, altitude, heading  [plan.json among the photos].",
+            lens,
+        ),
+        text_option(
+            "--altitude", "M", "Mean height above the ground, if the photos give none.", lens
+        ),
+        text_option("--heading", "DEG", "Where the top of photos points that give no yaw.", lens),
         text_option(
             "--views", "LIST", "Numbers from 1, ranges, names: 1-9,12; or a file of them.", choice
         ),
@@ -347,7 +383,7 @@ def _options() -> list[Any]:
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write .png (8 bits), .tif (float32, grey) or .npz (with coverage).  Repeatable.",
+            help="Write .png (8 bits), .tif (float32, in its place) or .npz (with coverage).  Repeatable.",
             rich_help_panel="Output",
         ),
         flag_option("--stretch", "PNG from the 1st to the 99th percentile, for 8 bits too."),
@@ -362,6 +398,7 @@ COMMAND = command(
     run,
     summary="Average recorded images on a focal plane, and compare choices of them.",
     examples=(
+        "aosplan integrate photos --out integral.png\n"
         "aosplan integrate poses.json images --fov 50.8 --focal-height -36 \\\n"
         "    --out integral.png\n"
         "aosplan integrate poses.json images --fov 50.8 --pitch 2.8 --compare all \\\n"

@@ -35,8 +35,8 @@ PAIR_DEG = 2e-5
 """Photos of one shot are nearer to each other: 2 m."""
 
 _XMP = re.compile(
-    rb"(?:drone-dji|Camera):(GpsLatitude|GpsLongt?itude|RelativeAltitude)"
-    rb"(?:=\"|>)\s*([+-]?\d+(?:\.\d+)?)"
+    rb"(?:drone-dji|drone|drone-parrot|drone-skydio|Camera):"
+    rb"(GpsLatitude|GpsLongt?itude|RelativeAltitude)(?:=\"|>)\s*([+-]?\d+(?:\.\d+)?)"
 )
 
 
@@ -70,6 +70,21 @@ def read_photos(folder: str) -> Photos:
     MissingExtraError
         If Pillow is not installed.
     """
+    places, doubtful = photo_places(folder)
+    paired = _pairs(places)
+    return Photos(
+        {name: place for name, place in places.items() if name not in paired}, doubtful, paired
+    )
+
+
+def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
+    """Places of all photos in a folder by name, and why a photo with a position is not placed by it.
+
+    Raises
+    ------
+    RequestError, MissingExtraError
+        As `read_photos`.
+    """
     try:
         names = sorted(
             name
@@ -81,7 +96,7 @@ def read_photos(folder: str) -> Photos:
     except OSError as error:
         raise RequestError(f"folder '{folder}': {(error.strerror or str(error)).lower()}") from None
     places: dict[str, Place | None] = {}
-    doubtful = {}
+    doubtful: dict[str, str] = {}
     for name in names:
         try:
             places[name] = _place(os.path.join(folder, name))
@@ -96,10 +111,7 @@ def read_photos(folder: str) -> Photos:
             if not why
             else "write the metadata anew, as exiftool does",
         )
-    paired = _pairs(places)
-    return Photos(
-        {name: place for name, place in places.items() if name not in paired}, doubtful, paired
-    )
+    return places, doubtful
 
 
 class DoubtfulError(Exception):
@@ -175,7 +187,7 @@ def _exif_place(path: str) -> tuple[float, float] | None:
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
     try:
-        with decoding("photo", path), _of_any_size(Image), Image.open(path) as image:
+        with decoding("photo", path), of_any_size(Image), Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)
         latitude, longitude = degrees_of(tags, 1, "NS"), degrees_of(tags, 3, "EW")
     except (
@@ -192,7 +204,7 @@ def _exif_place(path: str) -> tuple[float, float] | None:
 
 
 @contextlib.contextmanager
-def _of_any_size(pillow: Any) -> Iterator[None]:
+def of_any_size(pillow: Any) -> Iterator[None]:
     """Let Pillow open images of any size: of these nothing is decoded but the metadata."""
     kept, pillow.MAX_IMAGE_PIXELS = pillow.MAX_IMAGE_PIXELS, None
     try:

@@ -161,6 +161,8 @@ class IntegralDocument(OpenDocument):
     recorded_views: int
     up: Literal["z", "-z", "y", "-y"]
     focal_height_m: Finite
+    origin: Pair | None
+    crs: str | None
     altitude_m: Finite
     aperture_m: Pair
     nearest_m: Finite | None

@@ -1,6 +1,8 @@
-"""Real recordings: images with known poses, averaged on a focal plane.
+"""Real recordings: images with known poses, averaged on a focal surface.
 
-- `aosplan.postflight.integral.poses_file`: where each image was taken, from the AOS project's JSON or COLMAP.
+- `aosplan.postflight.integral.photo_poses`: poses from the tags of a folder of photos.
+- `aosplan.postflight.integral.poses_file`: poses from the AOS project's JSON, or COLMAP's files.
+- `aosplan.postflight.integral.odm_shots`: poses from OpenDroneMap.
 - `aosplan.postflight.integral.focal_plane`: the focal plane, what a view sees of it, the homography between.
 - `aosplan.postflight.integral.view_subset`: all views, or some of them.
 - `aosplan.postflight.integral.images`: image files as arrays, and back.

@@ -43,22 +43,23 @@ class Intrinsics(NamedTuple):
     k2: float = 0.0
     p1: float = 0.0
     p2: float = 0.0
+    k3: float = 0.0
 
     @property
     def is_pinhole(self) -> bool:
         """Whether lines stay lines."""
-        return self.k1 == self.k2 == self.p1 == self.p2 == 0.0
+        return self.k1 == self.k2 == self.k3 == self.p1 == self.p2 == 0.0
 
     def distorted(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Directions as the lens shows them; nan beyond the fold of its polynomial.
 
-        COLMAP's RADIAL and OPENCV: with r² = x² + y²,
-        x' = x (1 + k1 r² + k2 r⁴) + 2 p1 x y + p2 (r² + 2 x²), and y' alike with p1 and p2 swapped.
+        COLMAP's RADIAL and OPENCV, and DJI's third term: with r² = x² + y²,
+        x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and y' alike with p1 and p2 swapped.
         """
         r2 = x * x + y * y
-        scale = 1.0 + r2 * (self.k1 + r2 * self.k2)
+        scale = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         # Past the fold, directions farther out would come back into the image.
         scale = np.where(r2 < self._fold(), scale, np.nan)
         return (
@@ -88,9 +89,21 @@ class Intrinsics(NamedTuple):
         close = np.abs(there - (x, y)).max() < 1e-9
         return (float(guess[0]), float(guess[1])) if close else (math.nan, math.nan)
 
+    def scaled(self, width_px: int, height_px: int) -> Intrinsics:
+        """The same camera for its photos scaled as a whole to another size."""
+        x, y = width_px / self.width_px, height_px / self.height_px
+        return self._replace(
+            width_px=width_px,
+            height_px=height_px,
+            fx_px=self.fx_px * x,
+            fy_px=self.fy_px * y,
+            cx_px=self.cx_px * x,
+            cy_px=self.cy_px * y,
+        )
+
     def _fold(self) -> float:
-        """Smallest r² at which r (1 + k1 r² + k2 r⁴) stops growing; inf where it never does."""
-        roots = np.roots([5.0 * self.k2, 3.0 * self.k1, 1.0])
+        """Smallest r² at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops growing; inf if it never does."""
+        roots = np.roots([7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0])
         real = [root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0.0]
         return min(real, default=math.inf)
 

@@ -1,7 +1,8 @@
-"""Poses of a COLMAP reconstruction, from its text files.
+"""Poses of a COLMAP reconstruction, from its text or binary files.
 
 ``cameras.txt`` has a camera a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has two
 lines an image: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and its points, which are skipped.
+``cameras.bin`` and ``images.bin`` hold the same, little-endian, each after a count of 8 bytes.
 The quaternion and T are world to camera; the first pixel's centre is (0.5, 0.5).  The world is in
 metres, and its z up, only where the reconstruction was aligned (``colmap model_aligner``).
 """
@@ -10,11 +11,13 @@ from __future__ import annotations
 
 import math
 import os
-from typing import TYPE_CHECKING
+import struct
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aosplan.errors import RequestError, SurroundingsError
+from aosplan.files import read_bytes
 from aosplan.postflight.integral.camera_pose import FARTHEST_M, Intrinsics, View, checked_intrinsics
 from aosplan.units import number, shown, whole
 
@@ -33,6 +36,13 @@ MODELS = {
 }
 """Camera models that are read, by name, with their parameters."""
 
+BY_NUMBER = [
+    # Models by their number in binary files, and how many parameters each has.
+    ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
+]  # fmt: skip
+
 UNDISTORT = "colmap image_undistorter makes PINHOLE images of any model"
 
 
@@ -42,22 +52,19 @@ def read_colmap(path: str) -> list[View]:
     Parameters
     ----------
     path
-        The folder with both text files, or one of them.
+        The folder with both files, text or binary, or one of them.
 
     Raises
     ------
     RequestError
-        Where a file is missing, is binary, or has a line that does not fit; the message says where.
+        If a file is missing, or has a line that does not fit; the message says where.
     """
     folder = path if os.path.isdir(path) else os.path.dirname(path) or "."
     text = os.path.join(folder, "images.txt")
-    if not os.path.exists(text) and (
-        path.lower().endswith(".bin") or os.path.exists(os.path.join(folder, "images.bin"))
-    ):
-        raise RequestError(
-            f"'{folder}' holds COLMAP's binary files",
-            "colmap model_converter --output_type TXT writes the text that is read here",
-        )
+    binary = os.path.join(folder, "images.bin")
+    if path.lower().endswith(".bin") or (not os.path.exists(text) and os.path.exists(binary)):
+        binary_cameras = _binary_cameras(os.path.join(folder, "cameras.bin"))
+        return sorted(_binary_views(binary, binary_cameras), key=lambda view: view.name)
     cameras = _cameras(os.path.join(folder, "cameras.txt"))
     return sorted(_views(text, cameras), key=lambda view: view.name)
 
@@ -95,15 +102,88 @@ def _cameras(path: str) -> dict[str, Intrinsics]:
         names = MODELS[model].split()
         if len(rest) != len(names):
             raise RequestError(f"{place}: {model} has {len(names)} parameters, not {len(rest)}")
-        values = {
-            name: number(value, f"{place}: {name}") for name, value in zip(names, rest, strict=True)
-        }
-        focal = values.pop("f", None)
-        ordered = [focal, focal] if focal is not None else [values.pop("fx"), values.pop("fy")]
-        ordered += values.values()
+        values = [
+            number(value, f"{place}: {name}") for name, value in zip(names, rest, strict=True)
+        ]
         sides = whole(width, f"{place}: width"), whole(height, f"{place}: height")
-        cameras[key] = checked_intrinsics(*sides, ordered, place)
+        cameras[key] = _intrinsics(model, *sides, values, place)
     return cameras
+
+
+def _intrinsics(model: str, width: int, height: int, values: list[float], place: str) -> Intrinsics:
+    """A camera from the parameters of its model, in their order."""
+    named = dict(zip(MODELS[model].split(), values, strict=True))
+    focal = named.pop("f", None)
+    ordered = [focal, focal] if focal is not None else [named.pop("fx"), named.pop("fy")]
+    return checked_intrinsics(width, height, [*ordered, *named.values()], place)
+
+
+class _Binary:
+    """Values of a binary file, one after another."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._content = read_bytes(path)
+        self._at = 0
+
+    def take(self, form: str) -> tuple[Any, ...]:
+        size = struct.calcsize("<" + form)
+        if self._at + size > len(self._content):
+            raise RequestError(f"'{self.path}' ends in the middle of a value (byte {self._at})")
+        values = struct.unpack_from("<" + form, self._content, self._at)
+        self._at += size
+        return values
+
+    def text(self) -> str:
+        end = self._content.find(b"\0", self._at)
+        if end < 0:
+            raise RequestError(f"'{self.path}' ends in the middle of a name (byte {self._at})")
+        name = self._content[self._at : end]
+        self._at = end + 1
+        try:
+            return name.decode()
+        except UnicodeDecodeError:
+            raise RequestError(f"'{self.path}': a name is not UTF-8 (byte {self._at})") from None
+
+    def skip(self, count: int) -> None:
+        if count > len(self._content) - self._at:
+            raise RequestError(f"'{self.path}' ends in the middle of its points (byte {self._at})")
+        self._at += count
+
+
+def _binary_cameras(path: str) -> dict[int, Intrinsics]:
+    file = _Binary(path)
+    cameras = {}
+    for index in range(file.take("Q")[0]):
+        key, number_of_model, width, height = file.take("iiQQ")
+        place = f"'{path}', camera {index + 1}"
+        if not 0 <= number_of_model < len(BY_NUMBER):
+            raise RequestError(f"{place}: model {number_of_model} is not known", UNDISTORT)
+        model, count = BY_NUMBER[number_of_model]
+        values = list(file.take(f"{count}d"))
+        if model not in MODELS:
+            raise RequestError(
+                f"{place}: camera model {model} is not one of {', '.join(MODELS)}", UNDISTORT
+            )
+        values = [number(value, f"{place}: parameter") for value in values]
+        sides = whole(width, f"{place}: width"), whole(height, f"{place}: height")
+        cameras[key] = _intrinsics(model, *sides, values, place)
+    return cameras
+
+
+def _binary_views(path: str, cameras: dict[int, Intrinsics]) -> Iterator[View]:
+    file = _Binary(path)
+    for index in range(file.take("Q")[0]):
+        _, *pose, camera = file.take("i7di")
+        name = file.text()
+        file.skip(24 * file.take("Q")[0])  # x, y and the point's number, 8 bytes each
+        place = f"'{path}', image {index + 1} ({shown(name)})"
+        values = [number(value, f"{place}: number") for value in pose]
+        if max(map(abs, values)) > FARTHEST_M:
+            raise RequestError(f"{place}: a number is larger than {FARTHEST_M:g}")
+        if camera not in cameras:
+            raise RequestError(f"{place}: camera {camera} is not in cameras.bin")
+        yield View(name, _rotation(values[:4], place), np.array(values[4:]), cameras[camera])
 
 
 def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:

@@ -30,18 +30,21 @@ MOST_PIXELS = 64_000_000
 
 
 class Plane(NamedTuple):
-    """A horizontal plane of the world.
+    """A plane of the world, horizontal or tilted.
 
     Parameters
     ----------
     up
         Name of the upward direction, of `UPS`.
     height_m
-        Height of the plane along it.
+        Height along it of the plane's origin, x = y = 0.
+    slope
+        How much the plane rises by each metre of its x and of its y.
     """
 
     up: str
     height_m: float
+    slope: tuple[float, float] = (0.0, 0.0)
 
     @property
     def frame(self) -> NDArray[np.float64]:
@@ -51,16 +54,23 @@ class Plane(NamedTuple):
         return np.stack([x, np.cross(up, x), up])
 
     def camera_m(self, view: View) -> NDArray[np.float64]:
-        """x and y of a camera, and its height above the plane [m]."""
-        place: NDArray[np.float64] = self.frame @ view.position - (0.0, 0.0, self.height_m)
-        return place
+        """x and y of a camera, and its height above the plane there [m]."""
+        x, y, up = self.frame @ view.position
+        return np.array([x, y, up - self.height_m - self.slope[0] * x - self.slope[1] * y])
 
     def to_camera(self, view: View) -> NDArray[np.float64]:
         """The 3 x 3 matrix that takes (x, y, 1) on the plane into the camera's frame."""
         frame = self.frame
         origin = frame.T @ (0.0, 0.0, self.height_m)
-        columns = [*(view.rotation @ frame[:2].T).T, view.rotation @ origin + view.translation]
+        along = frame[:2] + np.outer(self.slope, frame[2])
+        columns = [*(view.rotation @ along.T).T, view.rotation @ origin + view.translation]
         return np.stack(columns, axis=1)
+
+
+def heights_above(plane: Plane, view: View) -> NDArray[np.float64]:
+    """What a metre above the plane adds to the point that `Plane.to_camera` gives, shape (3,)."""
+    lift: NDArray[np.float64] = view.rotation @ plane.frame[2]
+    return lift
 
 
 def upward(views: Sequence[View]) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.postflight.integral.focal_plane import heights_above
 from aosplan.postflight.integral.images import Picture, read_picture
 
 if TYPE_CHECKING:
@@ -46,6 +47,13 @@ class Box(NamedTuple):
     bottom: int
     left: int
     right: int
+
+
+class Relief(NamedTuple):
+    """Heights of a focal surface above its plane, and what a metre of them adds in a camera's frame."""
+
+    heights_m: NDArray[np.float64]
+    lift: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,8 @@ def integrate(
     plane: Plane,
     raster: Raster,
     *,
+    relief_m: NDArray[np.float64] | None = None,
+    adjust: Callable[[Source, Picture], Picture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Integral:
     """The average of views on a focal plane.
@@ -98,6 +108,11 @@ def integrate(
         The views; each image is read when its turn comes.
     plane, raster
         Where the integral image lies.
+    relief_m
+        Heights of the focal surface above the plane at the raster's pixels, shape (rows, columns); None
+        for the plane itself.
+    adjust
+        Changes each picture before it is added, its exposure for one.
     progress
         Called with the number of views done.
 
@@ -112,11 +127,13 @@ def integrate(
     done = blind = 0
     is_byte = True
     for source in sources:
-        picture = _read(source, None if sums is None else len(sums))
+        picture = read_source(source, None if sums is None else len(sums))
         if sums is None:
             sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
         is_byte = is_byte and picture.is_byte
-        blind += not _add(picture, source, plane, raster, sums, coverage)
+        if adjust is not None:
+            picture = adjust(source, picture)
+        blind += not add_view(picture, source, plane, raster, sums, coverage, relief_m)
         done += 1
         if progress is not None:
             progress(done)
@@ -130,7 +147,8 @@ def integrate(
     return Integral(raster, np.moveaxis(sums, 0, -1), coverage, done, blind, is_byte)
 
 
-def _read(source: Source, bands: int | None) -> Picture:
+def read_source(source: Source, bands: int | None) -> Picture:
+    """The image of a view, if it has the size of its camera and the bands of those before it."""
     picture = read_picture(source.path)
     wanted = (source.intrinsics.width_px, source.intrinsics.height_px)
     if picture.size != wanted:
@@ -148,16 +166,18 @@ def _read(source: Source, bands: int | None) -> Picture:
     return picture
 
 
-def _add(
+def add_view(
     picture: Picture,
     source: Source,
     plane: Plane,
     raster: Raster,
     sums: NDArray[np.float64],
     coverage: NDArray[np.float64],
+    relief_m: NDArray[np.float64] | None = None,
 ) -> bool:
     """Add one view to the sums; whether it sees any of the raster."""
-    if not plane.camera_m(source.view)[2] > 0.0:
+    above_m = plane.camera_m(source.view)[2] - (0.0 if relief_m is None else np.nanmax(relief_m))
+    if not above_m > 0.0:
         raise RequestError(
             f"image '{source.view.name}': its camera is not above the focal plane",
             "--focal-height counts along the world's upward axis: --up says which one that is",
@@ -165,12 +185,16 @@ def _add(
     # From (column, row, 1) of the raster to the camera's frame: third row is the depth.
     ray = plane.to_camera(source.view) @ raster.to_plane
     box = _reached(ray, source.intrinsics, raster)
+    relief = None
+    if relief_m is not None:
+        box = Box(0, raster.rows, 0, raster.columns)
+        relief = Relief(relief_m, heights_above(plane, source.view))
     if box is None:
         return False
     bands = list(picture.bands)
     if picture.weight is not None:
         bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
-    *values, last = _warped(bands, source.intrinsics, ray, box)
+    *values, last = _warped(bands, source.intrinsics, ray, box, relief)
     reached = np.isfinite(last)
     last[~reached] = 0.0
     window = np.s_[box.top : box.bottom, box.left : box.right]
@@ -211,7 +235,11 @@ def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -
 
 
 def _warped(
-    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
+    bands: list[Image],
+    intrinsics: Intrinsics,
+    ray: NDArray[np.float64],
+    box: Box,
+    relief: Relief | None = None,
 ) -> list[NDArray[np.float32]]:
     """Bands on a part of the raster; where the image does not reach 0, and nan in the last one."""
     corners = np.array(
@@ -219,13 +247,13 @@ def _warped(
     )
     depth = ray[2, :2] @ corners + ray[2, 2]
     bands, block = _blocks(bands, intrinsics, ray, box)
-    if intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
+    if relief is None and intrinsics.is_pinhole and depth.min() > 1e-6 * np.abs(depth).max():
         outside = [0.0] * (len(bands) - 1) + [np.nan]
         return [
             _homography(band, intrinsics, ray, box, block, fill)
             for band, fill in zip(bands, outside, strict=True)
         ]
-    return _by_coordinates(bands, intrinsics, ray, box, block)
+    return _by_coordinates(bands, intrinsics, ray, box, block, relief)
 
 
 def _blocks(
@@ -277,7 +305,12 @@ def _homography(
 
 
 def _by_coordinates(
-    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box, block: int
+    bands: list[Image],
+    intrinsics: Intrinsics,
+    ray: NDArray[np.float64],
+    box: Box,
+    block: int,
+    relief: Relief | None,
 ) -> list[NDArray[np.float32]]:
     """Bands of any image, warped point by point: through its lens, and not beyond the horizon."""
     from scipy.ndimage import map_coordinates
@@ -288,6 +321,12 @@ def _by_coordinates(
     for start in range(box.top, box.bottom, ROWS_AT_ONCE):
         rows = (np.arange(start, min(start + ROWS_AT_ONCE, box.bottom)) + 0.5)[:, None]
         x, y, depth = (line[0] * columns + line[1] * rows + line[2] for line in ray)
+        if relief is not None:
+            window = np.s_[start : start + len(rows), box.left : box.right]
+            x, y, depth = (
+                value + lift * relief.heights_m[window]
+                for value, lift in zip((x, y, depth), relief.lift, strict=True)
+            )
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             depth = np.where(depth > 0.0, depth, np.nan)
             u, v = intrinsics.distorted(x / depth, y / depth)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,12 @@ from aosplan.errors import RequestError
 from aosplan.postflight.integral.focal_plane import UPS, Plane, Raster, footprint_m, pixel_m, upward
 from aosplan.postflight.integral.images import Folder, image_size
 from aosplan.postflight.integral.integral import Source, integrate
+from aosplan.postflight.integral.photo_poses import (
+    PhotoOptions,
+    PosedViews,
+    is_photo_folder,
+    read_photo_poses,
+)
 from aosplan.postflight.integral.poses_file import read_poses
 from aosplan.postflight.integral.view_subset import chosen
 
@@ -33,13 +40,17 @@ class Recording:
     Parameters
     ----------
     poses, images
-        File of poses (`aosplan.postflight.integral.poses_file.read_poses`), and the folder of images.
-    focal_height_m
-        Height of the focal plane along the world's upward axis.
+        Folder of photos with positions, or a file of poses
+        (`aosplan.postflight.integral.poses_file.read_poses`), or OpenDroneMap's ``shots.geojson``; and
+        the folder of images, None for the photos themselves.
+    focal_height_m, slope
+        Height of the focal plane along the world's upward axis, and its rise by x and y.
     up
         Name of that axis; None for z or -z, whichever the cameras look away from.
     camera
         Makes the intrinsics of an image of a width and a height; None to have them from the poses.
+    photos
+        What the photos do not say.
 
     Attributes
     ----------
@@ -47,6 +58,13 @@ class Recording:
         Views whose image is in the folder.
     missing
         Names of the images that are not.
+    georeference, origin
+        Where the world lies on earth, and the latitude and longitude of its origin; None if that is not
+        known.
+    messages
+        What was assumed of the views, and which were left out.
+    sigma_m
+        Standard deviation of the positions, if it is known.
 
     Raises
     ------
@@ -58,13 +76,21 @@ class Recording:
     def __init__(
         self,
         poses: str,
-        images: str,
+        images: str | None = None,
         *,
         focal_height_m: float = 0.0,
+        slope: tuple[float, float] = (0.0, 0.0),
         up: str | None = None,
         camera: Callable[[int, int], Intrinsics] | None = None,
+        photos: PhotoOptions | None = None,
     ) -> None:
-        posed = read_poses(poses)
+        found = _posed(poses, images, camera, photos or PhotoOptions())
+        if found.georeference is not None:
+            up = "z" if up is None else up
+        self.georeference, self.origin = found.georeference, found.origin
+        self.messages, self.sigma_m = found.messages, found.sigma_m
+        images = poses if images is None else images
+        posed = found.views
         folder = Folder(images)
         self.views = [view for view in posed if folder.holds(view.name)]
         self.missing = [view.name for view in posed if not folder.holds(view.name)]
@@ -72,7 +98,7 @@ class Recording:
             folder.file_of(self.missing[0])  # raises
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
-        self.plane = Plane(upward(self.views) if up is None else up, focal_height_m)
+        self.plane = Plane(upward(self.views) if up is None else up, focal_height_m, slope)
         places = np.array([self.plane.camera_m(view) for view in self.views])
         self.positions_m: NDArray[np.float64] = places[:, :2]
         self.heights_m: NDArray[np.float64] = places[:, 2]
@@ -84,12 +110,11 @@ class Recording:
                 f"heights count along {self.plane.up} of the world; --up is one of {', '.join(UPS)}",
             )
         paths = [folder.file_of(view.name) for view in self.views]
-        self.sources = [
-            Source(view, intrinsics, path)
-            for view, intrinsics, path in zip(
-                self.views, _cameras(self.views, paths, camera), paths, strict=True
-            )
-        ]
+        if is_photo_folder(poses):
+            lenses = [_fitted(view, path) for view, path in zip(self.views, paths, strict=True)]
+        else:
+            lenses = _cameras(self.views, paths, camera)
+        self.sources = list(map(Source, self.views, lenses, paths))
 
     @property
     def central(self) -> Source:
@@ -180,6 +205,42 @@ def _cameras(
             "--fov DEG (the AOS project publishes its own beside its poses), or --camera NAME",
         )
     return [view.intrinsics for view in views if view.intrinsics is not None]
+
+
+def _posed(
+    poses: str,
+    images: str | None,
+    camera: Callable[[int, int], Intrinsics] | None,
+    photos: PhotoOptions,
+) -> PosedViews:
+    """Views of any of the sources of poses."""
+    if is_photo_folder(poses):
+        return read_photo_poses(poses, photos, camera)
+    if images is None:
+        raise RequestError(
+            f"'{poses}' holds poses, and the folder of their images is missing"
+            if os.path.exists(poses)
+            else f"no folder '{poses}'",
+            f"aosplan integrate {poses} IMAGES" if os.path.exists(poses) else "",
+        )
+    if poses.lower().endswith(".geojson"):
+        from aosplan.postflight.integral.odm_shots import read_shots
+
+        return read_shots(poses)
+    return PosedViews(read_poses(poses))
+
+
+def _fitted(view: View, path: str) -> Intrinsics:
+    """The camera of a photo for its pixels, which may be those of a smaller or larger file."""
+    own = view.intrinsics
+    assert own is not None  # photos have one
+    width, height = image_size(path)
+    if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
+        raise RequestError(
+            f"image '{path}' has {width} x {height} pixels, its photo {own.width_px} x {own.height_px}",
+            "an image may be a photo scaled as a whole, not a part of it",
+        )
+    return own.scaled(width, height)
 
 
 def least_views(text: str, views: int) -> int:

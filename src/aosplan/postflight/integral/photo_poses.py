@@ -1,0 +1,453 @@
+"""Poses of a folder of photos, from their own metadata and, for what those lack, from a plan.
+
+The world is east, north and up, in metres; its origin is the plan's, or the middle of the photos.
+Heights count from the take-off.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.files import read_table
+from aosplan.geodesy import to_local
+from aosplan.messages import Message
+from aosplan.postflight.geotags import photo_places
+from aosplan.postflight.integral.camera_pose import Intrinsics, View
+from aosplan.postflight.integral.georeference import Georeference
+from aosplan.postflight.photo_tags import BANDS, PhotoTags, read_tags
+from aosplan.units import number, positive
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.positions import Place
+
+FARTHEST_M = 20_000.0
+"""Photos of one recording are not farther apart."""
+
+LEVEL_DEG = -30.0
+"""A camera that looks higher than this sees the horizon rather than the ground."""
+
+PLAN = "plan.json"
+"""Name of a plan that lies among the photos."""
+
+
+class PhotoOptions(NamedTuple):
+    """What the photos do not say, or which of them are meant.
+
+    Parameters
+    ----------
+    band
+        One of `aosplan.postflight.photo_tags.BANDS`; None if the folder holds one band only.
+    plan
+        File of a plan; None for ``plan.json`` in the folder, if there is one.
+    altitude_m
+        Mean height of the cameras above the take-off, for photos that give none.
+    heading_deg
+        Direction to which the top of the photos points, for photos that give no yaw.
+    """
+
+    band: str | None = None
+    plan: str | None = None
+    altitude_m: float | None = None
+    heading_deg: float | None = None
+
+
+class PosedViews(NamedTuple):
+    """Views with their poses, where their world lies, and what was assumed of them."""
+
+    views: list[View]
+    georeference: Georeference | None = None
+    origin: tuple[float, float] | None = None
+    messages: tuple[Message, ...] = ()
+    sigma_m: float | None = None
+    """Standard deviation of a position along an axis; None if it is not known."""
+
+
+class _Plan(NamedTuple):
+    """What a plan says of the photos."""
+
+    altitude_m: float | None = None
+    heading_deg: float | None = None
+    origin: tuple[float, float] | None = None
+    camera: str | None = None
+
+
+def read_photo_poses(
+    folder: str, options: PhotoOptions, camera: Callable[[int, int], Intrinsics] | None
+) -> PosedViews:
+    """Views of the photos in a folder.
+
+    Parameters
+    ----------
+    folder
+        With photos that have GPS positions.
+    options
+        Which of them, and what they lack.
+    camera
+        Makes the intrinsics of a photo, instead of what the photos say.
+
+    Raises
+    ------
+    RequestError
+        If a photo lacks what neither the options nor a plan give, or the folder holds photos of
+        several bands and none is chosen.
+    """
+    plan, messages = _plan_of(folder, options)
+    places, doubtful = photo_places(folder)
+    placed = {name: place for name, place in places.items() if place is not None}
+    tags = {name: read_tags(os.path.join(folder, name)) for name in placed}
+    known = {name: found for name, found in tags.items() if found is not None}
+    known = _of_band(known, options.band, folder)
+    known, tilted = _looking_down(known, folder)
+    messages += _left_out(places, doubtful, tilted)
+    names = list(known)
+    if options.altitude_m is not None:
+        plan = plan._replace(altitude_m=options.altitude_m)
+    if options.heading_deg is not None:
+        plan = plan._replace(heading_deg=options.heading_deg)
+    origin = plan.origin or _middle([placed[name] for name in names])
+    latitudes, longitudes = zip(
+        *((placed[n].latitude, placed[n].longitude) for n in names), strict=True
+    )
+    east, north = to_local(origin, latitudes, longitudes)
+    farthest = max(map(math.hypot, east, north))
+    if farthest > FARTHEST_M:
+        raise RequestError(
+            f"a photo of '{folder}' is {farthest / 1000.0:.4g} km from the "
+            + ("plan's origin" if plan.origin else "middle of the others"),
+            "leave photos of other flights out of the folder",
+        )
+    heights, said = _heights(folder, known, [placed[name].altitude_m for name in names], plan)
+    messages += said
+    turned, said = _rotations(folder, known, plan)
+    messages += said
+    lenses, said = _lenses(folder, known, camera, plan)
+    messages += said
+    views = []
+    for index, name in enumerate(names):
+        if _pixels_of(folder, name) != name and _pixels_of(folder, name) in known:
+            continue  # its TIFF is a view of its own
+        position = np.array([east[index], north[index], heights[index]])
+        rotation = turned[index]
+        views.append(View(_pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))
+    is_rtk = all(found.is_rtk for found in known.values())
+    return PosedViews(
+        views,
+        Georeference.around(*origin),
+        origin,
+        tuple(messages),
+        0.03 if is_rtk else 1.0,
+    )
+
+
+def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
+    path = options.plan
+    said = []
+    if path is None:
+        beside = os.path.join(folder, PLAN)
+        if not os.path.isfile(beside):
+            return _Plan(), []
+        path = beside
+        said.append(Message("plan", f"'{path}' gives what the photos lack"))
+    document = read_table(path)
+    request = document.get("request", document)
+    if not isinstance(request, dict):
+        raise RequestError(f"'{path}' is not a plan: its request is not a table")
+    altitude, heading = document.get("altitude_m", request.get("altitude")), request.get("heading")
+    origin, camera = request.get("origin"), request.get("camera")
+    place = None
+    if isinstance(origin, list) and len(origin) == 2:
+        place = (number(origin[0], f"'{path}' origin"), number(origin[1], f"'{path}' origin"))
+    return _Plan(
+        positive(altitude, f"'{path}' altitude", "m")
+        if isinstance(altitude, (int, float))
+        else None,
+        number(heading, f"'{path}' heading") if isinstance(heading, (int, float)) else None,
+        place,
+        camera if isinstance(camera, str) else None,
+    ), said
+
+
+def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> dict[str, PhotoTags]:
+    """Photos of one camera of the drone."""
+    kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
+    there = sorted({kind for kind in kinds.values() if kind is not None})
+    if band is None:
+        if len(there) > 1:
+            counted = ", ".join(
+                f"{sum(kind == each for kind in kinds.values())} {each}" for each in there
+            )
+            visible = [each for each in there if each != "thermal"]
+            remedies = ["thermal"] * ("thermal" in there) + (
+                ["visible"] if len(visible) == 1 else visible
+            )
+            raise RequestError(
+                f"folder '{folder}' holds photos of several cameras: {counted}",
+                " or ".join(f"--band {each}" for each in remedies),
+            )
+        return {name: tags[name] for name in kinds}
+    wanted = {"wide", "zoom", None} if band == "visible" else {band}
+    chosen = {name: tags[name] for name, kind in kinds.items() if kind in wanted}
+    if not chosen:
+        raise RequestError(
+            f"--band {band}: folder '{folder}' holds no such photo",
+            f"it holds {', '.join(there)}" if there else "its photos do not name their camera",
+        )
+    kinds = {name: tags[name].band for name in chosen}
+    if band == "visible" and {"wide", "zoom"} <= set(kinds.values()):
+        raise RequestError(
+            f"folder '{folder}' holds photos of a wide and of a zoom camera",
+            "--band wide or --band zoom",
+        )
+    return chosen
+
+
+def _looking_down(
+    tags: Mapping[str, PhotoTags], folder: str
+) -> tuple[dict[str, PhotoTags], list[str]]:
+    tilted = [
+        name
+        for name, found in tags.items()
+        if found.pitch_deg is not None and found.pitch_deg > LEVEL_DEG
+    ]
+    left = {name: found for name, found in tags.items() if name not in set(tilted)}
+    if not left:
+        raise RequestError(
+            f"folder '{folder}' has no photo that looks down"
+            + (
+                f": {tilted[0]} has a pitch of {tags[tilted[0]].pitch_deg:g} degrees"
+                if tilted
+                else ""
+            ),
+            "the gimbal's pitch is -90 degrees for a photo straight down",
+        )
+    return left, tilted
+
+
+def _named(names: Iterable[str]) -> str:
+    listed = ["".join(c if c.isprintable() else "?" for c in name) for name in names]
+    return ", ".join(listed[:3]) + " ..." * (len(listed) > 3)
+
+
+def _left_out(
+    places: Mapping[str, Place | None], doubtful: Mapping[str, str], tilted: Sequence[str]
+) -> list[Message]:
+    silent = [name for name, place in places.items() if place is None]
+    found = []
+    if silent:
+        why = f" ({silent[0]} {doubtful[silent[0]]})" if silent[0] in doubtful else ""
+        found.append(
+            Message(
+                "photos_without_position",
+                f"{len(silent)} photos without a position are left out: {_named(silent)}{why}",
+            )
+        )
+    if tilted:
+        found.append(
+            Message(
+                "level_photos",
+                f"{len(tilted)} photos that look at the horizon are left out: {_named(tilted)}",
+            )
+        )
+    return found
+
+
+def _middle(places: Sequence[Place]) -> tuple[float, float]:
+    """Middle of the box of some places, on a round number of degrees (0.1 m)."""
+    latitudes = [place.latitude for place in places]
+    first = places[0].longitude
+    # Near the antimeridian, longitudes are counted on from the first.
+    longitudes = [first + (place.longitude - first + 180.0) % 360.0 - 180.0 for place in places]
+    latitude = 0.5 * (min(latitudes) + max(latitudes))
+    longitude = 0.5 * (min(longitudes) + max(longitudes))
+    return round(latitude, 6), (round(longitude, 6) + 180.0) % 360.0 - 180.0
+
+
+def _heights(
+    folder: str,
+    tags: Mapping[str, PhotoTags],
+    above_takeoff: Sequence[float | None],
+    plan: _Plan,
+) -> tuple[NDArray[np.float64], list[Message]]:
+    """Heights above the take-off: barometric, or their mean with the differences of RTK."""
+    relative = [
+        one if one is not None else other.relative_altitude_m
+        for one, other in zip(above_takeoff, tags.values(), strict=True)
+    ]
+    absolute = [found.absolute_altitude_m for found in tags.values()]
+    has_absolute = all(height is not None for height in absolute)
+    if all(height is not None for height in relative):
+        above = np.array(relative, dtype=np.float64)
+        if has_absolute and all(found.is_rtk for found in tags.values()):
+            precise = np.array(absolute, dtype=np.float64)
+            return precise - (precise - above).mean(), []
+        return above, []
+    if plan.altitude_m is None:
+        name = next(n for n, height in zip(tags, relative, strict=True) if height is None)
+        raise RequestError(
+            f"photo '{os.path.join(folder, name)}' does not say how high above the take-off it is",
+            "--altitude M gives the photos' mean height above the ground, --plan FILE the plan's",
+        )
+    if has_absolute:
+        sea = np.array(absolute, dtype=np.float64)
+        return sea - sea.mean() + plan.altitude_m, [
+            Message(
+                "altitudes",
+                f"heights differ as those above the sea do, and are {plan.altitude_m:g} m on average",
+            )
+        ]
+    return np.full(len(relative), plan.altitude_m), [
+        Message(
+            "altitudes", f"all photos are taken to be at {plan.altitude_m:g} m: none says how high"
+        )
+    ]
+
+
+def _rotations(
+    folder: str, tags: Mapping[str, PhotoTags], plan: _Plan
+) -> tuple[list[NDArray[np.float64]], list[Message]]:
+    """World to camera of each photo."""
+    found, level, turned = [], [], []
+    for name, tag in tags.items():
+        yaw = tag.yaw_deg
+        if yaw is None:
+            if plan.heading_deg is None:
+                raise RequestError(
+                    f"photo '{os.path.join(folder, name)}' does not say to which side its top points",
+                    "--heading DEG gives that of all photos, --plan FILE the plan's",
+                )
+            yaw = plan.heading_deg
+            turned.append(name)
+        if tag.pitch_deg is None:
+            level.append(name)
+        pitch = -90.0 if tag.pitch_deg is None else tag.pitch_deg
+        found.append(camera_rotation(yaw, pitch, tag.roll_deg or 0.0))
+    messages = []
+    if level:
+        messages.append(
+            Message(
+                "pitch",
+                f"{len(level)} photos do not say where they look, and are taken to look straight down: "
+                + _named(level),
+            )
+        )
+    if turned:
+        messages.append(
+            Message(
+                "yaw",
+                f"{len(turned)} photos give no yaw, and are taken to point to {plan.heading_deg:g} "
+                f"degrees: {_named(turned)}",
+            )
+        )
+    return found, messages
+
+
+def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> NDArray[np.float64]:
+    """World (east, north, up) to camera, from the angles of a camera in the north-east-down frame.
+
+    Parameters
+    ----------
+    yaw_deg, pitch_deg, roll_deg
+        Turns about down, right and forward, in this order, of a camera that looks north with the top
+        of its image up.  A pitch of -90 degrees looks straight down, the top of the image then
+        points to the yaw.
+
+    Returns
+    -------
+    ndarray
+        Shape (3, 3): rows are the image's right, its down, and the viewing direction.
+    """
+    y, p, r = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (y, p, r) for f in (math.cos, math.sin))
+    # Columns: forward, right and down of the camera, in north, east, down.
+    body = np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+    to_enu = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    rows: NDArray[np.float64] = (to_enu @ body).T[[1, 2, 0]]
+    return rows
+
+
+def _lenses(
+    folder: str,
+    tags: Mapping[str, PhotoTags],
+    camera: Callable[[int, int], Intrinsics] | None,
+    plan: _Plan,
+) -> tuple[list[Intrinsics], list[Message]]:
+    """Intrinsics of each photo: as given, its own calibration, its focal length, the plan's camera."""
+    from aosplan.postflight.integral.camera_pose import from_camera
+
+    found, lacking = [], []
+    for name, tag in tags.items():
+        width, height = tag.size_px
+        if camera is not None:
+            found.append(camera(width, height))
+        elif tag.lens_px is not None:
+            fx, fy, cx, cy, k1, k2, p1, p2, k3 = tag.lens_px
+            found.append(Intrinsics(width, height, fx, fy, cx, cy, k1, k2, p1, p2, k3))
+        elif tag.focal_px is not None:
+            focal = tag.focal_px
+            found.append(Intrinsics(width, height, focal, focal, width / 2.0, height / 2.0))
+        elif plan.camera is not None:
+            from aosplan.camera.find import find_camera
+
+            lacking.append(name)
+            found.append(from_camera(find_camera(plan.camera))(width, height))
+        else:
+            raise RequestError(
+                f"photo '{os.path.join(folder, name)}' does not say its focal length"
+                + (f" ({tag.model})" if tag.model else ""),
+                "--camera NAME (aosplan cameras lists them), --fov DEG, or --plan FILE for the plan's",
+            )
+    if not lacking:
+        return found, []
+    return found, [
+        Message(
+            "camera",
+            f"{len(lacking)} photos do not give a focal length, and have the plan's camera: {plan.camera}",
+        )
+    ]
+
+
+def _pixels_of(folder: str, name: str) -> str:
+    """The radiometric TIFF beside a JPEG of the same name, which has the pixels, or the photo itself."""
+    stem, ending = os.path.splitext(name)
+    if ending.lower() in (".jpg", ".jpeg"):
+        for other in (".tif", ".tiff", ".TIF", ".TIFF"):
+            if os.path.isfile(os.path.join(folder, stem + other)):
+                return stem + other
+    return name
+
+
+def check_band(text: str | None) -> str | None:
+    """A band by its name.
+
+    Raises
+    ------
+    RequestError
+        If it is not one of `BANDS`.
+    """
+    if text is not None and text not in BANDS:
+        raise RequestError(f"--band '{text}' is not one of {', '.join(BANDS)}")
+    return text
+
+
+def is_photo_folder(path: str) -> bool:
+    """Whether a path is a folder without the files of a COLMAP model."""
+    return os.path.isdir(path) and not any(
+        os.path.exists(os.path.join(path, f"{name}.{ending}"))
+        for name in ("images", "cameras")
+        for ending in ("txt", "bin")
+    )
