@@ -23,6 +23,7 @@ TEXTS = {
     "formats": presets.formats,
     "sources": presets.sources,
     "payloads": presets.payloads,
+    "flown": presets.flown,
     "results": results.results,
     "stress": results.stress,
     "statuses": surroundings.statuses,

@@ -119,6 +119,26 @@ def formats():
     return table(header, rows)
 
 
+LOADED = ("waypoints", "plan")
+"""Formats whose files programs that fly them have loaded in the tests."""
+
+
+def flown():
+    """Which drone takes which format, and how its camera is triggered in it."""
+    forms = [form for form in known_formats().values() if form.flown_by]
+    rows = []
+    for name, drone in DRONES.items():
+        cells = []
+        for form in forms:
+            takes = drone.autopilot in form.flown_by
+            if form.asks_drone:
+                takes = takes and form.name in drone.mission_formats
+            state = "" if form.name in LOADED else " (unverified)"
+            cells.append(" or ".join(form.triggers) + state if takes else "refused")
+        rows.append((f"`{name}`", *cells))
+    return table(("drone", *(f"`{form.name}`" for form in forms)), rows)
+
+
 def payloads():
     """What DJI drones may carry."""
     return ", ".join(f"`{name}`" for name in PAYLOADS)
