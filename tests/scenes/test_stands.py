@@ -138,7 +138,7 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
     geojson, table = tmp_path / "plan.geojson", tmp_path / "plan.csv"
     line = [
         *("plan", "--altitude", "50", "--vhat", "0.98", "--scene", str(DATA / "UAS_Clip.laz")),
-        *("--camera", "dji-h20t-thermal", "--model", "uniform"),
+        *("--camera", "dji-h20t-thermal", "--model", "uniform", "--opacity", "voxels"),
         *("--origin", "48.3358,14.3261", "--heading", "30"),
         *("--out", str(geojson), "--out", str(table), "--json"),
     ]
@@ -156,7 +156,8 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
 @real
 @pytest.mark.parametrize(("cut", "baseline"), [(1.0, 5.88), (2.0, 4.0)])
 def test_the_coverage_rule_on_the_real_stand(cut, baseline):
-    result = planned(DATA / "UAS_Clip.laz", model="uniform", min_height=cut)
+    cloud = DATA / "UAS_Clip.laz"
+    result = planned(cloud, model="uniform", min_height=cut, opacity="voxels")
     assert result.solution.baseline_m == pytest.approx(baseline, abs=0.01)
 
 
@@ -166,7 +167,8 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     [(2.0, 0.797, 0.3105, 0.668), (3.5, 0.826, 0.2923, 0.820)],
 )
 def test_the_measured_model_on_the_real_stand(baseline, density, visibility, normalized):
-    result = planned(DATA / "UAS_Clip.laz", min_height=0.5, samples=49, baseline=baseline)
+    given = {"min_height": 0.5, "samples": 49, "baseline": baseline, "opacity": "voxels"}
+    result = planned(DATA / "UAS_Clip.laz", **given)
     prediction = result.solution.prediction
     assert prediction.density == pytest.approx(density, abs=0.002)
     assert prediction.expected == pytest.approx(visibility, abs=0.002)

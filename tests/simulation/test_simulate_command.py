@@ -181,7 +181,7 @@ CLOUD = CLOUDS / "UAS_Clip.laz"
 @pytest.mark.slow
 def test_a_cloud_is_simulated_as_it_stands(capsys):
     line = ["simulate", "--altitude", "50", "--scene", str(CLOUD), "--samples", "49"]
-    line += ["--baseline", "3.5", "--min-height", "0.5", "--json"]
+    line += ["--baseline", "3.5", "--min-height", "0.5", "--opacity", "voxels", "--json"]
     found = {}
     for view in ("telecentric", "perspective"):
         assert run([*line, "--view", view]) == 0
