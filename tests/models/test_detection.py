@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.paths import SHARED
 
-from aosplan.grid.patterns import Pattern, pattern_for
+from aosplan.grid.patterns import Pattern, local_sites, pattern_for
 from aosplan.models.clutter import independent_windows
 from aosplan.models.counted_detection import count_detection, tail_level
 from aosplan.models.crown_clutter import crown_covariances
@@ -15,6 +16,7 @@ from aosplan.models.measured import MeasuredModel
 from aosplan.models.seen_share import SeenShare
 from aosplan.models.target_window import Target, kernels, points_of, rotation
 from aosplan.models.window_pairs import WindowPairs
+from aosplan.scenes.files.point_cloud import read_voxels
 from aosplan.scenes.integral_image import CROWN_LENGTH_M, gaussian_field
 from aosplan.scenes.matched_window import MatchedWindow
 from aosplan.scenes.scene import Layer
@@ -285,3 +287,27 @@ def test_an_empty_stand_hides_nobody():
     )
     assert found.seen.mean == pytest.approx(1.0)
     assert found.probability > 0.999
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not SHARED.exists(), reason="the real clouds are not here")
+@pytest.mark.parametrize(
+    ("samples", "baseline", "shares", "errors", "mean", "deviation"),
+    [
+        (25, 2.0, (0.537, 0.330, 0.128), (0.026, 0.017, 0.038), 0.213, 0.245),
+        (49, 3.5, (0.621, 0.243, 0.051), (0.030, 0.050, 0.021), 0.175, 0.149),
+    ],
+)
+def test_seen_share_below_a_real_stand(samples, baseline, shares, errors, mean, deviation):
+    """Section 4.8: UAS_Clip, voxels of 0.25 m above 0.5 m, 50 m, telecentric, wrapped."""
+    volume = read_voxels(
+        (str(SHARED / "data" / "UAS_Clip.laz"),), voxel_m=0.25, ground="auto", min_height_m=0.5
+    )
+    sites = np.column_stack(local_sites(pattern_for("trimmed", samples), baseline, 0.0))
+    found = count_detection(
+        volume, sites, 50.0, PERSON, Signature(5.0, 0.0, 0.0), false_alarms=1.0
+    ).seen
+    assert found.mean == pytest.approx(mean, abs=0.002)
+    assert math.sqrt(found.variance) == pytest.approx(deviation, abs=0.002)
+    for at, share, error in zip((0.1, 0.25, 0.5), shares, errors, strict=True):
+        assert abs(found.at_least(at) - share) < error
