@@ -1,5 +1,7 @@
 """Layers and occluder sizes of a voxel volume."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from support.forests import STANDS, clumped_forest
 from support.paths import CLOUDS
 
 from aosplan.camera.disparity import coverage_baseline
+from aosplan.scenes import occluder_statistics
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occluder_statistics import densities_off_nadir, integral_range, layered_scene
 from aosplan.scenes.voxels import VoxelVolume
@@ -144,6 +147,54 @@ def test_the_coverage_rule_on_a_real_plot_is_at_the_mercy_of_low_vegetation(cut,
     assert rule.baseline_m == pytest.approx(baseline, rel=0.04)
 
 
+# --- Wide masks ---
+
+
+def crowns(side, count, radius, seed=0):
+    """Discs at random, half of whose cells are leafy; they wrap."""
+    rng = np.random.default_rng(seed)
+    mask = np.zeros((side, side), dtype=bool)
+    disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= radius
+    for at in rng.integers(0, side, (count, 2)):
+        rows, columns = (np.arange(-radius, radius + 1) + at[:, None]) % side
+        mask[np.ix_(rows, columns)] |= disc
+    return mask & (rng.random(mask.shape) < 0.5)
+
+
+@pytest.mark.parametrize("radius", [3, 12, 40])
+def test_the_integral_range_of_a_wide_mask_is_that_of_all_its_pairs(monkeypatch, radius):
+    mask = crowns(1040, 200_000 // radius**2, radius)
+    monkeypatch.setattr(occluder_statistics, "FEW_CELLS", mask.size)
+    whole = integral_range(mask)
+    monkeypatch.setattr(occluder_statistics, "FEW_CELLS", 0)
+    assert integral_range(mask) == pytest.approx(whole, rel=0.03)
+    assert integral_range(mask) != whole
+
+
+def test_near_lags_are_means_over_the_pairs_of_windows():
+    mask = crowns(70, 20, 4)
+    density = mask.mean()
+    rings = occluder_statistics.near_rings(mask, density, 5, 70)
+    want = np.zeros(9)
+    for y in range(-4, 5):
+        for x in range(-4, 5):
+            one = mask[max(y, 0) : 70 + min(y, 0), max(x, 0) : 70 + min(x, 0)] - density
+            other = mask[max(-y, 0) : 70 - max(y, 0), max(-x, 0) : 70 - max(x, 0)] - density
+            want[round(math.hypot(x, y))] += (one * other).mean()
+    np.testing.assert_allclose(rings, want[:5], atol=1e-5)
+
+
+def test_blocks_are_summed_as_they_are():
+    mask = np.random.default_rng(0).random((50, 43)) < 0.7
+    for block in (8, 16):
+        got = occluder_statistics.block_sums(mask, block)
+        want = [
+            [mask[y : y + block, x : x + block].sum() for x in range(0, 43 - block + 1, block)]
+            for y in range(0, 50 - block + 1, block)
+        ]
+        np.testing.assert_array_equal(got, want)
+
+
 # --- Off nadir ---
 
 
@@ -155,9 +206,9 @@ def test_densities_off_nadir_are_those_of_the_correlogram(monkeypatch):
     for angle, density in pairs[1:]:
         lag, around = np.full(180, np.tan(np.radians(angle))), np.arange(180.0)
         assert density == pytest.approx(table.density_at(lag, around).mean(), abs=0.01)
-    monkeypatch.setattr("aosplan.scenes.occluder_statistics.FINE_CELLS", 0)
-    for coarse, fine in zip(densities_off_nadir(stand), pairs, strict=True):
-        assert coarse == pytest.approx(fine, abs=0.015)
+    monkeypatch.setattr("aosplan.scenes.sampled_targets.FEW_TARGETS", 0)
+    for sampled, whole in zip(densities_off_nadir(stand), pairs, strict=True):
+        assert sampled == pytest.approx(whole, abs=0.005)
 
 
 def test_bare_ground_hides_nothing_off_nadir():

@@ -216,6 +216,14 @@ def test_a_full_disk_is_the_machine_s_fault(tmp_path, monkeypatch, step):
     assert "TMPDIR" in caught.value.hint
 
 
+def test_a_cloud_too_high_is_refused_before_its_ground_is_sought(tmp_path, monkeypatch):
+    (x, y, z), _ = stand()
+    z[-1] = 84_000.0
+    monkeypatch.setattr(lidar, "filtered", lambda *_: pytest.fail("the ground filter works"))
+    error = refusal(write_cloud(tmp_path / "a.las", (x, y, z), 1))
+    assert "8.4e+04 m, more than a stand can" in error.message
+
+
 def test_want_of_memory_is_the_machine_s_fault(tmp_path, monkeypatch):
     def fill(*_):
         raise MemoryError

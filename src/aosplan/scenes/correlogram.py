@@ -31,7 +31,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.scenes.occlusion import Occlusion, popcount
+from aosplan.scenes.occlusion import popcount
+from aosplan.scenes.sampled_targets import views_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -147,7 +148,7 @@ def correlogram(
     """
     top_m = max(volume.canopy_top_m - focal_height_m, 0.0)
     altitude_m = 2.0 * top_m + 1.0  # any altitude shows the same at the same lags
-    occlusion = Occlusion(
+    occlusion = views_of(
         volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
     )
     # All directions, and two lags below the table's: half of a lag, and half of it times √2.

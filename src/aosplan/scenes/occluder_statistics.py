@@ -23,8 +23,21 @@ if TYPE_CHECKING:
 
 ANGLES_DEG = (10.0, 20.0, 30.0, 40.0)
 VIEWS_AN_ANGLE = 8
-FINE_CELLS = 1_000_000
-"""Cells of a plot up to which each has 4 x 4 targets; on a larger one, one a cell is enough."""
+
+FEW_CELLS = 1_000_000
+"""Cells of a slice up to which its integral range is taken from all pairs of them."""
+
+SAMPLED_CELLS = 1_000_000
+"""Cells in the windows from which a larger slice's near lags are taken."""
+
+BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
+"""A larger slice has about so many blocks along its longer side, of so many cells (8 or 16)."""
+
+NEAR_BLOCKS = 4
+"""Lags nearer than so many blocks are taken cell by cell,"""
+
+WINDOW_BLOCKS = 32
+"""in windows of so many blocks."""
 
 
 def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
@@ -72,11 +85,11 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
     A few views only; the correlogram (`aosplan.scenes.correlogram`) has many.
     """
-    from aosplan.scenes.occlusion import Occlusion, popcount
+    from aosplan.scenes.occlusion import popcount
+    from aosplan.scenes.sampled_targets import views_of
 
     altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
-    per_voxel = volume.targets_per_voxel if volume.occupied[:1].size <= FINE_CELLS else 1
-    occlusion = Occlusion(volume, altitude_m, targets_per_voxel=per_voxel)
+    occlusion = views_of(volume, altitude_m)
     turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
     pairs = [[0.0, volume.column_occupancy]]
@@ -107,10 +120,81 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
     density = np.count_nonzero(mask) / mask.size
     if density == 1.0:
         return float(min(mask.shape))
+    if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
+        return _sampled_range(mask, density)
     from scipy import fft  # for the many slices of a stand twice as fast as numpy's
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
     return float(np.sqrt(area))
+
+
+def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
+    """Integral range of a wide mask: near lags from windows of it, far ones from its blocks' means.
+
+    The first rings are those of `integral_range`, as pairs of cells within windows spread over
+    the mask have them.  Farther off the correlation is smooth, and each lag between blocks stands
+    for all lags between their cells.
+    """
+    block = LEAST_BLOCK if max(mask.shape) < 2 * LEAST_BLOCK * BLOCKS else MOST_BLOCK
+    near = block * NEAR_BLOCKS - block // 2
+    variance = density * (1.0 - density)
+    rings = near_rings(mask, density, near, WINDOW_BLOCKS * block) / variance
+    ends = np.flatnonzero(rings <= 0.0)
+    if ends.size:
+        return float(np.sqrt(rings[: ends[0]].sum()))
+    from scipy import fft
+
+    shares = block_sums(mask, block) / np.float32(block * block)
+    rows, columns = shares.shape
+    shares -= shares.mean()
+    spectrum = fft.rfft2(shares)
+    covariance = fft.irfft2(spectrum.real**2 + spectrum.imag**2, s=shares.shape) / shares.size
+    far = np.bincount(_rings(rows, columns), covariance.ravel()) * (block * block / variance)
+    far = far[NEAR_BLOCKS : min(rows, columns) // 2 + 1]
+    ends = np.flatnonzero(far <= 0.0)
+    return float(np.sqrt(rings.sum() + far[: ends[0] if ends.size else len(far)].sum()))
+
+
+def near_rings(
+    mask: NDArray[np.bool_], density: float, near: int, side: int
+) -> NDArray[np.float64]:
+    """Covariance of cells summed over rings of lags from 0 to below `near`, shape (near,).
+
+    It is that of pairs within square windows, as many as make `SAMPLED_CELLS`.
+    """
+    from scipy import fft
+
+    rows, columns = mask.shape
+    count = max(SAMPLED_CELLS // side**2, 1)
+    # On a plane that is wider than deep more of them lie along its width.
+    across = min(max(round(np.sqrt(count * columns / rows)), 1), columns // side)
+    down = min(max(round(count / across), 1), rows // side)
+    size = fft.next_fast_len(side + near, real=True)
+    windows = np.zeros((down * across, size, size), dtype=np.float32)
+    south = np.linspace(0, rows - side, down + 2).astype(int)[1:-1]
+    west = np.linspace(0, columns - side, across + 2).astype(int)[1:-1]
+    for number, (y, x) in enumerate((y, x) for y in south for x in west):
+        windows[number, :side, :side] = mask[y : y + side, x : x + side]
+        windows[number, :side, :side] -= np.float32(density)
+    spectrum = fft.rfft2(windows)
+    power = (spectrum.real**2 + spectrum.imag**2).sum(axis=0)
+    lag = np.concatenate([np.arange(near), np.arange(-near + 1, 0)])
+    sums = fft.irfft2(power, s=(size, size))[np.ix_(lag, lag)]
+    overlap = (side - np.abs(lag)).astype(np.float64)
+    covariance = sums / (len(windows) * overlap[:, np.newaxis] * overlap)
+    ring = np.rint(np.hypot(lag[:, np.newaxis], lag)).astype(np.intp)
+    return np.bincount(ring.ravel(), covariance.ravel())[:near].astype(np.float64)
+
+
+def block_sums(mask: NDArray[np.bool_], block: int) -> NDArray[np.float32]:
+    """Number of set cells of each whole block of block x block cells, a multiple of 8."""
+    rows, columns = (length // block * block for length in mask.shape)
+    octets = np.ascontiguousarray(mask[:rows, :columns]).view(np.uint8)
+    # Eight cells are added at a time: a word of eight octets, none of which overflows.
+    words = octets.view(np.uint64).reshape(rows // block, block, columns // 8).sum(axis=1)
+    cells = words.view(np.uint8).reshape(len(words), columns // block, block)
+    sums: NDArray[np.float32] = cells.sum(axis=2, dtype=np.float32)
+    return sums
 
 
 def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[float, int]:

@@ -195,6 +195,28 @@ class Occlusion:
         """Words that a mask takes, 8 bytes each."""
         return self._width * self.rows // 8
 
+    @property
+    def slices(self) -> list[tuple[int, NDArray[np.bool_]]]:
+        """The slices above the focal plane that hold anything: their places in `meetings`, and
+        their voxels, shape (rows, columns).
+        """
+        return [(level, self._occupied[level]) for level in self._filled.tolist()]
+
+    def meetings(self, offsets_m: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Shifts [targets] at which telecentric views meet each slice.
+
+        Parameters
+        ----------
+        offsets_m
+            Shape (N, 2), as in `masks`.
+
+        Returns
+        -------
+        ndarray
+            Shape (slices, N, 3, 2): up to three cells of each slice, along x and y.
+        """
+        return self._plate_meetings(offsets_m) if self._plates else self._cube_meetings(offsets_m)
+
     def masks(self, positions_m: ArrayLike) -> Words:
         """Targets that are hidden from cameras.
 
@@ -210,9 +232,7 @@ class Occlusion:
             Shape (N, words), a bit for each target, set where something is in the way; bits that
             stand for no target are 0.  Take it as opaque, or see `unpack`.
         """
-        offsets = np.asarray(positions_m, dtype=np.float64)
-        if offsets.ndim != 2 or offsets.shape[1] != 2 or not np.isfinite(offsets).all():
-            raise ValueError("positions are not finite numbers of shape (N, 2)")
+        offsets = checked_positions(positions_m)
         masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
         if self._view == "perspective":
             perspective = self._perspective_plates if self._plates else self._perspective
@@ -237,7 +257,7 @@ class Occlusion:
             self._telecentric(masks[:, :, :half], offsets, row)
             self._telecentric(masks[:, :, half:], offsets, row + half)
             return
-        steps = self._plate_meetings(offsets) if self._plates else self._meetings(offsets)
+        steps = self.meetings(offsets)
         tiles = self._tiles
         if tiles is None or not tiles.hold(row, rows, steps):
             tiles = self._tiles_for(row, rows, width, steps)
@@ -292,8 +312,8 @@ class Occlusion:
         tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
         return tile
 
-    def _meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Shifts [targets] at which views meet each slice, shape (slices, views, 3, x and y)."""
+    def _cube_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Shifts [targets] at which views meet each slice of cubes."""
         faces = self._faces[:, np.newaxis, np.newaxis]
         shifts = np.floor(offsets * faces / self._pitch_m + 0.5).astype(np.intp)
         bottom, top = shifts[:-1], shifts[1:]
@@ -302,7 +322,7 @@ class Occlusion:
         return np.stack([bottom, beside, top], axis=2)
 
     def _plate_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Shifts [targets] at which views meet each slice of plates, shaped as those of cubes."""
+        """Shifts [targets] at which views meet each slice of plates."""
         middle = 0.5 * (self._faces[:-1] + self._faces[1:])
         slope = offsets / self._altitude_m
         return plates.shifts(offsets / self._pitch_m, slope, middle, self._per_voxel)
@@ -377,6 +397,14 @@ class Occlusion:
         voxels: NDArray[np.int32] = np.floor(place).astype(np.int32)
         voxels %= across // self._per_voxel
         return voxels
+
+
+def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
+    """Positions as an array of shape (N, 2); ValueError if they are not finite or of that shape."""
+    offsets = np.asarray(positions_m, dtype=np.float64)
+    if offsets.ndim != 2 or offsets.shape[1] != 2 or not np.isfinite(offsets).all():
+        raise ValueError("positions are not finite numbers of shape (N, 2)")
+    return offsets
 
 
 def _column_bits(plane: NDArray[np.bool_]) -> Octets:

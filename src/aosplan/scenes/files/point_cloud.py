@@ -60,6 +60,7 @@ BLOCK_POINTS = 1 << 16
 ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 
 MAX_EXTENT_M = 100_000.0
+MAX_RISE_M = 10_000.0
 FEWEST_GROUND_POINTS_PER_M2 = 0.04
 SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
@@ -366,7 +367,8 @@ class _Plot:
                 source,
                 f"x {low[0]:g} to {high[0]:g} and y {low[1]:g} to {high[1]:g} look like degrees",
             )
-        if max(size) > MAX_EXTENT_M:
+        # The ground filter works for long on a cloud that is kilometres high.
+        if max(size) > MAX_EXTENT_M or size[2] > MAX_RISE_M:
             raise RequestError(
                 f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x {size[2]:.3g} m, "
                 "more than a stand can",
