@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from aosplan.mission.format import Format
-from aosplan.mission.formats.rows import rows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +38,32 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
     if ways.photo is not None:
         known["photo"] = ("%s", ["true" if photo else "false" for photo in ways.photo])
     return {name: (mark, column) for name, (mark, column) in known.items() if column is not None}
+
+
+def rows(template: str, *columns: Sequence[Any]) -> bytes:
+    r"""A row of text for each place in some columns, all by the same template.
+
+    Parameters
+    ----------
+    template
+        As of the operator ``%``, with ``%d``, ``%.Nf`` and ``%s`` for the columns in their order.
+        No number is written as a negative zero.
+    columns
+        Numbers or texts, of equal lengths.
+
+    Examples
+    --------
+    >>> rows("%d: %.2f\n", range(3), [0.125, -0.001, 99.995])
+    b'0: 0.12\n1: 0.00\n2: 100.00\n'
+    """
+    # Rounding first, and adding zero, turns what would be written "-0.0" into a plain zero.
+    plain = [
+        [round(value, int(decimals)) + 0.0 for value in column] if decimals else column
+        for column, decimals in zip(
+            columns, re.findall(r"%(?:\.(\d+)f|d|s)", template), strict=True
+        )
+    ]
+    return "".join(template % row for row in zip(*plain, strict=True)).encode()
 
 
 def render(mission: Mission) -> bytes:

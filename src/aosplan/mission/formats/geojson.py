@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import io
 import json
 from typing import TYPE_CHECKING
 
 from aosplan.geodesy import path_parts
 from aosplan.mission.format import Format
-from aosplan.mission.formats.csv import columns
-from aosplan.mission.formats.rows import blocks, rows
+from aosplan.mission.formats.csv import columns, rows
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
 FORMAT = Format("geojson", (".geojson",), "GeoJSON", needs_place=True)
 
 _PLACE = "[%.10f, %.10f, %.4f]"
-_STEP = f"{_PLACE},\n"
 
 
 def render(mission: Mission) -> bytes:
@@ -35,32 +32,27 @@ def render(mission: Mission) -> bytes:
         f'{{"type": "Feature", "geometry": {{"type": "Point", "coordinates": {_PLACE}}}, '
         f'"properties": {{{properties}}}}},\n'
     )
-    sites = (template, [*place, *(column for _, column in known.values())])
-    pieces = path_parts(*place)
-    whole = [(_STEP, place)] if len(pieces) == 1 else []
-    lines = [rows(_STEP, *piece) for piece in pieces if not whole]
-    steps: list[bytes | bytearray] = []
-    out = io.BytesIO()
-    out.write(b'{"type": "FeatureCollection",\n')
-    out.write(b'"altitudes": "metres above the ground at each point",\n"features": [\n')
-    for points, *line in blocks(sites, *whole):
-        out.write(points)
-        steps += line
+    features = rows(template, *place, *(column for _, column in known.values()))
     if len(ways) > 1:
-        out.writelines(_path(lines or [b"".join(steps)]))
-    else:
-        out.seek(-2, io.SEEK_CUR)  # no feature follows its comma
+        features += _path([rows(f"{_PLACE},\n", *piece) for piece in path_parts(*place)])
     summary = json.dumps(mission.summary, ensure_ascii=False, allow_nan=False, indent=1)
-    out.write(b'\n],\n"aosplan": %b}\n' % summary.encode())
-    return out.getvalue()
+    return b"".join(
+        [
+            b'{"type": "FeatureCollection",\n',
+            b'"altitudes": "metres above the ground at each point",\n"features": [\n',
+            features.removesuffix(b",\n"),
+            b'\n],\n"aosplan": %b}\n' % summary.encode(),
+        ]
+    )
 
 
-def _path(lines: list[bytes]) -> list[bytes | memoryview]:
-    """The last feature, in pieces: one line, or several where it is cut."""
-    head = b'{"type": "Feature", "geometry": {"type": "%b", "coordinates": ['
-    tail = b']}, "properties": {"name": "path"}}'
-    # Each piece ends in a comma and a line break, which its last place must not have.
-    if len(lines) == 1:
-        return [head % b"LineString", memoryview(lines[0])[:-2], tail]
-    parts = [b"[%b]" % line[:-2] for line in lines]
-    return [head % b"MultiLineString", b",\n".join(parts), tail]
+def _path(lines: list[bytes]) -> bytes:
+    """The last feature: one line, or several if it is cut at the antimeridian."""
+    parts = [line.removesuffix(b",\n") for line in lines]
+    kind, places = b"LineString", parts[0]
+    if len(parts) > 1:
+        kind, places = b"MultiLineString", b",\n".join(b"[%b]" % part for part in parts)
+    return (
+        b'{"type": "Feature", "geometry": {"type": "%b", "coordinates": [%b]}, '
+        b'"properties": {"name": "path"}}' % (kind, places)
+    )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 from aosplan.geodesy import path_parts
 from aosplan.mission.format import Format
-from aosplan.mission.formats.rows import blocks, rows
+from aosplan.mission.formats.csv import rows
 from aosplan.xml_text import xml_text
 
 if TYPE_CHECKING:
@@ -17,7 +16,6 @@ FORMAT = Format("kml", (".kml",), "KML", needs_place=True)
 
 _MODE = "<altitudeMode>relativeToGround</altitudeMode><coordinates>"
 _PLACE = "%.10f,%.10f,%.4f"
-_STEP = f"{_PLACE}\n"
 
 
 def render(mission: Mission) -> bytes:
@@ -32,14 +30,7 @@ def render(mission: Mission) -> bytes:
         f"<Placemark><name>%d</name>{kind}<Point>{_MODE}{_PLACE}</coordinates></Point>"
         "</Placemark>\n"
     )
-    sites = (
-        template,
-        [range(mission.first_index, mission.first_index + len(ways)), *kinds, *place],
-    )
-    pieces = path_parts(*place)
-    whole = [(_STEP, place)] if len(pieces) == 1 else []
-    lines = [rows(_STEP, *piece) for piece in pieces if not whole]
-    steps: list[bytes | bytearray] = []
+    numbers = range(mission.first_index, mission.first_index + len(ways))
     head = (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
         '<kml xmlns="http://www.opengis.net/kml/2.2"><Document>\n'
@@ -47,16 +38,16 @@ def render(mission: Mission) -> bytes:
         "<description>Altitudes are metres above the ground at each point.</description>\n"
         "<Folder><name>waypoints</name>\n"
     )
-    out = io.BytesIO()
-    out.write(head.encode())
-    for points, *line in blocks(sites, *whole):
-        out.write(points)
-        steps += line
-    out.write(b"</Folder>\n")
-    if len(ways) > 1:
-        out.writelines(_path(lines or [b"".join(steps)]))
-    out.write(b"</Document></kml>\n")
-    return out.getvalue()
+    lines = [rows(f"{_PLACE}\n", *piece) for piece in path_parts(*place)]
+    return b"".join(
+        [
+            head.encode(),
+            rows(template, numbers, *kinds, *place),
+            b"</Folder>\n",
+            *(_path(lines) if len(ways) > 1 else []),
+            b"</Document></kml>\n",
+        ]
+    )
 
 
 def _path(lines: list[bytes]) -> list[bytes]:
