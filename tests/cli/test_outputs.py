@@ -9,6 +9,7 @@ import pytest
 from support.command_line import check_refusal, loads
 
 from aosplan.cli.output import print_json
+from aosplan.errors import RequestError
 
 
 def test_out_writes_and_says_so(folder, command):
@@ -28,7 +29,7 @@ def test_out_with_json_prints_one_document_and_writes(folder, document):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_json_with_what_is_no_number_is_not_printed(capsys, value):
-    with pytest.raises(ValueError, match="not JSON compliant"):
+    with pytest.raises(RequestError, match="too large for a number"):
         print_json({"a": value})
     assert capsys.readouterr().out == ""
 

@@ -146,7 +146,7 @@ def test_wrong_sweeps_are_errors(tmp_path, capsys, content, words):
         ("altitude,samples\n40,10\n50,6x4\n", ["column 'samples'", "6x4", "row 2"]),
         ("altitude,sample\n40,10\n", ["'sample'", "samples"]),
         ("altitude\n", ["no rows"]),
-        ("", ["no table"]),
+        ("", ["not a table"]),
     ],
 )
 def test_wrong_tables_are_errors(tmp_path, capsys, content, words):
@@ -161,7 +161,7 @@ def test_a_parquet_from_elsewhere_is_an_error(tmp_path, capsys):
     path = tmp_path / "rows.parquet"
     path.write_bytes(b"PAR1 not really")
     assert sweep(path, "--out", tmp_path / "r.csv") == 2
-    assert "no table of scenarios" in capsys.readouterr().err
+    assert "not a table of scenarios" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -11,5 +11,5 @@ are samples.  The pulses themselves measure what passes.  One step stands in eac
 - `aosplan.scenes.pulses.attenuation`: the attenuation of each voxel, shrunk through a pyramid,
   and its scale.
 - `aosplan.scenes.pulses.realise`: a binary volume of cells of leaf size from a seed.
-- `aosplan.scenes.pulses.opacity`: the steps together, and the reasons not to take them.
+- `aosplan.scenes.pulses.fit`: the steps together, and the reasons not to take them.
 """
