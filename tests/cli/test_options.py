@@ -296,6 +296,10 @@ EFFECTS = {
             and all(flight["time_s"] <= 120 for flight in r["flight"]["flights"])
         ),
     ),
+    "file_waypoints": (
+        ["--file-waypoints", "500"],
+        lambda r, d: r["flight"]["file_waypoints"] == 500 and "file_waypoints" not in d["flight"],
+    ),
     "resume_at": (
         ["--resume-at", "20"],
         lambda r, d: (

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+from dataclasses import replace
 
 import pytest
 from support.flights import READERS, commands_of, flown_in, grid, pairs, positions_of
@@ -11,6 +12,8 @@ from aosplan.mission.export import files, formats, size_of
 from aosplan.mission.format import Limits
 from aosplan.mission.limits import limits_of, parts
 from aosplan.mission.mission import Waypoints
+from aosplan.planning.planner import plan
+from aosplan.planning.request import PlanRequest
 
 
 def limit_cases():
@@ -133,3 +136,13 @@ def test_every_limit_names_its_source():
     for form in formats().values():
         for limits in form.limits:
             assert bool(limits.source) == (limits != Limits())
+
+
+def test_a_number_of_waypoints_that_the_user_gives_replaces_the_known_limit():
+    request = PlanRequest(
+        altitude=60, samples=200, baseline=3, origin=(48.0, 14.0), grid="rectangle"
+    )
+    known = files(plan(request).missions(), formats()["litchi"], "g.csv")
+    given = replace(request, file_waypoints=10_000)
+    assert len(known) == 3
+    assert len(files(plan(given).missions(), formats()["litchi"], "g.csv")) == 1

@@ -146,6 +146,7 @@ FIELD_DESCRIPTIONS = {
     "climb_mps": "Vertical speed.",
     "run_in_m": "Way before the first photo of a line, to be at speed.",
     "FlightDocument.altitude_frame": "What a file's heights are above.",
+    "file_waypoints": "Waypoints in one file that the user has asked for.",
     "most_waypoints": "Waypoints that the drone takes in one file.",
     "mission_formats": "Formats of mission files that the drone flies.",
     # Waypoints

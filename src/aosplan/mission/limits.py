@@ -18,10 +18,17 @@ if TYPE_CHECKING:
 
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:
-    """The limits that rule a mission: those of its autopilot, or the format's first."""
+    """The limits of a mission: those of its autopilot, or the first of the format.
+
+    A number of waypoints that the user gives replaces the known one.
+    """
     wanted = mission.settings.autopilot
     limits = next((one for one in chosen.limits if one.target == wanted), chosen.limits[0])
     fewest, most = limits.waypoints
+    if mission.settings.file_waypoints is not None:
+        return limits._replace(
+            unit="waypoints", waypoints=(fewest, mission.settings.file_waypoints)
+        )
     drone = mission.settings.most_waypoints
     if most is not None and drone is not None:
         return limits._replace(waypoints=(fewest, max(fewest, min(most, drone))))

@@ -96,7 +96,7 @@ class FlightSettings(NamedTuple):
     of the take-off are None where they are not known; `takeoff_ellipsoid_m` is its height above
     the WGS 84 ellipsoid, if the terrain file has such heights.  Heights are held above the take-off, or
     with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
-    takes `most_waypoints` in one file and flies `mission_formats`, where that is known.  To, from and
+    takes `most_waypoints` in one file (the user says `file_waypoints`) and flies `mission_formats`, where that is known.  To, from and
     between lines the speed is `transit_mps`; on the way to the first waypoint the drone is
     `transit_climb_m` above the take-off, and on the way back from any waypoint `transit_return_m`.
     None: the speed between photos, and the height of the highest waypoint.  PX4 triggers the camera by
@@ -119,6 +119,7 @@ class FlightSettings(NamedTuple):
     most_waypoints: int | None = None
     camera_control: str | None = None
     takeoff_ellipsoid_m: float | None = None
+    file_waypoints: int | None = None
     mission_formats: tuple[str, ...] | None = None
     transit_mps: float | None = None
     transit_climb_m: float | None = None

@@ -119,6 +119,14 @@ _seconds = partial(bounded, q.positive, unit="s")
 
 _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
 
+
+def _file_waypoints(value: Any, what: str) -> int:
+    count = q.whole(value, what)
+    if count < 2:
+        raise RequestError(f"{what} {value} is too few", "a mission file has 2 waypoints or more")
+    return count
+
+
 _PANELS: dict[str, tuple[_Row, ...]] = {
     "Altitude": (
         ("altitude", _length, "number", "M", "Height above the synthetic focal plane."),
@@ -459,6 +467,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "MIN",
             "Minutes of a battery: longer missions are split.  [2/3 of the drone's in still air]",
+        ),
+        (
+            "file_waypoints",
+            _file_waypoints,
+            "whole",
+            "N",
+            "Waypoints (MAVLink: commands) in one file, if other than its known limit.",
         ),
         (
             "resume_at",

@@ -190,5 +190,6 @@ class PlanData:
                 self.route.takeoff_ground_m if self.route.datum == "ellipsoid" else None
             ),
             most_waypoints=drone.most_waypoints if drone else None,
+            file_waypoints=flight.file_waypoints,
             mission_formats=drone.mission_formats if drone else None,
         )

@@ -154,6 +154,7 @@ class FlightDocument(OpenDocument):
     flights: list[OneFlightDocument] | None = None
     altitude_frame: Literal["takeoff", "terrain"] = "takeoff"
     most_waypoints: Annotated[int, Field(ge=2)] | None = None
+    file_waypoints: Annotated[int, Field(ge=2)] | None = None
     mission_formats: Words | None = None
 
 

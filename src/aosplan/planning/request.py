@@ -129,6 +129,7 @@ class PlanRequest:
     airspeed: float | None = None
     takeoff: tuple[float, float] | None = None
     flight_time: float | None = None
+    file_waypoints: int | None = None
     resume_at: int | None = None
     clearance: float = 2.0
     terrain: str | None = None

@@ -288,6 +288,7 @@ def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
         wind=wind,
         takeoff=request.takeoff,
         flight_time_min=request.flight_time,
+        file_waypoints=request.file_waypoints,
         resume_at=request.resume_at,
         clearance_m=request.clearance,
         terrain=None if request.terrain is None else located(request.terrain, folder),

@@ -92,6 +92,7 @@ class FlightInputs(NamedTuple):
     wind: Wind | None
     takeoff: tuple[float, float] | None
     flight_time_min: float | None
+    file_waypoints: int | None
     resume_at: int | None
     clearance_m: float
     terrain: str | None
