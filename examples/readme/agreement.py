@@ -29,11 +29,11 @@ BASELINES_M = (0.4, 0.8, 1.4, 2.2, 3.2)
 STANDS = 12
 
 
-def planned(samples, baseline_m, found=None, **scene):
+def planned(samples, baseline_m, loaded=None, **scene):
     request = PlanRequest(
         altitude=ALTITUDE_M, vhat=0.5, grid="square", samples=samples, baseline=baseline_m, **scene
     )
-    return plan(request, found=found)
+    return plan(request, loaded=loaded)
 
 
 def simulated(result, forest):
