@@ -26,9 +26,7 @@ def limits_of(mission: Mission, chosen: Format) -> Limits:
     limits = next((one for one in chosen.limits if one.target == wanted), chosen.limits[0])
     fewest, most = limits.waypoints
     if mission.settings.file_waypoints is not None:
-        return limits._replace(
-            unit="waypoints", waypoints=(fewest, mission.settings.file_waypoints)
-        )
+        return limits._replace(waypoints=(fewest, mission.settings.file_waypoints))
     drone = mission.settings.most_waypoints
     if most is not None and drone is not None:
         return limits._replace(waypoints=(fewest, max(fewest, min(most, drone))))

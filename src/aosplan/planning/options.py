@@ -120,7 +120,8 @@ _seconds = partial(bounded, q.positive, unit="s")
 _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
 
 
-def _file_waypoints(value: Any, what: str) -> int:
+def file_waypoints(value: Any, what: str) -> int:
+    """A number of waypoints, at least 2."""
     count = q.whole(value, what)
     if count < 2:
         raise RequestError(f"{what} {value} is too few", "a mission file has 2 waypoints or more")
@@ -470,7 +471,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
         (
             "file_waypoints",
-            _file_waypoints,
+            file_waypoints,
             "whole",
             "N",
             "Waypoints (MAVLink: commands) in one file, if other than its known limit.",
