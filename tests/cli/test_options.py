@@ -338,6 +338,7 @@ CLOUD_ONLY = (
     "ground",
     "min_height",
     "units",
+    "crop",
     "opacity",
     "leaf_size",
     "trajectory",

@@ -9,7 +9,7 @@ import pytest
 from support.clouds import laspy, patched, refusal, slope, stand, write_cloud
 from support.paths import CLOUDS
 
-from aosplan.scenes.files import las
+from aosplan.scenes.files import las, spool
 from aosplan.scenes.files import point_cloud as lidar
 from aosplan.scenes.files.point_cloud import read_voxels
 
@@ -118,7 +118,7 @@ def test_chunks_and_blocks_do_not_show(tmp_path, monkeypatch):
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
     whole = read_voxels(path)
     monkeypatch.setattr(las, "CHUNK_POINTS", 1000)
-    monkeypatch.setattr(lidar, "BLOCK_POINTS", 77)
+    monkeypatch.setattr(spool, "BLOCK_POINTS", 77)
     assert (read_voxels(path).occupied == whole.occupied).all()
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.correlogram import Correlogram
+    from aosplan.scenes.files.crop import Crop
     from aosplan.scenes.files.voxel_file import Stand
     from aosplan.scenes.voxels import VoxelVolume
 
@@ -69,6 +70,7 @@ def load_scene(
     folder: str = "",
     progress: Progress | None = None,
     also: Iterable[str] = (),
+    surroundings: Callable[[], Crop | None] | None = None,
 ) -> LoadedScene:
     """The scene of a request: numbers, a preset, a scene file or a point cloud.
 
@@ -82,6 +84,8 @@ def load_scene(
         Called with points read and points in all, for point clouds.
     also
         More point clouds of the same stand.
+    surroundings
+        Gives the part of a point cloud that the plan needs, for requests that ask for no other.
     """
     if request.scene is None:
         return _of_numbers(request)
@@ -101,7 +105,7 @@ def load_scene(
         twice = {file for file in files if files.count(file) > 1}
         if twice:
             raise RequestError(f"point cloud '{min(twice)}' is given twice")
-        return _cloud(request, name, files, progress, folder)
+        return _cloud(request, name, files, progress, folder, surroundings)
     if preset is None and suffix in RASTER_SUFFIXES:
         return _raster(request, name)
     _check_unread(request, READING if suffix == VOXEL_SUFFIX else (*READING, "occluder_size"))
@@ -204,7 +208,9 @@ def _cloud(
     files: tuple[str, ...],
     progress: Progress | None,
     folder: str,
+    surroundings: Callable[[], Crop | None] | None,
 ) -> LoadedScene:
+    from aosplan.planning.cloud_crop import asked_crop
     from aosplan.scenes.files import cache
 
     _check_unread(request, ("crown_base",))
@@ -216,6 +222,11 @@ def _cloud(
     }
     if request.units is not None:
         reading["units"] = request.units
+    if request.crop is not None:
+        reading["crop"] = request.crop
+        crop = asked_crop(request.crop, folder)
+    else:
+        crop = surroundings and surroundings()
     if request.opacity == "voxels":
         for option in ("leaf_size", "trajectory"):
             if getattr(request, option) is not None:
@@ -242,11 +253,12 @@ def _cloud(
             opacity=reading["opacity"],
             leaf_size_m=request.leaf_size,
             trajectory=trajectory,
+            crop=crop,
             progress=progress,
         )
 
     read_from = files if trajectory is None else (*files, trajectory)
-    stand, from_cache = cache.stand(read_from, reading, read)
+    stand, from_cache = cache.stand(read_from, {**reading, "box": crop}, read)
     shown = os.path.basename(os.path.normpath(name))
     loaded = _of_stand(stand, shown, request)
     return replace(loaded, reading=reading, from_cache=from_cache)
@@ -256,7 +268,7 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
     from aosplan.scenes.files.canopy_raster import CROWN_BASE, read_canopy
     from aosplan.scenes.files.voxel_file import Stand
 
-    _check_unread(request, ("ground", *OPACITY))
+    _check_unread(request, ("ground", "crop", *OPACITY))
     reading = {
         "min_height": 2.0 if request.min_height is None else request.min_height,
         "crown_base": CROWN_BASE if request.crown_base is None else request.crown_base,

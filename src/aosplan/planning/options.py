@@ -29,7 +29,8 @@ GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
 READING = (
-    "voxel", "ground", "min_height", "units", "opacity", "leaf_size", "trajectory", "crown_base",
+    "voxel", "ground", "min_height", "units", "crop", "opacity", "leaf_size", "trajectory",
+    "crown_base",
 )  # fmt: skip
 """Options that say how a point cloud or a canopy height raster is read."""
 
@@ -232,6 +233,14 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "UNIT",
             "Unit of a point cloud's coordinates or a canopy raster's heights, instead of what the "
             "file states: m, ft, us-ft; us-ft,m if z has another one.",
+        ),
+        (
+            "crop",
+            q.word,
+            "text",
+            "WHERE",
+            "Part of a point cloud: W,S,E,N in its coordinates or in degrees, a GeoJSON file, or "
+            "all.  [around --area or --origin]",
         ),
         (
             "opacity",

@@ -78,6 +78,7 @@ class PlanRequest:
     ground: str | None = None
     min_height: float | None = None
     units: str | None = None
+    crop: str | None = None
     opacity: str | None = None
     leaf_size: float | None = None
     trajectory: str | None = None

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from aosplan.areas.area import Area
     from aosplan.planning.loaded_scene import LoadedScene, Progress
     from aosplan.planning.request import PlanRequest
+    from aosplan.scenes.files.crop import Crop
 
     T = TypeVar("T")
 
@@ -169,7 +170,17 @@ def resolve_inputs(
 
         heading = long_side_deg(area.whole)
         request = replace(request, heading=heading)
-    loaded = load(request) if load else load_scene(request, folder=folder, progress=progress)
+
+    def surroundings() -> Crop | None:
+        from aosplan.planning.cloud_crop import crop_of_plan
+
+        return crop_of_plan(request, area, camera.footprint_m(altitude_m))
+
+    loaded = (
+        load(request)
+        if load
+        else load_scene(request, folder=folder, progress=progress, surroundings=surroundings)
+    )
     model = request.model or MODEL_OF[loaded.kind]
     _check_model(model, loaded.kind, request)
     if loaded.scene.integrated_density > 0.0:

@@ -56,6 +56,8 @@ class PointFile:
     scales_m, offsets_m
         What makes metres of the integers in the file, ``raw * scales_m + offsets_m``, each of
         shape (3,).
+    bounds
+        Least and largest x and y by the header, in units of the file, shape (2, 2).
     reference
         What the file states of its coordinate reference system.
     warnings
@@ -86,11 +88,19 @@ class PointFile:
             self.warnings += doubts
             metres = np.array([self.units.across_m, self.units.across_m, self.units.up_m])
             self.later_returns = int(np.sum(header.number_of_points_by_return[1:]))
-            self.scales_m: Floats = header.scales * metres
+            self.bounds: Floats = np.array([header.mins[:2], header.maxs[:2]], dtype=np.float64)
+            self._scales: Floats = np.array(header.scales, dtype=np.float64)
+            self.scales_m: Floats = self._scales * metres
             self.offsets_m: Floats = header.offsets * metres
             _check_scaling(self.scales_m, self.offsets_m, name)
             if header.are_points_compressed:
                 self.warnings += _check_compression(header, stream)
+
+    @property
+    def metres(self) -> Floats:
+        """Metres in a unit of x and of y in the file, shape (2,)."""
+        metres: Floats = self.scales_m[:2] / self._scales[:2]
+        return metres
 
     def first_m(self) -> Floats:
         """x, y and z of the first point, shape (3,)."""

@@ -12,18 +12,17 @@ the voxels, not the points.  Nothing is allocated on a header's word.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
-import tempfile
 from dataclasses import dataclass, replace
-from typing import IO, TYPE_CHECKING, Literal, NamedTuple, Self, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from aosplan.crs import given_units
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.scenes.files import outliers
+from aosplan.scenes.files.crop import box_of
 from aosplan.scenes.files.ground import (
     MAX_VERTICES,
     filtered,
@@ -33,6 +32,7 @@ from aosplan.scenes.files.ground import (
     vertices,
 )
 from aosplan.scenes.files.las import PointFile, not_metric
+from aosplan.scenes.files.spool import Spool
 from aosplan.scenes.files.tiles import brought_together, said_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.scenes.files.crop import Box, Crop
     from aosplan.scenes.pulses.fit import PulseVolume
 
     Floats = NDArray[np.float64]
@@ -52,9 +53,6 @@ GroundMethod = Literal["auto", "class", "filter", "normalized"]
 
 NOISE_CLASSES = (7, 18)
 GROUND_CLASS = 2
-
-# Small enough for the dozen arrays of a block to stay in a processor's cache.
-BLOCK_POINTS = 1 << 16
 
 # Fifty for each vertex of the ground; of more, each has a mean that is sure enough.
 ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
@@ -82,6 +80,7 @@ def read_voxels(
     opacity: OpacitySource = "voxels",
     leaf_size_m: float | None = None,
     trajectory: str | None = None,
+    crop: Crop | None = None,
     progress: Progress | None = None,
 ) -> VoxelVolume:
     """Read one or several LAS or LAZ files of one stand into voxels.
@@ -111,6 +110,8 @@ def read_voxels(
     trajectory
         CSV file of the sensor's positions (`aosplan.scenes.pulses.trajectory`); None to find
         them from the pulses.
+    crop
+        Rectangle outside of which points are left out; None to take them all.
     progress
         Called with the work done and the work in total, in points; a point counts twice, when
         it is read and when it is placed.
@@ -139,12 +140,17 @@ def read_voxels(
         )
     source = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     try:
-        with _Spool() as cloud:
+        with Spool() as cloud:
             given = given_units(units) if units else None
             files = [PointFile(name, given) for name in names]
             together, place = brought_together(files, source)
             warnings = said_of_files(files) + together
-            read = _decode(files, source, cloud, progress)
+            box = None if crop is None else box_of(crop, files, source)
+            if box is not None:
+                warnings += box.said
+                files = [file for file in files if box.meets(file)]
+                place = box.place or place
+            read = _decode(files, source, cloud, progress, box)
             plot = _Plot.around(cloud, voxel_m, source)
             method, ground_m, strange = _find_ground(cloud, plot, ground)
             found, reason = None, ""
@@ -236,87 +242,16 @@ def _check_request(names: list[str], voxel_m: float, ground: str, min_height_m: 
         raise RequestError(f"ground method '{ground}' is unknown", f"use {', '.join(methods)}")
 
 
-# --- Points: from the files to the disk, and from there in blocks ---
+# --- Points: from the files to the disk ---
 
 
-class _Spool:
-    """Points in an anonymous temporary file, as the integers they came as.
-
-    They lie there in pieces of shape (3, n), the points marked as ground before the others.
-    """
-
-    def __init__(self) -> None:
-        with _disk():
-            self._file: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  closed on exit
-        self._pieces: list[_Piece] = []
-        self.count = 0
-        self.ground_count = 0
-        self.low_m = np.full(3, np.inf)
-        self.high_m = np.full(3, -np.inf)
-        self.finest_m = math.inf
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    def append(self, raw: NDArray[np.int32], ground_count: int, file: PointFile) -> None:
-        """Add points of a file, shape (3, n), the first of which are ground."""
-        count = raw.shape[1]
-        if count == 0:
-            return
-        with _disk():
-            self._file.write(raw.data)
-        self._pieces.append(_Piece(count, ground_count, file))
-        self.count += count
-        self.ground_count += ground_count
-        self.low_m = np.minimum(self.low_m, raw.min(axis=1) * file.scales_m + file.offsets_m)
-        self.high_m = np.maximum(self.high_m, raw.max(axis=1) * file.scales_m + file.offsets_m)
-        self.finest_m = min(self.finest_m, file.scales_m[0])
-
-    def blocks(
-        self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False, every: int = 1
-    ) -> Iterator[Floats]:
-        """Yield points, or every second, third ..., as shape (3, n).
-
-        They count from an origin in multiples of a length.
-        """
-        position = 0
-        for piece in self._pieces:
-            with _disk():
-                self._file.seek(position)
-                data = self._file.read(12 * piece.points)
-            position += len(data)
-            raw = np.frombuffer(data, np.int32).reshape(3, piece.points)
-            if ground_only:
-                raw = raw[:, : piece.ground_points : every]
-            scale = (piece.file.scales_m / unit_m)[:, np.newaxis]
-            shift = ((piece.file.offsets_m - origin_m) / unit_m)[:, np.newaxis]
-            for start in range(0, raw.shape[1], BLOCK_POINTS):
-                block = raw[:, start : start + BLOCK_POINTS] * scale
-                block += shift
-                yield block
-
-
-class _Piece(NamedTuple):
-    points: int
-    ground_points: int
-    file: PointFile
-
-
-@contextlib.contextmanager
-def _disk() -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise SurroundingsError(
-            f"cannot keep the points in the folder for temporary files: {error.strerror or error}",
-            "set TMPDIR to a folder with room for 12 bytes a point",
-        ) from error
-
-
-def _decode(files: list[PointFile], source: str, cloud: _Spool, progress: Progress | None) -> int:
+def _decode(
+    files: list[PointFile],
+    source: str,
+    cloud: Spool,
+    progress: Progress | None,
+    box: Box | None,
+) -> int:
     """Spool all points that are not noise; return how many there were with it."""
     total = sum(file.count for file in files)
     done = 0
@@ -325,6 +260,8 @@ def _decode(files: list[PointFile], source: str, cloud: _Spool, progress: Progre
             used = ~withheld
             for noise in NOISE_CLASSES:
                 used &= kind != noise
+            if box is not None:
+                used &= box.holds(raw, file)
             is_ground = kind == GROUND_CLASS
             ground = np.flatnonzero(used & is_ground)
             other = np.flatnonzero(used & ~is_ground)
@@ -335,6 +272,8 @@ def _decode(files: list[PointFile], source: str, cloud: _Spool, progress: Progre
             if progress is not None:
                 progress(done, 2 * total)
     if cloud.count == 0:
+        if box is not None:
+            raise box.is_empty
         raise RequestError(
             f"point cloud {source} holds nothing but noise: all of its {total} points are of class "
             "7 or 18 or withheld"
@@ -357,7 +296,7 @@ class _Plot:
     source: str
 
     @classmethod
-    def around(cls, cloud: _Spool, voxel_m: float, source: str) -> _Plot:
+    def around(cls, cloud: Spool, voxel_m: float, source: str) -> _Plot:
         """Return the plot of a cloud, after a look at whether it can be one."""
         low, high = cloud.low_m, cloud.high_m
         size = high - low
@@ -385,7 +324,7 @@ class _Plot:
 
 
 def _find_ground(
-    cloud: _Spool, plot: _Plot, method: GroundMethod
+    cloud: Spool, plot: _Plot, method: GroundMethod
 ) -> tuple[str, NDArray[np.float32], list[Warned]]:
     """Decide on a method; return it, z of the ground at the corners of the columns, and warnings.
 

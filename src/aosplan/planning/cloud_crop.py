@@ -1,0 +1,79 @@
+"""The part of a point cloud that a request asks for, or that its plan needs."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError
+from aosplan.files import located
+from aosplan.geodesy import to_wgs84
+
+if TYPE_CHECKING:
+    from aosplan.areas.area import Area
+    from aosplan.planning.request import PlanRequest
+    from aosplan.scenes.files.crop import Crop
+
+ALL = "all"
+
+RAYS_M = 50.0
+"""Kept around the place of a plan: rays of up to 45° meet a canopy of 50 m no farther off."""
+
+
+def asked_crop(text: str, folder: str) -> Crop | None:
+    """The crop that ``--crop`` names: four bounds, the bounds of an outline, or none for ``all``.
+
+    Raises
+    ------
+    RequestError
+        If the bounds are none, or the file is wrong.
+    """
+    from aosplan.scenes.files.crop import Crop
+
+    if text == ALL:
+        return None
+    parts = text.split(",")
+    try:
+        numbers = tuple(float(part) for part in parts)
+    except ValueError:
+        from aosplan.areas.boundary_file import read_outline
+
+        outline = read_outline(located(text, folder))
+        rings = [ring for polygon in outline.polygons for ring in polygon[:1]]
+        west, south = (min(float(ring[:, axis].min()) for ring in rings) for axis in range(2))
+        east, north = (max(float(ring[:, axis].max()) for ring in rings) for axis in range(2))
+        return Crop((west, south, east, north), "degrees")
+    hint = "give W,S,E,N in the cloud's coordinates or in degrees, a GeoJSON file, or all"
+    if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
+        raise RequestError(f"--crop {text} has no four numbers", hint)
+    west, south, east, north = numbers
+    if west >= east or south >= north:
+        raise RequestError(f"--crop {text} encloses nothing", hint)
+    return Crop((west, south, east, north))
+
+
+def crop_of_plan(
+    request: PlanRequest, area: Area | None, footprint_m: tuple[float, float]
+) -> Crop | None:
+    """The surroundings of a plan; None if it has no place.
+
+    They are the area, or what a photo from the middle and a line show, and `RAYS_M` around.
+    """
+    from aosplan.scenes.files.crop import Crop
+
+    if area is not None:
+        west, south, east, north = area.whole.bounds
+        origin = area.origin
+    elif request.origin is not None:
+        half = 0.5 * math.hypot(*footprint_m) + 0.5 * (request.line_length or 0.0)
+        west, south, east, north = -half, -half, half, half
+        origin = request.origin
+    else:
+        return None
+    latitudes, longitudes = to_wgs84(origin, [west, west, east, east], [south, north, south, north])
+    # Seven digits are a centimetre.
+    bounds = (min(longitudes), min(latitudes), max(longitudes), max(latitudes))
+    west, south, east, north = (round(bound, 7) for bound in bounds)
+    if east - west > 180.0:  # across the antimeridian
+        return None
+    return Crop((west, south, east, north), "degrees", RAYS_M, of_plan=True)

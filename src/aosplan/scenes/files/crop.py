@@ -1,0 +1,193 @@
+"""A rectangle that is cut out of a point cloud while it is read.
+
+It has sides along x and y of the cloud, and is stated in the cloud's coordinates or in degrees.
+Tiles that it does not meet are not read at all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from aosplan.crs import transformer
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+    from pyproj import CRS
+
+    from aosplan.scenes.files.las import PointFile
+
+    Floats = NDArray[np.float64]
+
+WGS84 = "EPSG:4326"
+
+GLOBE_DEG = (180.0, 90.0, 180.0, 90.0)
+
+NEARBY = 10_000.0
+"""Numbers that could be degrees are coordinates if the cloud lies nearer to them than this."""
+
+NARROWEST_M = 50.0
+"""A plan that meets less of a cloud takes all of it."""
+
+
+@dataclass(frozen=True)
+class Crop:
+    """What to cut out of a point cloud.
+
+    Parameters
+    ----------
+    bounds
+        West, south, east and north, or least x and y and largest x and y.
+    frame
+        ``degrees``: longitudes and latitudes of WGS 84.  ``either``: coordinates of the cloud, or
+        degrees if they can be no coordinates of it.
+    margin_m
+        Wanted around the bounds.
+    of_plan
+        Whether it is the place of a plan rather than what the user asks for: if it does not meet
+        the cloud, all of the cloud is taken, and if it does, a warning says so.
+    """
+
+    bounds: tuple[float, float, float, float]
+    frame: Literal["degrees", "either"] = "either"
+    margin_m: float = 0.0
+    of_plan: bool = False
+
+    def __str__(self) -> str:
+        return ",".join(f"{bound:.10g}" for bound in self.bounds)
+
+
+class Box(NamedTuple):
+    """A rectangle in the metres of a cloud.
+
+    Attributes
+    ----------
+    low_m, high_m
+        Least and largest x and y, each of shape (2,).
+    place
+        Latitude and longitude of its middle, if they are known.
+    said
+        Warnings.
+    is_empty
+        The error if no point lies in it.
+    """
+
+    low_m: Floats
+    high_m: Floats
+    place: tuple[float, float] | None
+    said: list[tuple[str, str]]
+    is_empty: RequestError
+
+    def holds(self, raw: NDArray[np.int32], file: PointFile) -> NDArray[np.bool_]:
+        """Which points of a file, shape (3, n) as its integers, lie in it."""
+        scales, offsets = file.scales_m[:2], file.offsets_m[:2]
+        least = np.ceil((self.low_m - offsets) / scales - 1e-6)
+        most = np.floor((self.high_m - offsets) / scales + 1e-6)
+        x, y = raw[0], raw[1]
+        inside: NDArray[np.bool_] = (x >= least[0]) & (x <= most[0])
+        inside &= (y >= least[1]) & (y <= most[1])
+        return inside
+
+    def meets(self, file: PointFile) -> bool:
+        """Whether a file may have points in it, by its header, if that holds its first point."""
+        low, high = file.bounds * file.metres
+        first = file.first_m()[:2]
+        if not ((low - 1.0 <= first) & (first <= high + 1.0)).all():
+            return True
+        return bool(((low <= self.high_m) & (self.low_m <= high)).all())
+
+
+def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> Box | None:
+    """The rectangle of a crop in the metres of some files; None to take all of their points.
+
+    Raises
+    ------
+    RequestError
+        If the crop is in degrees and the cloud states no coordinate reference system, or if it
+        does not meet the cloud.
+    """
+    file = next((file for file in files if file.reference.horizontal is not None), files[0])
+    crs, metres = file.reference.horizontal, file.metres
+    reach = np.array([file.bounds * file.metres for file in files])
+    low, high = reach[:, 0].min(axis=0), reach[:, 1].max(axis=0)
+    bounds = np.array(crop.bounds)
+    in_degrees = crop.frame == "degrees" or (
+        crs is not None
+        and (np.abs(bounds) <= GLOBE_DEG).all()
+        and np.abs(files[0].first_m()[:2] / metres).max() > NEARBY
+    )
+    if in_degrees:
+        if crs is None:
+            if crop.of_plan:
+                return None
+            raise RequestError(
+                f"--crop is given in degrees, and point cloud {source} states no coordinate "
+                "reference system",
+                "give W,S,E,N in the coordinates of the cloud",
+            )
+        bounds = _in_system(crs, crop.bounds)
+    if not np.isfinite(bounds).all():
+        if crop.of_plan:
+            return None
+        raise RequestError(f"--crop {crop} is no place in {crs and crs.name}")
+    corners = bounds.reshape(2, 2) * metres
+    corners += [[-crop.margin_m], [crop.margin_m]]
+    missed = (corners[0] > high).any() or (corners[1] < low).any()
+    if missed and crop.of_plan:
+        return None
+    size = np.minimum(corners[1], high) - np.maximum(corners[0], low)
+    whole = (corners[0] <= low).all() and (corners[1] >= high).all()
+    if crop.of_plan and (whole or size.min() < NARROWEST_M):
+        return None
+    in_units = _text(corners / metres)
+    said = []
+    if crop.of_plan:
+        message = (
+            f"of the point cloud, the {size[0]:.0f} x {size[1]:.0f} m around the plan are used, "
+            f"{in_units}: --crop all takes all of it"
+        )
+        said = [("cropped_to_plan", message)]
+    error = RequestError(
+        f"no point of point cloud {source} lies in {'the crop' if crop.of_plan else '--crop'} "
+        f"{in_units}",
+        f"by the headers it has {_text(np.array([low, high]) / metres)}",
+    )
+    if missed:
+        raise error
+    return Box(corners[0], corners[1], _place(crs, corners / metres), said, error)
+
+
+def _text(corners: Floats) -> str:
+    (west, south), (east, north) = corners.tolist()
+    return f"x {west:.10g} to {east:.10g}, y {south:.10g} to {north:.10g}"
+
+
+def _in_system(crs: CRS, bounds: tuple[float, float, float, float]) -> Floats:
+    """Bounds in degrees as bounds in a system; not finite if they have no place there."""
+    if (np.abs(bounds) > GLOBE_DEG).any():
+        return np.full(4, math.nan)
+    from pyproj.exceptions import ProjError
+
+    try:
+        return np.array(transformer(WGS84, crs).transform_bounds(*bounds))
+    except ProjError:
+        return np.full(4, math.nan)
+
+
+def _place(crs: CRS | None, corners: Floats) -> tuple[float, float] | None:
+    from pyproj.exceptions import ProjError
+
+    if crs is None:
+        return None
+    x, y = corners.mean(axis=0).tolist()
+    try:
+        longitude, latitude = transformer(crs, WGS84).transform(x, y)
+    except ProjError:
+        return None
+    return (latitude, longitude) if math.isfinite(latitude + longitude) else None
