@@ -167,7 +167,7 @@ def test_only_who_asks_loads_the_completion():
         (
             "aosplan plan --optimize ",
             "=:",
-            ["samples", "aperture", "time", "visibility", "contrast"],
+            ["samples", "aperture", "time", "visibility", "contrast", "detection"],
         ),
         ("", "", [*COMMANDS, "--version", "--install-completion", "--show-completion", "--help"]),
     ],

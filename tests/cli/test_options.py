@@ -153,6 +153,10 @@ EFFECTS = {
         ["--optimize", "aperture"],
         lambda r, d: extent(r) < extent(d) and r["samples"] > d["samples"],
     ),
+    "within": (
+        ["--optimize", "visibility", "--within", "2"],
+        lambda r, d: "within" in r and r["flight"]["total_time_s"] <= 120.0,
+    ),
     "max_aperture": (
         ["--max-aperture", "18.5"],
         lambda r, d: extent(r) <= 18.5 < extent(d) and r["visibility"]["normalized"] >= 0.98,

@@ -121,7 +121,9 @@ VALUES = {
     "scene": Values(_scenes, SCENE),
     "signature": Values(_of("models.signatures", "SIGNATURES")),
     "terrain": Values(endings=(".tif", ".tiff")),
-    "trigger": Values(_of("flight.photo_trigger", "TRIGGERS")),
+    "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
+    "signature": Values(_of("models.signatures", "SIGNATURES")),
+    "opacity": Values(_of("planning.options", "OPACITY")),
     "view": Values(_of("planning.options", "VIEWS")),
 }
 """What is completed, by the name of an option or argument; numbers and places are not."""

@@ -24,7 +24,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "version": __version__,
-        "request": plan.request.document(),
+        "request": (plan.request if plan.within is None else plan.within.asked).document(),
         "scene": scene_document(plan.scene),
         "altitude_m": altitude,
         "baseline_m": baseline,
@@ -68,6 +68,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             else {"continuous": plan.layout.continuous.document()}
         ),
         **({} if plan.detection is None else {"detection": plan.detection.document()}),
+        **({} if plan.within is None else {"within": plan.within.document()}),
         "limits": [limit._asdict() for limit in plan.limits],
         "sensitivity": [change._asdict() for change in plan.sensitivity] or None,
         "warnings": [warning._asdict() for warning in plan.warnings],

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.planning.find import PERSON
 from aosplan.planning.options import BY_NAME, READING
 
 if TYPE_CHECKING:
@@ -38,6 +39,10 @@ ALTERNATIVES = (
     ),
 )
 """Ways to say the same thing: options of different ways contradict each other."""
+
+
+OPEN = "best"
+"""Value of an option that is left to a search."""
 
 
 class Need(NamedTuple):
@@ -70,7 +75,10 @@ class Need(NamedTuple):
     def is_met(self, values: Mapping[str, Any]) -> bool:
         """Whether a partner is among the options that are given."""
         given = (values.get(partner) for partner in self.partners)
-        return any(each is not None and self.value in (None, each) for each in given)
+        return any(
+            each is not None and (self.value is None or each in (self.value, OPEN))
+            for each in given
+        )
 
 
 _TRIGGER = "--trigger distance"
@@ -124,6 +132,20 @@ BROUGHT_BY_DRONE = (
     "flight_time",
 )
 """What a drone brings along, beside its camera."""
+
+
+BEST = ("visibility", "contrast", "detection")
+"""Objectives that a search makes as large as the time allows, without a target."""
+
+OPEN_OTHERWISE = {"grid": "trimmed", "heading": 0.0, "trigger": "stop"}
+"""Options that are open in a search, and their values otherwise."""
+
+NOT_SEARCHED = {
+    "resume_at": "a resumed mission has its sites already",
+    "line_length": "the length of a line is chosen",
+    "sensitivity": "it holds for a grid that is chosen",
+}
+"""Options that do not go with a search, and why."""
 
 
 def check_alternatives(values: Mapping[str, Any]) -> None:
@@ -192,6 +214,59 @@ def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
     left = {name: value for name, value in own.items() if name not in unpaired}
     # An option that is left out may have been the partner of another.
     return left if len(left) == len(own) else fitting(left, asked)
+
+
+def is_search(values: Mapping[str, Any]) -> bool:
+    """Whether a request is answered by a search over flights."""
+    if values["within"] is not None:
+        return True
+    names = (*OPEN_OTHERWISE, "baseline", "samples")
+    has_open = any(values[name] in (None, OPEN) for name in names)
+    return values["optimize"] == "detection" and has_open
+
+
+def default_target(values: Mapping[str, Any]) -> float:
+    """V̂ that is asked for unless another target is given; 0 if it is made as large as it can be."""
+    return 0.0 if is_search(values) and values["optimize"] in BEST else 0.98
+
+
+def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of the options that were not given: open in a search, else their defaults."""
+    found: dict[str, Any] = {}
+    for name, default in OPEN_OTHERWISE.items():
+        if values[name] is None:
+            found[name] = "best" if is_search(values) else default
+    if values["optimize"] == "detection" and values["find"] is None:
+        found["find"] = PERSON
+    return found
+
+
+def check_search(values: Mapping[str, Any]) -> None:
+    """Refuse what a search cannot do, and what only a search can.
+
+    Raises
+    ------
+    RequestError
+        If the options do not fit each other.
+    """
+    if not is_search(values):
+        if isinstance(values["altitude"], str):
+            raise RequestError(
+                f"--altitude {values['altitude']} is a range",
+                "give --within MIN, which chooses within it, or one altitude",
+            )
+        if values["trigger"] == "best":
+            raise RequestError("--trigger best without --within", "give --within MIN too")
+        return
+    which = "--within" if values["within"] is not None else "--optimize detection"
+    for name, reason in NOT_SEARCHED.items():
+        if values[name]:
+            flag = "--" + name.replace("_", "-")
+            raise RequestError(f"{flag} with {which}: {reason}", f"leave {flag} out")
+    if values["grid"] == "spiral":
+        raise RequestError(
+            f"--grid spiral with {which}: spirals are not searched", "leave --grid out"
+        )
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:

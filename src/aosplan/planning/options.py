@@ -107,6 +107,19 @@ _length = partial(bounded, q.positive, unit="m")
 _heading = q.or_best(partial(q.number, unit="deg"))
 
 
+def altitude(value: Any, name: str) -> float | str:
+    """A height, or a range of heights such as ``40..80``."""
+    if not (isinstance(value, str) and ".." in value):
+        return _length(value, name)
+    low, _, high = value.partition("..")
+    lowest, highest = _length(low, name), _length(high, name)
+    if not lowest < highest:
+        raise RequestError(
+            f"{name} {q.shown(value)} does not rise", "give a range such as 40..80, or one height"
+        )
+    return f"{lowest!r}..{highest!r}"
+
+
 def heading_or_auto(value: Any, name: str) -> float | str:
     """A direction, ``best``, or ``auto``: along the longer side of an area."""
     return "auto" if value == "auto" else _heading(value, name)
@@ -131,7 +144,13 @@ def file_waypoints(value: Any, what: str) -> int:
 
 _PANELS: dict[str, tuple[_Row, ...]] = {
     "Altitude": (
-        ("altitude", _length, "number", "M", "Height above the synthetic focal plane."),
+        (
+            "altitude",
+            altitude,
+            "number",
+            "M|RANGE",
+            "Height above the synthetic focal plane; 40..80 with --within.",
+        ),
         (
             "gsd",
             _length,
@@ -328,6 +347,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "WHAT",
             f"Objective: {', '.join(OBJECTIVES)}.  [samples]",
         ),
+        (
+            "within",
+            _positive,
+            "number",
+            "MIN",
+            "Choose what is left open (grid, trigger, heading, altitude) for a flight of this time.",
+        ),
         ("max_aperture", _length, "number", "M", "Bound on the longer side of the grid."),
         ("max_samples", q.whole, "whole", "N", "Bound on the number of samples."),
         ("baseline", _length, "number", "M", "Fixed distance between neighbouring samples."),
@@ -429,10 +455,10 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
         (
             "trigger",
-            q.one_of(TRIGGERS),
+            q.one_of((*TRIGGERS, "best")),
             "text",
             "HOW",
-            "Photos at each stop, or in passing by distance: stop or distance.  [stop]",
+            "Photos at each stop, or in passing by distance: stop or distance.  [stop; best with --within]",
         ),
         (
             "max_blur",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aosplan.planning.route import Route
     from aosplan.planning.sensitivity import Change, Confidence
     from aosplan.planning.sites import Layout
+    from aosplan.planning.within_answer import Answer
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
     from aosplan.solver.problem import GridKind, Problem, Requirement
@@ -50,6 +51,8 @@ class PlanData:
         How far the prediction can be trusted.
     detection
         How likely what is looked for is found, or None.
+    within
+        What a search within a time has compared the plan with, or None.
     notices
         Messages of the readers of the scene, and of its model.
     warnings
@@ -65,6 +68,7 @@ class PlanData:
     layout: Layout
     confidence: Confidence
     detection: Detection | None = None
+    within: Answer | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
 

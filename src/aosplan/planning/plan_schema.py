@@ -232,6 +232,34 @@ class SeenShareDocument(OpenDocument):
     at_least: dict[str, Finite]
 
 
+class WithinRowDocument(OpenDocument):
+    """The best within a time; without what is flown if nothing can be."""
+
+    within_min: Finite
+    found: bool
+    time_s: Finite | None = None
+    flights: int | None = None
+    rows: int | None = None
+    columns: int | None = None
+    pitch_m: Pair | None = None
+    altitude_m: Finite | None = None
+    heading_deg: Finite | None = None
+    trigger: str | None = None
+    photos: int | None = None
+
+
+class WithinDocument(OpenDocument):
+    """What a search within a time has found (`aosplan.planning.within`)."""
+
+    minutes: Finite
+    asked: bool
+    objective: str
+    rows: list[WithinRowDocument]
+    curve: list[Pair]
+    predicted: int
+    laid_out: int
+
+
 class DetectionDocument(OpenDocument):
     """What of a target is seen, and how likely it is found (`aosplan.models.detection`)."""
 
@@ -270,6 +298,7 @@ class PlanDocument(OpenDocument):
     area: AreaDocument | None = None
     continuous: ContinuousDocument | None = None
     detection: DetectionDocument | None = None
+    within: WithinDocument | None = None
     limits: list[LimitDocument]
     sensitivity: list[ChangeDocument] | None = None
     warnings: list[MessageDocument]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from aosplan.geodesy import to_local
 from aosplan.messages import Message
+from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.resolve import resolve_inputs
 from aosplan.planning.result import Plan
@@ -68,6 +70,8 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
+    if request.searches:
+        return _searched(request, folder=folder, progress=progress, loaded=loaded)
     inputs = resolve_inputs(
         request, folder=folder, load=None if loaded is None else lambda _: loaded, progress=progress
     )
@@ -99,6 +103,30 @@ def plan(
             detection=detection,
             notices=notices,
         )
+    )
+
+
+def _searched(
+    request: PlanRequest,
+    *,
+    folder: str,
+    progress: Callable[[int, int], None] | None,
+    loaded: LoadedScene | None,
+) -> Plan:
+    """The plan of what a search chooses."""
+    from aosplan.planning.within import choose
+
+    found = loaded or load_scene(request, folder=folder, progress=progress)
+    chosen, answer = choose(request, folder=folder, load=lambda _: found)
+    result = plan(chosen, folder=folder, loaded=found)
+    limits = answer.limits(result.route.total_time_s)
+    solution = result.solution._replace(limits=limits)
+    return replace(
+        result,
+        solution=solution,
+        within=answer,
+        notices=(*result.notices, *answer.notices),
+        warnings=(*result.warnings, *answer.notices),
     )
 
 

@@ -7,7 +7,7 @@ for hyphens.  Fields left None take a default, or are not used.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from aosplan import units as q
 from aosplan.errors import RequestError
@@ -23,8 +23,12 @@ from aosplan.planning.option_relations import (
     beneath,
     check_alternatives,
     check_needs,
+    check_search,
+    default_target,
     fitting,
     given_flags,
+    is_search,
+    left_open,
 )
 from aosplan.planning.options import BY_NAME, OPTIONS
 
@@ -52,7 +56,7 @@ class PlanRequest:
     0.98
     """
 
-    altitude: float | None = None
+    altitude: float | str | None = None
     gsd: float | None = None
     target_size: float | None = None
     target_pixels: float | None = None
@@ -95,16 +99,17 @@ class PlanRequest:
     view: str | None = None
     rays: str | None = None
     optimize: str = "samples"
+    within: float | None = None
     max_aperture: float | None = None
     max_samples: int | None = None
     baseline: float | None = None
     samples: int | None = None
     sensitivity: bool = False
-    grid: str = "trimmed"
+    grid: str = cast("str", None)
     lanes: int | str | None = None
     lane_pitch: float | str | None = None
     origin: tuple[float, float] | None = None
-    heading: float | str = 0.0
+    heading: float | str = cast("str", None)
     line_length: float | None = None
     area: str | None = None
     clear: str | None = None
@@ -121,7 +126,7 @@ class PlanRequest:
     autopilot: str | None = None
     camera_control: str | None = None
     payload: str | None = None
-    trigger: str = "stop"
+    trigger: str = cast("str", None)
     max_blur: float | None = None
     exposure_time: float | None = None
     photo_interval: float | None = None
@@ -139,13 +144,16 @@ class PlanRequest:
     altitude_frame: str = "takeoff"
 
     def __post_init__(self) -> None:
+        for name, value in left_open(vars(self)).items():
+            object.__setattr__(self, name, value)
         for option in OPTIONS:
             value = getattr(self, option.name)
             if value is not None:
                 object.__setattr__(self, option.name, option.parse(value, option.name))
         check_alternatives(vars(self))
         if self.vhat is None and self.visibility is None:
-            object.__setattr__(self, "vhat", 0.98)
+            object.__setattr__(self, "vhat", default_target(vars(self)))
+        check_search(vars(self))
         for name, value in completed(vars(self)).items():
             object.__setattr__(self, name, value)
         self._check_altitude()
@@ -157,6 +165,11 @@ class PlanRequest:
             object.__setattr__(self, name, value)
         self._check_bounds()
         self._check_area()
+
+    @property
+    def searches(self) -> bool:
+        """Whether what is left open is chosen by a search over flights, not by the solver."""
+        return is_search(vars(self))
 
     @property
     def has_place(self) -> bool:
@@ -279,8 +292,9 @@ class PlanRequest:
                 f"--samples {self.samples} is more than --max-samples {self.max_samples}"
             )
         defaults = {name: LANE_DEFAULTS[name] for name in LANE_OPTIONS.get(self.grid, ())}
-        for name, default in defaults.items():
-            object.__setattr__(self, name, getattr(self, name) or default)
+        if not self.searches:
+            for name, default in defaults.items():
+                object.__setattr__(self, name, getattr(self, name) or default)
         if self.grid == "spiral" and self.trigger == "distance":
             raise RequestError(
                 "--grid spiral with --trigger distance: a spiral has no straight lines to fly "

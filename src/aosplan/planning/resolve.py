@@ -248,6 +248,7 @@ def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
 def altitude_of(request: PlanRequest, camera: Camera) -> float:
     """Altitude above the focal plane [m], given or solved from the wanted resolution."""
     if request.altitude is not None:
+        assert isinstance(request.altitude, float)  # a search has chosen within a range
         return request.altitude
     if request.gsd is not None:
         return camera.altitude_for_gsd_m(request.gsd)

@@ -36,6 +36,13 @@ class Plan(PlanData):
         """
         from aosplan.solver.tradeoff import tradeoff
 
+        if self.inputs.objective == "detection":
+            raise RequestError(
+                "the trade-off is between samples, aperture and time at a target, not for "
+                "--optimize detection",
+                "plan --within MIN tells what half and twice the time give; tradeoff --find person "
+                "has the probability of detection of every row",
+            )
         if self.problem is None:
             raise RequestError("nothing stands above the focal plane: one photo shows everything")
         problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     OnTrial = Callable[["Problem", Sites, float], None]
 
-OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast")
-"""What a plan may minimise, or, the last two, maximise."""
+OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast", "detection")
+"""What a plan may minimise, or, the last three, maximise.  Detection is not for the solver."""
 
 TOLERANCE = 1e-12
 """Relative tolerance on the shortfall when samples are counted."""

@@ -17,7 +17,11 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import Problem
 
 
-BEST = {"visibility": "the best visibility", "contrast": "the best contrast"}
+BEST = {
+    "visibility": "the best visibility",
+    "contrast": "the best contrast",
+    "detection": "the best detection",
+}
 """What the objectives that are maximised look for."""
 
 

@@ -52,6 +52,26 @@ MOST_VALUES = 10_000_000
 """Values that one range or list may have."""
 
 
+def _parsed(name: str, value: Any, place: str) -> Any:
+    """A value of an option, as `plan` reads it; what only a search within a time takes is refused."""
+    found = BY_NAME[name].parse(value, place)
+    if (
+        name == "within"
+        or (name, found) in _SEARCHED
+        or (name == "altitude" and isinstance(found, str))
+    ):
+        raise RequestError(
+            f"{place} {shown(value)}: a sweep does not search within a time",
+            "aosplan plan --within does, one request at a time; a sweep with find has the "
+            "probability of detection of each row",
+        )
+    return found
+
+
+_SEARCHED = (("optimize", "detection"), ("trigger", "best"))
+"""Values that ask for a search within a time."""
+
+
 @dataclass(frozen=True)
 class Crossing:
     """Every combination of the axes' values, the last axis fastest.
@@ -202,7 +222,7 @@ def read_crossing(path: str) -> Crossing:
         values = _values(given, place, folder, pair=BY_NAME[name].kind == "pair")
         if not values:
             raise RequestError(f"{place} has no values, so there are no scenarios")
-        axes[name] = column_of([BY_NAME[name].parse(value, place) for value in values])
+        axes[name] = column_of([_parsed(name, value, place) for value in values])
     return Crossing(axes, share_alone(axes, folder))
 
 
@@ -322,7 +342,7 @@ def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
             parsed.append(None)
             continue
         try:
-            parsed.append(BY_NAME[name].parse(value, f"'{path}', column '{name}':"))
+            parsed.append(_parsed(name, value, f"'{path}', column '{name}':"))
         except RequestError as error:
             row = series.eq_missing(value).arg_max() + 1
             raise RequestError(f"{error.message} (row {row})", error.hint) from None

@@ -25,6 +25,7 @@ from aosplan.show.text.terminal import (
     speaks_unicode,
     wrote,
 )
+from aosplan.show.text.within_rows import within_rows
 from aosplan.solver.solution import BEST
 
 if TYPE_CHECKING:
@@ -147,6 +148,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         yield "Visibility", "V = 100 %: nothing is hidden"
     if plan.detection is not None:
         yield from _detection_rows(plan)
+    yield from () if plan.within is None else within_rows(plan.within)
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:

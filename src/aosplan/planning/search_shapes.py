@@ -1,0 +1,220 @@
+"""Shapes of grids, the ways to fly them, and how long that takes.
+
+A *shape* is a grid in units of the altitude: rows, columns, and the spacing along lines and across
+them as slopes.  A *way* is a trigger, an altitude and a heading.  See `aosplan.planning.within`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.grid.patterns import Pattern
+from aosplan.models.model import Prediction
+from aosplan.planning.least_time import Lattice, least_time_s
+from aosplan.planning.resolve import resolve_inputs
+from aosplan.planning.sites import layout_of, route_of, ways_in_zones
+from aosplan.planning.solved_plan import SolvedPlan
+from aosplan.solver.problem import GridKind
+from aosplan.solver.solution import Solution
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from aosplan.areas.extent import Extent
+    from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.planning.request import PlanRequest
+    from aosplan.planning.resolve import PlanInputs
+
+ALTITUDES = 4
+"""Altitudes tried within a range, its ends included."""
+
+HEADINGS_AT_PLACE = (0.0, 45.0, 90.0, 135.0)
+"""Headings compared in the wind at one place."""
+
+
+class Shape(NamedTuple):
+    """A grid in units of the altitude: spacing along lines, and across them."""
+
+    rows: int
+    columns: int
+    along: float
+    across: float
+
+    @property
+    def samples(self) -> int:
+        """Photos around each point."""
+        return self.rows * self.columns
+
+    @property
+    def pattern(self) -> Pattern:
+        """The grid in units of its baseline."""
+        return Pattern(self.rows, self.columns, self.across / self.along if self.rows > 1 else 1.0)
+
+
+class Way(NamedTuple):
+    """How a shape is flown; `away_m` is the least distance from the take-off."""
+
+    inputs: PlanInputs
+    heading_deg: float
+    extent: Extent | None
+    away_m: float
+
+    @property
+    def altitude_m(self) -> float:
+        """Above the focal plane."""
+        return self.inputs.altitude_m
+
+
+class Candidate(NamedTuple):
+    """A shape, the way in which it takes the least time, and that time."""
+
+    shape: Shape
+    way: Way
+    least_s: float
+
+
+class Timed(NamedTuple):
+    """A candidate that was laid out: photos, flights, and their time from take-off to landing."""
+
+    candidate: Candidate
+    sites: int
+    flights: int
+    time_s: float
+
+
+def ways_of(
+    request: PlanRequest, folder: str, load: Callable[[PlanRequest], LoadedScene]
+) -> Iterator[Way]:
+    """Ways to fly what a request leaves open."""
+    triggers = ("distance", "stop") if request.trigger == "best" else (request.trigger,)
+    altitudes = list(_altitudes(request))
+    refused: RequestError | InfeasibleError | None = None
+    some = False
+    for altitude in altitudes:
+        for trigger in triggers:
+            values: dict[str, Any] = {} if altitude is None else {"altitude": altitude}
+            if trigger == "stop":
+                values |= {"max_blur": None, "exposure_time": None}
+            if request.heading == "best":
+                values["heading"] = 0.0
+            fixed = replace(
+                request, within=None, grid="line", lanes=None, lane_pitch=None, trigger=trigger,
+                optimize="samples", **values,
+            )  # fmt: skip
+            try:
+                inputs = resolve_inputs(fixed, folder=folder, load=load)
+                for way in _headed(inputs, is_open=request.heading == "best"):
+                    some = True
+                    yield way
+            except (RequestError, InfeasibleError) as error:
+                refused = error
+    if not some and refused is not None:
+        raise refused
+
+
+def _headed(inputs: PlanInputs, *, is_open: bool) -> Iterator[Way]:
+    """Ways that differ in their heading."""
+    for heading in _headings(inputs) if is_open else (inputs.heading_deg,):
+        turned = inputs.at_heading(heading)
+        if inputs.area is None:
+            yield Way(turned, heading, None, _away_m(turned))
+            continue
+        from aosplan.areas.extent import extent_of
+
+        yield Way(turned, heading, extent_of(inputs.area, heading), _away_m(turned))
+
+
+def _headings(inputs: PlanInputs) -> Iterable[float]:
+    if inputs.area is None:
+        return HEADINGS_AT_PLACE if inputs.flight.wind is not None else (0.0,)
+    from aosplan.areas.area import long_side_deg
+
+    longer = long_side_deg(inputs.area.whole)
+    return longer, (longer + 90.0) % 180.0
+
+
+def _away_m(inputs: PlanInputs) -> float:
+    """Least level distance from the take-off to what is covered, or to the middle of a grid."""
+    takeoff = inputs.flight.takeoff
+    origin = inputs.origin if inputs.area is None else inputs.area.origin
+    if takeoff is None or origin is None:
+        return 0.0
+    from aosplan.geodesy import to_local
+
+    (east,), (north,) = to_local(origin, [takeoff[0]], [takeoff[1]])
+    if inputs.area is None:
+        return max(math.hypot(east, north) - math.hypot(*inputs.footprint_m), 0.0)
+    from aosplan.areas.extent import distance_m
+
+    return distance_m(inputs.area, east, north)
+
+
+def _altitudes(request: PlanRequest) -> Iterator[float | None]:
+    """Altitudes to try, the highest first; None for the one that a request asks for otherwise."""
+    if not isinstance(request.altitude, str):
+        yield request.altitude
+        return
+    low, high = altitude_range(request.altitude)
+    if request.baseline is not None:
+        raise RequestError(
+            f"--altitude {request.altitude} with --baseline {request.baseline:g}: the spacing is "
+            "chosen for each altitude",
+            "give one --altitude, or leave --baseline out",
+        )
+    for step in range(ALTITUDES):
+        yield high * (low / high) ** (step / (ALTITUDES - 1))
+
+
+def altitude_range(text: str) -> tuple[float, float]:
+    """Lowest and highest altitude [m] of a range as `PlanRequest` keeps it."""
+    low, high = (float(part) for part in text.split(".."))
+    return low, high
+
+
+def shape_time_s(shape: Shape, way: Way) -> float:
+    """Least time of a shape flown in a way; infinite if it cannot be."""
+    altitude_m = way.altitude_m
+    x, y = shape.along * altitude_m, shape.across * altitude_m
+    flight = way.inputs.flight
+    if way.extent is not None:
+        from aosplan.areas.extent import least_lattice
+
+        lattice = Lattice(*least_lattice(way.extent, shape.rows, shape.columns, (x, y)), (x, y))
+    else:
+        run_m = 0.0
+        if flight.trigger == "distance":
+            run_m = flight.timing(way.heading_deg).at(x).run_in_m
+        back = (shape.columns - 1) * x + 2.0 * run_m if shape.rows % 2 else 0.0
+        level_m = math.hypot(back, (shape.rows - 1) * y)
+        lattice = Lattice(shape.samples, shape.rows, (x, y), level_m)
+    try:
+        return least_time_s(
+            flight,
+            lattice,
+            heading_deg=way.heading_deg,
+            altitude_m=altitude_m + way.inputs.focal_height_m,
+            away_m=way.away_m,
+        )
+    except InfeasibleError:  # too strong a wind
+        return math.inf
+
+
+def lay_out(candidate: Candidate) -> Timed | None:
+    """The flight of a candidate with its route; None if it cannot be flown."""
+    shape, way = candidate.shape, candidate.way
+    baseline_m = shape.along * way.altitude_m
+    pitch = max(shape.across / shape.along, 1.0)
+    line = shape.rows == 1
+    kind = GridKind("line") if line else GridKind("lanes", shape.rows, pitch)
+    inputs = replace(way.inputs, grids=(kind,), line_pitch=pitch)
+    solution = Solution(shape.pattern, baseline_m, Prediction(0.0, 1.0, 0.0), None, (), True)
+    try:
+        layout = layout_of(SolvedPlan(inputs, None, None, solution, kind))
+        route = route_of(inputs, layout, baseline_m)
+        list(ways_in_zones(inputs, route))
+    except (InfeasibleError, RequestError):
+        return None
+    return Timed(candidate, sum(layout.sites.photo), len(route.flights), route.total_time_s)

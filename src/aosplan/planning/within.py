@@ -1,0 +1,499 @@
+"""What can be flown within a time: the best of everything that a request leaves open.
+
+A *shape* is a grid in units of the altitude: rows, columns, and the spacing along lines and across
+them as slopes.  Cameras at the same slopes see a target from the same directions at every altitude,
+so a shape is judged once, whichever way it is flown.  A *way* is a trigger, an altitude and a
+heading.  The least time of a shape over all ways is known in closed form
+(`aosplan.planning.least_time`), so that shapes which take too long are left out before anything is
+predicted for them.  Only the best few are laid out and timed exactly.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import InfeasibleError
+from aosplan.messages import Message
+from aosplan.models.model import Prediction
+from aosplan.planning.option_relations import BEST
+from aosplan.planning.search_shapes import (
+    Candidate,
+    Shape,
+    Timed,
+    lay_out,
+    shape_time_s,
+    ways_of,
+)
+from aosplan.planning.solved_plan import Memo, problem_of
+from aosplan.planning.within_answer import Answer, Row
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.planning.request import PlanRequest
+
+MOST_ROWS = 16
+"""Rows of a grid that are tried."""
+
+MOST_SAMPLES = 400
+"""Samples of a grid, unless --max-samples allows more."""
+
+
+PHOTO_INTERVAL_S = 2.0
+"""Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
+
+OVER_AREA = (1.0, 0.8, 0.6, 0.45)
+"""Shares of the footprint that a grid over an area may fill, along or across the heading."""
+
+AT_PLACE = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.22, 0.16, 0.1, 0.05)
+"""The same at one place, where a smaller grid takes less time."""
+
+REFINED = 3
+"""Numbers of rows, the best of them, whose spacing is refined."""
+
+LAID_OUT = 6
+"""Flights that are laid out for one time, at most."""
+
+COUNTED = 2
+"""Of them, those whose detection is counted in the voxels of a stand."""
+
+NEARLY = 0.001
+"""Relative: what is no better than this is not worth a longer flight."""
+
+GAIN = 0.005
+"""Relative gain of twice the time below which a search without a bound on the time ends."""
+
+CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
+"""Parts of the time for which the best is told."""
+
+
+def choose(
+    request: PlanRequest, *, folder: str = "", load: Callable[[PlanRequest], LoadedScene]
+) -> tuple[PlanRequest, Answer]:
+    """Choose what a request leaves open, within its time.
+
+    Parameters
+    ----------
+    request
+        With ``within``, or with detection as its objective.
+    folder
+        Where its file names are looked for before the current folder.
+    load
+        Gives the scene.
+
+    Returns
+    -------
+    request, answer
+        A request that leaves nothing open, and what it was compared with.
+
+    Raises
+    ------
+    RequestError
+        If values do not fit each other.
+    InfeasibleError
+        If nothing can be flown within the time, or nothing that can reaches the target.
+    """
+    asked = request
+    assumed: tuple[Message, ...] = ()
+    if request.trigger != "stop" and request.photo_interval is None:
+        request = replace(request, photo_interval=PHOTO_INTERVAL_S)
+        assumed = (_interval_assumed(),)
+    search = _Search(request, folder, load)
+    longest_s = search.enough_s() if request.within is None else 60.0 * request.within
+    chosen = search.best(longest_s)
+    if chosen is None:
+        raise search.refusal(longest_s)
+    best = {0.5: search.best(0.5 * longest_s), 1.0: chosen, 2.0: search.best(2.0 * longest_s)}
+    rows = tuple(
+        Row(part * longest_s / 60.0, None) if timed is None else search.row(part * longest_s, timed)
+        for part, timed in best.items()
+    )
+    curve = tuple(search.point(part * longest_s, best.get(part)) for part in CURVE)
+    if search.most_samples <= chosen.candidate.shape.samples + MOST_ROWS:
+        assumed = (*assumed, _samples_bounded(search.most_samples))
+    answer = Answer(
+        asked,
+        longest_s / 60.0,
+        rows,
+        tuple(point for point in curve if point is not None),
+        len(search.scores),
+        len(search.timed),
+        assumed,
+    )
+    return search.request_of(chosen.candidate), answer
+
+
+def _interval_assumed() -> Message:
+    return Message(
+        "photo_interval_assumed",
+        f"how fast the camera takes photos is not known: one each {PHOTO_INTERVAL_S:g} s is "
+        "assumed for photos in passing; give --photo-interval S, or a --drone",
+    )
+
+
+def _samples_bounded(samples: int) -> Message:
+    return Message(
+        "search_samples_bounded",
+        f"the search takes up to {samples} photos of each point, and more would fit into the "
+        "time; allow them with --max-samples N",
+    )
+
+
+class _Search:
+    """Shapes, ways and what is known of them."""
+
+    def __init__(
+        self, request: PlanRequest, folder: str, load: Callable[[PlanRequest], LoadedScene]
+    ) -> None:
+        self.request = request
+        self.scores: dict[Shape, float] = {}
+        self.timed: dict[tuple[Shape, int], Timed | None] = {}
+        self._least: dict[Shape, Candidate] = {}
+        self._counted: dict[Shape, float] = {}
+        self._over_least = 1.0
+        self.most_samples = request.max_samples or MOST_SAMPLES
+        self.ways = tuple(ways_of(request, folder, load))
+        highest = max(self.ways, key=lambda way: way.altitude_m)
+        self.inputs, self.altitude_m = highest.inputs, highest.altitude_m
+        self.over_area = self.inputs.area is not None
+        x, y = self.inputs.footprint_m
+        self.view = x / self.altitude_m, y / self.altitude_m
+
+    # What a shape shows
+
+    @cached_property
+    def _model(self) -> Any:
+        posed = problem_of(self.inputs, Memo())
+        if posed is None:
+            return None
+        problem, _ = posed
+        return problem.surrogate or problem.model
+
+    @cached_property
+    def _detection(self) -> Any:
+        from aosplan.planning.detection import detection_model
+
+        scene = self.inputs.loaded.scene
+        return detection_model(scene, self.request, self.altitude_m).for_search()
+
+    def prediction(self, shape: Shape) -> Prediction:
+        """Visibility of a shape."""
+        if self._model is None:
+            return Prediction(0.0, 1.0, 1.0 / shape.samples)
+        found: Prediction = self._model.predict(shape.pattern, shape.along * self.altitude_m)
+        return found
+
+    def meets(self, shape: Shape) -> bool:
+        """Whether a shape reaches the target."""
+        requirement = self.inputs.requirement
+        return not requirement.target or requirement.is_met(self.prediction(shape))
+
+    def score(self, shape: Shape) -> float:
+        """The objective, so that more is better; minus infinity if the target is missed."""
+        if shape not in self.scores:
+            self.scores[shape] = self._score(shape) if self.meets(shape) else -math.inf
+        return self.scores[shape]
+
+    def _score(self, shape: Shape) -> float:
+        objective = self.request.optimize
+        if objective == "detection":
+            baseline_m = shape.along * self.altitude_m
+            return float(self._detection.predict(shape.pattern, baseline_m).probability)
+        if objective in BEST:
+            found = self.prediction(shape)
+            return found.expected if objective == "visibility" else found.contrast
+        if objective == "samples":
+            return -float(shape.samples)
+        if objective == "aperture":
+            sides = (shape.columns - 1) * shape.along, (shape.rows - 1) * shape.across
+            return -max(sides) * self.altitude_m
+        return -self.least(shape).least_s
+
+    def counted(self, timed: Timed) -> float:
+        """The score of a flight, counted in voxels where the model does."""
+        shape = timed.candidate.shape
+        if self.request.optimize != "detection" or self.inputs.model != "measured":
+            return self.score(shape)
+        if shape not in self._counted:
+            self._counted[shape] = self._probability(timed.candidate)
+        return self._counted[shape]
+
+    def _probability(self, candidate: Candidate) -> float:
+        from aosplan.planning.detection import detection_of
+
+        way, shape = candidate.way, candidate.shape
+        inputs = way.inputs
+        return detection_of(
+            self.request,
+            inputs.loaded,
+            inputs.model,
+            way.altitude_m,
+            shape.pattern,
+            shape.along * way.altitude_m,
+            way.heading_deg,
+        ).probability
+
+    # What it takes
+
+    def least(self, shape: Shape) -> Candidate:
+        """The way in which a shape takes the least time."""
+        if shape not in self._least:
+            timed = ((shape_time_s(shape, way), place) for place, way in enumerate(self.ways))
+            least_s, place = min(timed)
+            self._least[shape] = Candidate(shape, self.ways[place], least_s)
+        return self._least[shape]
+
+    def time(self, candidate: Candidate) -> Timed | None:
+        """The flight of a candidate, laid out; None if it cannot be flown."""
+        key = candidate.shape, id(candidate.way)
+        if key not in self.timed:
+            self.timed[key] = lay_out(candidate)
+            timed = self.timed[key]
+            if timed is not None and candidate.least_s > 0.0:
+                self._over_least = max(timed.time_s / candidate.least_s, 1.0)
+        return self.timed[key]
+
+    def _expected_s(self, candidate: Candidate) -> float:
+        """The time of a candidate: as it was laid out, or else as those before it."""
+        key = candidate.shape, id(candidate.way)
+        if key not in self.timed:
+            return candidate.least_s * self._over_least
+        timed = self.timed[key]
+        return math.inf if timed is None else timed.time_s
+
+    # The search
+
+    def best(self, longest_s: float) -> Timed | None:
+        """The best flight that takes no longer, laid out; None if there is none."""
+        tried: set[Shape] = set()
+        found: list[Timed] = []
+        for _ in range(LAID_OUT):
+            shapes = self._shapes(longest_s)
+            fitting = [
+                self.least(shape)
+                for shape in {*shapes, *tried}
+                if self._expected_s(self.least(shape)) <= longest_s
+                and self.score(shape) > -math.inf
+            ]
+            tried |= shapes
+            if not fitting:
+                break
+            candidate = self._preferred(fitting)
+            done = (candidate.shape, id(candidate.way)) in self.timed
+            timed = self.time(candidate)
+            if timed is not None and timed.time_s <= longest_s and timed not in found:
+                found.append(timed)
+            if done:
+                break
+        kept = sorted(found, key=lambda timed: -self.score(timed.candidate.shape))[:COUNTED]
+        return max(kept, key=self.counted, default=None)
+
+    def _preferred(self, candidates: list[Candidate]) -> Candidate:
+        """The quickest of those that are nearly the best."""
+        best = max(self.score(each.shape) for each in candidates)
+        least = best - NEARLY * abs(best)
+        return min(
+            (each for each in candidates if self.score(each.shape) >= least),
+            key=lambda each: (self._expected_s(each), each.shape),
+        )
+
+    def enough_s(self) -> float:
+        """The time from which on twice as much gains next to nothing."""
+        least = min((self.least(shape).least_s for shape in self._families(1)), default=math.inf)
+        if not math.isfinite(least):
+            raise self.refusal(math.inf)
+        before, longest_s = -math.inf, 1.05 * least
+        for _ in range(20):
+            timed = self.best(longest_s)
+            now = -math.inf if timed is None else self.score(timed.candidate.shape)
+            if now > -math.inf and now - before <= GAIN * abs(now):
+                break
+            before, longest_s = now, 2.0 * longest_s
+        return 0.5 * longest_s
+
+    def _families(self, columns: int) -> Iterator[Shape]:
+        for rows in self._rows():
+            shape = self._shape(rows, columns, 1.0, 1.0)
+            if shape is not None:
+                yield shape
+
+    def _shapes(self, longest_s: float) -> set[Shape]:
+        """Shapes worth a look: for each number of rows, as many columns as there is time for."""
+        shares = OVER_AREA if self.over_area else AT_PLACE
+        coarse = [(1.0, 1.0)] if self.over_area else [(each, each) for each in shares[::2]]
+        found: dict[int, list[Shape]] = {}
+        for rows in self._rows():
+            shapes = (self._fitting(rows, share, longest_s) for share in coarse)
+            found[rows] = [shape for shape in shapes if shape is not None]
+        ranked = sorted(
+            (rows for rows, shapes in found.items() if shapes),
+            key=lambda rows: -max(map(self.score, found[rows])),
+        )
+        chosen = {shape for shapes in found.values() for shape in shapes}
+        for rows in ranked[:REFINED]:
+            for share in _near(max(found[rows], key=self.score), shares, self._filled):
+                shape = self._fitting(rows, share, longest_s)
+                if shape is not None:
+                    chosen.add(shape)
+        return chosen
+
+    def _filled(self, shape: Shape) -> tuple[float, float]:
+        """Shares of the room along and across that a shape fills."""
+        x, y = self._room(shape.rows, shape.columns)
+        return shape.along / x, shape.across / y
+
+    def _fitting(self, rows: int, share: tuple[float, float], longest_s: float) -> Shape | None:
+        """The shape with the most columns that fits, or, if samples cost, with the fewest."""
+        request = self.request
+        most = self.most_samples // rows
+        if request.samples is not None:
+            most = request.samples // rows if request.samples % rows == 0 else 0
+            shape = self._shape(rows, most, *share) if most else None
+            return shape if shape and self._fits(shape, longest_s) else None
+
+        def shape_of(columns: int) -> Shape | None:
+            return self._shape(rows, columns, *share)
+
+        if request.optimize in BEST:
+            columns = _last(most, lambda n: self._fits(shape_of(n), longest_s))
+        else:
+            missed = _last(most, lambda n: (it := shape_of(n)) is not None and not self.meets(it))
+            columns = missed + 1 if missed < most else 0
+        shape = shape_of(columns) if columns else None
+        return shape if self._fits(shape, longest_s) else None
+
+    def _fits(self, shape: Shape | None, longest_s: float) -> bool:
+        return shape is not None and self._expected_s(self.least(shape)) <= longest_s
+
+    def _rows(self) -> range:
+        request = self.request
+        if request.grid == "line":
+            return range(1, 2)
+        if isinstance(request.lanes, int):
+            return range(request.lanes, request.lanes + 1)
+        fewest = 1 if request.grid == "best" else 2
+        return range(fewest, min(MOST_ROWS, self.most_samples) + 1)
+
+    def _room(self, rows: int, columns: int) -> tuple[float, float]:
+        """The widest spacing along and across that leaves a target in all images."""
+        (x, y), bound = self.view, self.request.max_aperture
+        if self.over_area:  # the grid and a pitch, so that every point has a grid around it
+            along, across = x / columns, y / rows
+        else:
+            from aosplan.planning.find import PERSON, target_m
+
+            side = max(target_m(self.request.find or PERSON)) / self.altitude_m
+            along = (x - side) / max(columns - 1, 1)
+            across = (y - side) / max(rows - 1, 1)
+        if bound is not None:
+            along = min(along, bound / self.altitude_m / max(columns - 1, 1))
+            across = min(across, bound / self.altitude_m / max(rows - 1, 1))
+        return along, across
+
+    def _shape(self, rows: int, columns: int, along: float, across: float) -> Shape | None:
+        """A shape that fills shares of the room; None if its lines would lie too close."""
+        x, y = self._room(rows, columns)
+        x, y = x * along, y * across
+        request = self.request
+        if min(x, y) <= 0.0:
+            return None
+        if request.baseline is not None:
+            asked = request.baseline / self.altitude_m
+            if asked > x * (1.0 + 1e-9):
+                return None
+            x = asked
+        if rows == 1 and not self.over_area:
+            return Shape(rows, columns, x, x)
+        x = min(x, y) if request.baseline is None else x
+        if isinstance(request.lane_pitch, float):
+            if request.baseline is None:
+                x = min(x, y / request.lane_pitch)
+            if x * request.lane_pitch > y * (1.0 + 1e-9):
+                return None
+            y = x * request.lane_pitch
+        return Shape(rows, columns, x, y) if y >= x else None
+
+    # What is told of it
+
+    def request_of(self, candidate: Candidate) -> PlanRequest:
+        """The request that flies a candidate, with nothing left open."""
+        shape, way = candidate.shape, candidate.way
+        values: dict[str, Any] = {"max_blur": None, "exposure_time": None}
+        if way.inputs.flight.trigger == "distance":
+            values = {}
+        pitched = shape.rows > 1 or self.over_area
+        return replace(
+            self.request,
+            within=None,
+            altitude=way.altitude_m,
+            gsd=None,
+            target_size=None,
+            target_pixels=None,
+            trigger=way.inputs.flight.trigger,
+            heading=way.heading_deg,
+            grid="line" if shape.rows == 1 else "lanes",
+            lanes=None if shape.rows == 1 else shape.rows,
+            lane_pitch=max(shape.across / shape.along, 1.0) if pitched else None,
+            baseline=shape.along * way.altitude_m,
+            samples=shape.samples,
+            max_samples=None,
+            **values,
+        )
+
+    def row(self, longest_s: float, timed: Timed) -> Row:
+        """What is told of the best within a time."""
+        return Row(longest_s / 60.0, timed, self.counted(timed))
+
+    def point(self, longest_s: float, timed: Timed | None) -> tuple[float, float] | None:
+        """Time [s] and objective of the best within a time, laid out or expected; None for none."""
+        if timed is not None:
+            return timed.time_s, self.counted(timed)
+        fitting = [self.least(shape) for shape in self._shapes(longest_s)]
+        fitting = [each for each in fitting if self.score(each.shape) > -math.inf]
+        if not fitting or self.inputs.model == "measured":
+            return None
+        best = self._preferred(fitting)
+        return self._expected_s(best), self.score(best.shape)
+
+    def refusal(self, longest_s: float) -> InfeasibleError:
+        """The error of a time in which nothing can be flown that reaches the target."""
+        target = self.inputs.requirement.target
+        for part in range(1, 13):
+            later = self.best(longest_s * 2.0**part) if math.isfinite(longest_s) else None
+            if later is not None:
+                minutes = math.ceil(later.time_s / 60.0)
+                return InfeasibleError(
+                    f"nothing {'that reaches the target ' if target else ''}can be flown within "
+                    f"{longest_s / 60.0:.4g} min, from take-off to landing",
+                    f"--within {minutes} is enough",
+                )
+        return InfeasibleError(
+            "nothing can be flown that fits what was asked for, in any time",
+            "leave more open: the kind of grid, its spacing, the trigger or the target",
+        )
+
+
+def _near(
+    shape: Shape, shares: tuple[float, ...], filled: Callable[[Shape], tuple[float, float]]
+) -> Iterator[tuple[float, float]]:
+    """Shares next to those that a shape fills."""
+    apart = [[abs(share - each) for each in shares] for share in filled(shape)]
+    places = [each.index(min(each)) for each in apart]
+    for along in (-1, 0, 1):
+        for across in (-1, 0, 1):
+            x, y = places[0] + along, places[1] + across
+            if 0 <= x < len(shares) and 0 <= y < len(shares):
+                yield shares[x], shares[y]
+
+
+def _last(most: int, holds: Callable[[int], bool]) -> int:
+    """The largest number up to `most` for which something holds that ends somewhere; 0 for none."""
+    low, high = 0, most + 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low

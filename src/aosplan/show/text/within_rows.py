@@ -1,0 +1,52 @@
+"""Rows of the table of a plan: the best within half the time, the time, and twice it."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.within_answer import Answer, Row
+
+OBJECTIVES = {
+    "detection": "{:.1%} found",
+    "visibility": "V = {:.1%}",
+    "contrast": "contrast {:.3g}",
+    "samples": "N = {:.0f}",
+    "aperture": "extent {:.1f} m",
+    "time": "{:.0f} s",
+}
+"""How the objectives are written."""
+
+
+def within_rows(answer: Answer) -> Iterator[tuple[str, str]]:
+    """Name and text of each row."""
+    for index, row in enumerate(answer.rows):
+        first, second = row_text(row, answer.asked.optimize)
+        yield "Within" if index == 0 else "", first
+        if second:
+            yield "", second
+
+
+def row_text(row: Row, objective: str) -> tuple[str, str]:
+    """What the best within a time shows, and how it is flown."""
+    start = f"{row.minutes:.4g} min: "
+    if row.timed is None or row.value is None:
+        return start + "nothing can be flown", ""
+    shape, way, _ = row.timed.candidate
+    along_m, across_m = shape.along * way.altitude_m, shape.across * way.altitude_m
+    value = OBJECTIVES[objective].format(abs(row.value))
+    how = "in passing" if way.inputs.flight.trigger == "distance" else "at stops"
+    flights = "" if row.timed.flights == 1 else f" in {row.timed.flights} flights"
+    minutes = math.ceil(row.timed.time_s / 6.0) / 10.0
+    apart = (
+        f"{along_m:.1f}"
+        if shape.samples == shape.columns and along_m == across_m
+        else (f"{along_m:.1f} x {across_m:.1f}")
+    )
+    return (
+        f"{start}{value}, {row.timed.sites:,} photos {how}, {minutes:g} min{flights}",
+        f"{shape.samples} of each point, {apart} m apart, from {way.altitude_m:.4g} m",
+    )

@@ -1,0 +1,172 @@
+"""What is chosen within a time."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+from support.command_line import FIELD
+
+from aosplan import PlanRequest, plan
+from aosplan.errors import InfeasibleError, RequestError
+
+HARD = {"scene": "dense-forest", "find": "person", "optimize": "detection", "drone": "dji-m3t"}
+"""A search that does not find everyone."""
+
+
+def searched(**values):
+    return plan(PlanRequest(**({"altitude": 60.0} | HARD | values)))
+
+
+@pytest.fixture(scope="module")
+def over_field():
+    return searched(area=FIELD[1], within=10.0, altitude="40..80")
+
+
+def test_it_lands_within_the_time_and_says_what_half_and_twice_of_it_give(over_field):
+    half, this, double = over_field.within.rows
+    assert over_field.route.total_time_s == pytest.approx(this.timed.time_s)
+    assert this.timed.time_s <= 600.0
+    assert half.timed.time_s <= 300.0
+    assert double.timed.time_s <= 1200.0
+    assert half.value <= this.value <= double.value
+    assert over_field.detection.probability == pytest.approx(this.value, abs=1e-3)
+
+
+def test_the_time_is_used(over_field):
+    assert over_field.route.total_time_s > 0.85 * 600.0
+
+
+def test_it_looks_at_few_flights(over_field):
+    assert over_field.within.laid_out <= 20
+    assert over_field.within.predicted < 400
+
+
+def test_the_document_runs_again_to_the_same_plan(over_field):
+    document = over_field.document()
+    assert document["request"]["within"] == 10.0
+    assert document["request"]["altitude"] == "40.0..80.0"
+    again = plan(PlanRequest(**document["request"]))
+    assert again.document() == document
+
+
+def test_nothing_is_left_open_in_what_is_flown(over_field):
+    request = over_field.request
+    assert not request.searches
+    assert plan(request).waypoints == over_field.waypoints
+
+
+def test_every_photo_of_the_window_sees_a_place_of_the_area(over_field):
+    assert over_field.layout.survey.covered_share == 1.0
+    assert over_field.layout.survey.fewest_looks >= over_field.solution.pattern.samples
+
+
+def test_at_one_place_all_photos_show_the_target():
+    found = searched(within=1.0)
+    assert found.route.total_time_s <= 60.0
+    assert min(found.common_footprint_m) >= 1.7 - 1e-9
+
+
+@pytest.mark.parametrize("trigger", ["stop", "distance"])
+def test_no_grid_of_the_same_options_is_better_at_one_place(trigger):
+    """Enumerated over lanes that fit: rows, columns and spacing."""
+    best = searched(within=0.7, trigger=trigger)
+    x, y = best.camera.footprint_m(60.0)
+    for rows, columns, pitch in itertools.product((1, 2, 3, 5), (3, 6, 10), (1.0, 2.0)):
+        width = max((rows - 1) * pitch, 1e-9)
+        baseline = 0.98 * min((x - 1.7) / (columns - 1), (y - 1.7) / width)
+        for share in (1.0, 0.5, 0.25):
+            lanes = {"grid": "lanes", "lanes": rows, "lane_pitch": pitch}
+            request = PlanRequest(
+                altitude=60.0,
+                **(HARD | {"trigger": trigger}),
+                **(lanes if rows > 1 else {"grid": "line"}),
+                baseline=baseline * share,
+                samples=rows * columns,
+            )
+            other = plan(request)
+            if other.route.total_time_s <= 42.0:
+                assert other.detection.probability <= best.detection.probability + 0.02
+
+
+def test_of_nearly_equal_flights_the_shorter_is_flown():
+    easy = plan(PlanRequest(altitude=60, optimize="detection", within=60, drone="dji-m3t"))
+    assert easy.detection.probability > 0.998
+    assert easy.route.total_time_s < 600.0
+
+
+def test_without_a_time_it_ends_when_more_gains_little():
+    found = plan(PlanRequest(altitude=60, optimize="detection", drone="dji-m3t"))
+    _, this, double = found.within.rows
+    assert double.value <= this.value + 0.006
+    assert found.request.find == "person"
+
+
+@pytest.mark.parametrize("objective", ["samples", "aperture", "time"])
+def test_other_objectives_keep_to_their_target_and_the_time(objective):
+    request = PlanRequest(altitude=40, optimize=objective, within=5, vhat=0.9, drone="dji-m3t")
+    found = plan(request)
+    assert found.solution.prediction.normalized >= 0.9 - 1e-9
+    assert found.route.total_time_s <= 300.0
+
+
+@pytest.mark.parametrize("objective", ["visibility", "contrast"])
+def test_more_time_shows_more(objective):
+    def shown(minutes):
+        found = plan(PlanRequest(altitude=40, optimize=objective, within=minutes, drone="dji-m3t"))
+        return getattr(
+            found.solution.prediction, "expected" if objective == "visibility" else objective
+        )
+
+    assert shown(0.7) < shown(1.5)
+
+
+def test_batteries_count():
+    whole = searched(area=FIELD[1], within=12.0)
+    split = searched(area=FIELD[1], within=12.0, flight_time=5.0)
+    assert len(split.route.flights) >= 2
+    assert split.route.total_time_s <= 720.0
+    assert split.detection.probability <= whole.detection.probability + 1e-9
+
+
+def test_what_is_fixed_stays_fixed():
+    found = searched(within=2.0, grid="line", trigger="stop", heading=30.0)
+    assert found.grid.name == "line"
+    assert found.request.trigger == "stop"
+    assert found.heading_deg == 30.0
+    assert searched(within=2.0, samples=12).solution.pattern.samples == 12
+    assert searched(within=2.0, baseline=3.0).solution.baseline_m == pytest.approx(3.0)
+
+
+def test_too_little_time_is_refused_with_how_much_is_enough():
+    with pytest.raises(InfeasibleError, match=r"within 0\.1 min") as refused:
+        searched(within=0.1)
+    minutes = float(refused.value.hint.split()[1])
+    assert searched(within=minutes).route.total_time_s <= 60.0 * minutes
+
+
+def test_an_unknown_rate_of_photos_is_assumed_aloud():
+    found = plan(PlanRequest(altitude=40, optimize="detection", within=1.0))
+    assert "photo_interval_assumed" in {warning.code for warning in found.warnings}
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"altitude": "40..80"}, "is a range"),
+        ({"altitude": "80..40", "within": 5}, "does not rise"),
+        ({"altitude": 40, "trigger": "best"}, "without --within"),
+        ({"altitude": 40, "within": 5, "grid": "spiral"}, "spirals are not searched"),
+        ({"altitude": 40, "within": 5, "resume_at": 3}, "--resume-at with --within"),
+        ({"altitude": "40..80", "within": 5, "baseline": 3}, "--baseline"),
+        ({"altitude": 40, "within": 0}, "within"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(values, message):
+    with pytest.raises(RequestError, match=message):
+        plan(PlanRequest(**values))
+
+
+def test_a_request_without_a_search_is_as_it_was():
+    request = PlanRequest(altitude=40)
+    assert (request.grid, request.trigger, request.heading) == ("trimmed", "stop", 0.0)
+    assert not replace(request, vhat=0.9).searches
