@@ -122,8 +122,6 @@ VALUES = {
     "signature": Values(_of("models.signatures", "SIGNATURES")),
     "terrain": Values(endings=(".tif", ".tiff")),
     "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
-    "signature": Values(_of("models.signatures", "SIGNATURES")),
-    "opacity": Values(_of("planning.options", "OPACITY")),
     "view": Values(_of("planning.options", "VIEWS")),
 }
 """What is completed, by the name of an option or argument; numbers and places are not."""
