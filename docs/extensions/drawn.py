@@ -52,7 +52,8 @@ class Drawn(SphinxDirective):
             raise self.error(f"an example of this page: {failed}") from failed
         texts, messages = self.parse_inline(self.options["caption"])
         figure = nodes.figure("", *images, nodes.caption("", "", *texts))
-        return [shown, figure, *messages]
+        # A picture that a block above wrote has no command of its own.
+        return [*([shown] if command else []), figure, *messages]
 
     def _followed(self):
         """The folder of the page's files, and what its pictures' commands printed."""

@@ -7,10 +7,10 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from typer.core import TyperOption
-
 from aosplan import __version__
-from aosplan.cli.options import command, file_argument, flag_option, json_option, text_option
+from aosplan.cli.integrate_options import integrate_options
+from aosplan.cli.integrate_summary import described, doubts_of, show_summary, warnings_of
+from aosplan.cli.options import command
 from aosplan.cli.output import drawn, print_json
 from aosplan.errors import RequestError
 from aosplan.messages import SCHEMA
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from aosplan.postflight.integral.camera_pose import Intrinsics
+    from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
 
@@ -33,6 +34,9 @@ def run(
     images: str | None,
     out: tuple[str, ...],
     focal_height: str | None,
+    focus: str | None,
+    align: str | None,
+    focus_figure: str | None,
     up: str | None,
     gsd: str | None,
     extent: str | None,
@@ -58,11 +62,7 @@ def run(
     from aosplan.postflight.integral.recording import Recording, least_views
     from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
 
-    _check_endings(out)
-    for index, path in enumerate(out):
-        check_output(path, force=force)
-        if os.path.realpath(path) in map(os.path.realpath, out[:index]):
-            raise RequestError(f"output '{path}' is given twice")
+    _check_outputs(out, force=force)
     choice = view_subset_of(pitch, aperture, views)
     reference = None if compare is None else read_view_subset(compare, "--compare")
     if not out and reference is None:
@@ -70,6 +70,17 @@ def run(
             "nothing to do with the integral image", "--out integral.png, or --compare all"
         )
     corners = _extent(extent)
+    heights = None if focus is None else _heights(focus, focal_height)
+    if isinstance(heights, float):
+        focal_height, heights = str(heights), None
+    elif focus is None and (align is not None or focus_figure is not None):
+        raise RequestError("--align and --focus-figure go with --focus", "--focus auto")
+    if focus_figure is not None:
+        from aosplan.show.figures.canvas import check_extra, form_of
+
+        form_of(focus_figure)
+        check_output(focus_figure, force=force)
+        check_extra()
     recording = Recording(
         photos,
         images,
@@ -83,8 +94,9 @@ def run(
             None if heading is None else number(heading, "--heading", "deg"),
         ),
     )
-    raster = recording.raster(corners, None if gsd is None else positive(gsd, "--gsd", "m"))
     indices = recording.choose(choice)
+    found_focus = _focused(recording, indices, heights, align, quiet=quiet)
+    raster = recording.raster(corners, None if gsd is None else positive(gsd, "--gsd", "m"))
     least = least_views("10%" if min_views is None else min_views, len(indices))
     other = None if reference is None else recording.choose(reference)
     with _bar(len(indices) + (0 if other is None else len(other)), quiet=quiet) as advance:
@@ -105,14 +117,21 @@ def run(
             )
             comparison = {"choice": compare, "views": len(other), **found._asdict()}
     limits = _limits(integral, least, stretch=stretch)
-    write_all({path: _bytes(path, recording, integral, least, limits) for path in out}, force=force)
+    contents = {path: _bytes(path, recording, integral, least, limits) for path in out}
+    if focus_figure is not None and found_focus is not None:
+        contents[focus_figure] = _figure(focus_figure, found_focus)
+    write_all(contents, force=force)
     document = {
         "schema": SCHEMA,
         "version": __version__,
-        **_described(recording, integral, indices, least),
+        **described(recording, integral, indices, least),
+        "focus": None if found_focus is None else found_focus.document(),
         "limits": list(limits),
         "comparison": comparison,
-        "warnings": _warnings(recording, integral, least),
+        "warnings": [
+            *warnings_of(recording, integral, least),
+            *([] if found_focus is None else doubts_of(found_focus)),
+        ],
     }
     if not quiet:
         for warning in document["warnings"]:
@@ -120,16 +139,74 @@ def run(
     if as_json:
         print_json(document)
     elif not quiet:
-        _show(document, out)
+        show_summary(document, tuple(contents))
 
 
-def _check_endings(out: tuple[str, ...]) -> None:
+def _check_outputs(out: tuple[str, ...], *, force: bool) -> None:
+    from aosplan.files import check_output
+
     for path in out:
         if not path.lower().endswith(ENDINGS):
             raise RequestError(
                 f"--out '{path}' does not end in {', '.join(ENDINGS)}",
                 ".png to look at, .tif with the values, .npz with everything",
             )
+    for index, path in enumerate(out):
+        check_output(path, force=force)
+        if os.path.realpath(path) in map(os.path.realpath, out[:index]):
+            raise RequestError(f"output '{path}' is given twice")
+
+
+def _heights(focus: str, focal_height: str | None) -> tuple[float, float] | float | str:
+    """Heights to search, by the text of --focus: ``auto`` as it is."""
+    from aosplan.postflight.integral.focus import read_heights
+
+    found = read_heights(focus)
+    if isinstance(found, float) and focal_height is not None:
+        raise RequestError("--focus H and --focal-height both give the height", "leave one out")
+    return "auto" if found is None else found
+
+
+def _focused(
+    recording: Recording,
+    indices: Any,
+    heights: tuple[float, float] | str | None,
+    align: str | None,
+    *,
+    quiet: bool,
+) -> Focus | None:
+    """Bring the recording into focus; what was found."""
+    if heights is None:
+        return None
+    from aosplan.postflight.integral.focus import ALIGNMENTS, find_focus
+
+    if align is None:
+        align = "none" if recording.sigma_m is None else "positions"
+    if align not in ALIGNMENTS:
+        raise RequestError(f"--align '{align}' is not one of {', '.join(ALIGNMENTS)}")
+    with _bar(1, quiet=quiet, doing="focusing") as advance:
+        found = find_focus(
+            recording,
+            indices,
+            None if isinstance(heights, str) else heights,
+            align=align,
+            sigma_m=recording.sigma_m or 0.5,
+            progress=advance,
+        )
+    chosen = [recording.views[index] for index in indices]
+    recording.refocus(
+        found.ground.place, found.correction.applied(chosen, recording.plane.frame), indices
+    )
+    return found
+
+
+def _figure(path: str, found: Focus) -> bytes:
+    from aosplan.show.figures.canvas import form_of, rendered
+    from aosplan.show.figures.draw import Kind
+    from aosplan.show.figures.focus_curve import FocusCurve
+
+    kind = Kind("focus", "how well halves of the views agree", "recording", "focus_curve", 0.55)
+    return rendered(kind, FocusCurve.of(found.document()), form_of(path))
 
 
 def _extent(text: str | None) -> str | list[float]:
@@ -216,181 +293,18 @@ def _bytes(
     return geotiff_bytes(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
 
 
-def _described(
-    recording: Recording, integral: Integral, indices: Any, least: int
-) -> dict[str, Any]:
-    raster = integral.raster
-    return {
-        "views": integral.views,
-        "recorded_views": len(recording.views),
-        "up": recording.plane.up,
-        "focal_height_m": recording.plane.height_m,
-        "origin": None if recording.origin is None else list(recording.origin),
-        "crs": None if recording.georeference is None else recording.georeference.crs,
-        "altitude_m": float(recording.heights_m[indices].mean()),
-        "aperture_m": list(recording.extent_m(indices)),
-        "nearest_m": recording.nearest_m(indices),
-        "gsd_m": raster.gsd_m,
-        "extent_m": list(raster.extent_m),
-        "size_px": [raster.columns, raster.rows],
-        "coverage": {
-            "least_views": least,
-            "share": float(integral.seen(least).mean()),
-            "mean_views": float(integral.coverage.mean()),
-            "most_views": round(float(integral.coverage.max())),
-        },
-    }
-
-
-def _warnings(recording: Recording, integral: Integral, least: int) -> list[dict[str, str]]:
-    found = [(message.code, message.message) for message in recording.messages]
-    if recording.missing:
-        count = len(recording.missing)
-        found.append(
-            (
-                "missing_images",
-                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
-                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
-            )
-        )
-    if integral.blind:
-        found.append(
-            ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")
-        )
-    if not integral.seen(least).any():
-        found.append(
-            ("coverage", f"no pixel is seen by {least} views, so nothing shows: --min-views")
-        )
-    heights = recording.heights_m
-    if heights.max() > 3.0 * heights.min():
-        found.append(
-            (
-                "heights",
-                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal plane: "
-                "is take-off among them, or --focal-height off?",
-            )
-        )
-    return [{"code": code, "message": message} for code, message in found]
-
-
-def _show(document: dict[str, Any], out: tuple[str, ...]) -> None:
-    from rich.table import Table
-
-    from aosplan.show.text.tables import one_line, show
-
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold")
-    table.add_column()
-    x, y = document["aperture_m"]
-    columns, rows = document["size_px"]
-    nearest = document["nearest_m"]
-    coverage = document["coverage"]
-    lines = [
-        ("Views", f"{document['views']} of {document['recorded_views']}"),
-        ("Aperture", f"{x:.4g} x {y:.4g} m" + (f", {nearest:.3g} m apart" if nearest else "")),
-        ("Altitude", f"{document['altitude_m']:.4g} m above the focal plane"),
-        ("Image", f"{columns} x {rows} pixels of {100 * document['gsd_m']:.3g} cm"),
-        (
-            "Coverage",
-            f"{100 * coverage['share']:.1f} % seen by at least {coverage['least_views']} of them, "
-            f"{coverage['mean_views']:.4g} on average",
-        ),
-    ]
-    if document["comparison"] is not None:
-        other = document["comparison"]
-        lines.append(("SSIM", f"{other['ssim']:.4f} against {other['views']} ({other['choice']})"))
-    if out:
-        lines.append(("Wrote", ", ".join(out)))
-    for name, text in lines:
-        table.add_row(name, one_line(text))
-    show(table)
-
-
 @contextlib.contextmanager
-def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None]]:
+def _bar(total: int, *, quiet: bool, doing: str = "integrating") -> Iterator[Callable[..., None]]:
     """A bar of views on a terminal's stderr."""
     if quiet or not sys.stderr.isatty():
-        yield lambda _: None
+        yield lambda *_: None
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with drawn(Progress(console=Console(stderr=True), transient=True)) as progress:
-        task = progress.add_task("integrating", total=total)
-        yield lambda done: progress.update(task, completed=done)
-
-
-def _options() -> list[Any]:
-    lens, plane, choice = "Photos", "Focal plane", "Choice of views"
-    return [
-        file_argument(
-            "photos",
-            "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x 4 matrices as the "
-            "AOS project has it, a COLMAP folder, or OpenDroneMap's shots.geojson.",
-        ),
-        file_argument("images", "Folder of the images, beside poses.", required=False),
-        text_option(
-            "--focal-height", "M", "Height of the plane along the world's upward axis [0].", plane
-        ),
-        text_option("--up", "AXIS", "z, -z, y or -y [z or -z, as the cameras look].", plane),
-        text_option("--gsd", "M", "Pixel of the integral image [that of the images].", plane),
-        text_option(
-            "--extent",
-            "BOX",
-            "XMIN,YMIN,XMAX,YMAX on the plane, 'all' that any view sees, or 'centre', what the "
-            "middle view sees [centre].",
-            plane,
-        ),
-        text_option(
-            "--camera",
-            "NAME",
-            "Camera, if the poses have none or instead of the photos': name or file.",
-            lens,
-        ),
-        text_option("--fov", "DEG", "Horizontal field of view, instead.", lens),
-        text_option("--band", "NAME", "Of several cameras: thermal, visible, wide or zoom.", lens),
-        text_option(
-            "--plan",
-            "FILE",
-            "Plan with what the photos lack: camera, altitude, heading  [plan.json among the photos].",
-            lens,
-        ),
-        text_option(
-            "--altitude", "M", "Mean height above the ground, if the photos give none.", lens
-        ),
-        text_option("--heading", "DEG", "Where the top of photos points that give no yaw.", lens),
-        text_option(
-            "--views", "LIST", "Numbers from 1, ranges, names: 1-9,12; or a file of them.", choice
-        ),
-        text_option("--aperture", "M", "Views within a square of this side.", choice),
-        text_option(
-            "--pitch", "M", "Views at least so far apart, from the middle outwards.", choice
-        ),
-        text_option(
-            "--min-views",
-            "N",
-            "Pixels that fewer views see are transparent: a number, or a share [10%].",
-            choice,
-        ),
-        text_option(
-            "--compare",
-            "CHOICE",
-            "SSIM against another choice: all, or pitch=M, aperture=M, views=LIST.",
-            choice,
-        ),
-        TyperOption(
-            param_decls=["--out"],
-            type=str,
-            multiple=True,
-            metavar="PATH",
-            help="Write .png (8 bits), .tif (float32, in its place) or .npz (with coverage).  Repeatable.",
-            rich_help_panel="Output",
-        ),
-        flag_option("--stretch", "PNG from the 1st to the 99th percentile, for 8 bits too."),
-        flag_option("--force", "Overwrite existing files."),
-        flag_option("--quiet", "No table, no warnings."),
-        json_option(),
-    ]
+        task = progress.add_task(doing, total=total)
+        yield lambda done, of=total: progress.update(task, completed=done, total=of)
 
 
 COMMAND = command(
@@ -404,5 +318,5 @@ COMMAND = command(
         "aosplan integrate poses.json images --fov 50.8 --pitch 2.8 --compare all \\\n"
         "    --out few.png"
     ),
-    parameters=_options(),
+    parameters=integrate_options(),
 )

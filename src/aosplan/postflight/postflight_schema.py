@@ -152,6 +152,27 @@ class ComparisonDocument(OpenDocument):
     pixels: int
 
 
+class PeakDocument(OpenDocument):
+    """A peak of the agreement, at a height, with its standard deviation [m]."""
+
+    place: Finite
+    value: Finite
+    deviation: Finite
+
+
+class FocusDocument(OpenDocument):
+    """Agreement of integrals from disjoint halves of the views over heights, and what was corrected."""
+
+    heights_m: list[Finite]
+    agreement: list[Finite]
+    ground: PeakDocument
+    crowns: PeakDocument | None
+    yaw_offset_deg: Finite
+    yaw_deviation_deg: Finite
+    aligned_views: int
+    moved_m: Finite
+
+
 class IntegralDocument(OpenDocument):
     """What `aosplan integrate --json` prints."""
 
@@ -170,6 +191,7 @@ class IntegralDocument(OpenDocument):
     extent_m: list[Finite]
     size_px: list[int]
     coverage: CoverageDocument
+    focus: FocusDocument | None
     limits: Pair
     comparison: ComparisonDocument | None
     warnings: list[MessageDocument]

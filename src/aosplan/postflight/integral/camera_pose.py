@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -131,6 +131,11 @@ class View:
     def position(self) -> NDArray[np.float64]:
         """Where the camera stood in the world, -Rᵀ t [m]."""
         return -self.rotation.T @ self.translation
+
+    def moved(self, shift_m: NDArray[np.float64], turn: NDArray[np.float64]) -> View:
+        """The view from elsewhere, turned: `turn` is a rotation of the world, shape (3, 3)."""
+        rotation = self.rotation @ turn.T
+        return replace(self, rotation=rotation, translation=-rotation @ (self.position + shift_m))
 
     @property
     def forward(self) -> NDArray[np.float64]:

@@ -49,6 +49,11 @@ class Box(NamedTuple):
     right: int
 
 
+def whole_box(raster: Raster) -> Box:
+    """All of a raster."""
+    return Box(0, raster.rows, 0, raster.columns)
+
+
 class Relief(NamedTuple):
     """Heights of a focal surface above its plane, and what a metre of them adds in a camera's frame."""
 
@@ -187,14 +192,14 @@ def add_view(
     box = _reached(ray, source.intrinsics, raster)
     relief = None
     if relief_m is not None:
-        box = Box(0, raster.rows, 0, raster.columns)
+        box = whole_box(raster)
         relief = Relief(relief_m, heights_above(plane, source.view))
     if box is None:
         return False
     bands = list(picture.bands)
     if picture.weight is not None:
         bands = [_product(band, picture.weight) for band in bands] + [picture.weight]
-    *values, last = _warped(bands, source.intrinsics, ray, box, relief)
+    *values, last = warped(bands, source.intrinsics, ray, box, relief)
     reached = np.isfinite(last)
     last[~reached] = 0.0
     window = np.s_[box.top : box.bottom, box.left : box.right]
@@ -214,7 +219,7 @@ def _product(band: Image, weight: Image) -> Image:
 
 def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -> Box | None:
     """The part of the raster that an image can reach: all of it unless its corners say less."""
-    whole = Box(0, raster.rows, 0, raster.columns)
+    whole = whole_box(raster)
     if not intrinsics.is_pinhole:
         return whole
     x = (np.array([0.0, 1.0, 1.0, 0.0]) * intrinsics.width_px - intrinsics.cx_px) / intrinsics.fx_px
@@ -234,14 +239,14 @@ def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -
     return box if box.top < box.bottom and box.left < box.right else None
 
 
-def _warped(
+def warped(
     bands: list[Image],
     intrinsics: Intrinsics,
     ray: NDArray[np.float64],
     box: Box,
     relief: Relief | None = None,
 ) -> list[NDArray[np.float32]]:
-    """Bands on a part of the raster; where the image does not reach 0, and nan in the last one."""
+    """Bands on a part of the raster by its `ray`s, from (column, row, 1) to the camera's frame; where the image does not reach 0, and nan in the last one."""
     corners = np.array(
         [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
     )

@@ -116,6 +116,15 @@ class Recording:
             lenses = _cameras(self.views, paths, camera)
         self.sources = list(map(Source, self.views, lenses, paths))
 
+    def refocus(self, height_m: float, views: Sequence[View], indices: NDArray[np.intp]) -> None:
+        """Move the focal plane to a height, and give some views other poses."""
+        self.plane = self.plane._replace(height_m=height_m)
+        for index, view in zip(indices, views, strict=True):
+            self.views[index] = view
+            self.sources[index] = self.sources[index]._replace(view=view)
+        places = np.array([self.plane.camera_m(view) for view in self.views])
+        self.positions_m, self.heights_m = places[:, :2], places[:, 2]
+
     @property
     def central(self) -> Source:
         """The view nearest to the middle of the recording."""

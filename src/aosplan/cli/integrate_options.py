@@ -1,0 +1,98 @@
+"""Options of ``aosplan integrate``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.core import TyperOption
+
+from aosplan.cli.options import file_argument, flag_option, json_option, text_option
+
+
+def integrate_options() -> list[Any]:
+    """The parameters of the command."""
+    lens, plane, choice = "Photos", "Focal plane", "Choice of views"
+    return [
+        file_argument(
+            "photos",
+            "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x 4 matrices as the "
+            "AOS project has it, a COLMAP folder, or OpenDroneMap's shots.geojson.",
+        ),
+        file_argument("images", "Folder of the images, beside poses.", required=False),
+        text_option(
+            "--focal-height", "M", "Height of the plane along the world's upward axis [0].", plane
+        ),
+        text_option(
+            "--focus",
+            "H",
+            "Find the height of the ground: auto, or between H1..H2; a number is --focal-height.",
+            plane,
+        ),
+        text_option(
+            "--align",
+            "WHAT",
+            "With --focus: correct positions, yaw, or none of the poses [positions for photos].",
+            plane,
+        ),
+        text_option(
+            "--focus-figure", "PATH", "Draw the agreement over heights: .png, .svg, .pdf.", "Output"
+        ),
+        text_option("--up", "AXIS", "z, -z, y or -y [z or -z, as the cameras look].", plane),
+        text_option("--gsd", "M", "Pixel of the integral image [that of the images].", plane),
+        text_option(
+            "--extent",
+            "BOX",
+            "XMIN,YMIN,XMAX,YMAX on the plane, 'all' that any view sees, or 'centre', what the "
+            "middle view sees [centre].",
+            plane,
+        ),
+        text_option(
+            "--camera",
+            "NAME",
+            "Camera, if the poses have none or instead of the photos': name or file.",
+            lens,
+        ),
+        text_option("--fov", "DEG", "Horizontal field of view, instead.", lens),
+        text_option("--band", "NAME", "Of several cameras: thermal, visible, wide or zoom.", lens),
+        text_option(
+            "--plan",
+            "FILE",
+            "Plan with what the photos lack: camera, altitude, heading  [plan.json among the photos].",
+            lens,
+        ),
+        text_option(
+            "--altitude", "M", "Mean height above the ground, if the photos give none.", lens
+        ),
+        text_option("--heading", "DEG", "Where the top of photos points that give no yaw.", lens),
+        text_option(
+            "--views", "LIST", "Numbers from 1, ranges, names: 1-9,12; or a file of them.", choice
+        ),
+        text_option("--aperture", "M", "Views within a square of this side.", choice),
+        text_option(
+            "--pitch", "M", "Views at least so far apart, from the middle outwards.", choice
+        ),
+        text_option(
+            "--min-views",
+            "N",
+            "Pixels that fewer views see are transparent: a number, or a share [10%].",
+            choice,
+        ),
+        text_option(
+            "--compare",
+            "CHOICE",
+            "SSIM against another choice: all, or pitch=M, aperture=M, views=LIST.",
+            choice,
+        ),
+        TyperOption(
+            param_decls=["--out"],
+            type=str,
+            multiple=True,
+            metavar="PATH",
+            help="Write .png (8 bits), .tif (float32, in its place) or .npz (with coverage).  Repeatable.",
+            rich_help_panel="Output",
+        ),
+        flag_option("--stretch", "PNG from the 1st to the 99th percentile, for 8 bits too."),
+        flag_option("--force", "Overwrite existing files."),
+        flag_option("--quiet", "No table, no warnings."),
+        json_option(),
+    ]

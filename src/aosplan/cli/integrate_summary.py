@@ -1,0 +1,142 @@
+"""What ``aosplan integrate`` says of an integral image: its document, warnings and table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.postflight.integral.focus import Focus
+    from aosplan.postflight.integral.integral import Integral
+    from aosplan.postflight.integral.recording import Recording
+
+
+def described(recording: Recording, integral: Integral, indices: Any, least: int) -> dict[str, Any]:
+    """What was integrated, as plain values."""
+    raster = integral.raster
+    return {
+        "views": integral.views,
+        "recorded_views": len(recording.views),
+        "up": recording.plane.up,
+        "focal_height_m": recording.plane.height_m,
+        "origin": None if recording.origin is None else list(recording.origin),
+        "crs": None if recording.georeference is None else recording.georeference.crs,
+        "altitude_m": float(recording.heights_m[indices].mean()),
+        "aperture_m": list(recording.extent_m(indices)),
+        "nearest_m": recording.nearest_m(indices),
+        "gsd_m": raster.gsd_m,
+        "extent_m": list(raster.extent_m),
+        "size_px": [raster.columns, raster.rows],
+        "coverage": {
+            "least_views": least,
+            "share": float(integral.seen(least).mean()),
+            "mean_views": float(integral.coverage.mean()),
+            "most_views": round(float(integral.coverage.max())),
+        },
+    }
+
+
+def warnings_of(recording: Recording, integral: Integral, least: int) -> list[dict[str, str]]:
+    """What to know of an integral image."""
+    found = [(message.code, message.message) for message in recording.messages]
+    if recording.missing:
+        count = len(recording.missing)
+        found.append(
+            (
+                "missing_images",
+                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
+                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
+            )
+        )
+    if integral.blind:
+        found.append(
+            ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")
+        )
+    if not integral.seen(least).any():
+        found.append(
+            ("coverage", f"no pixel is seen by {least} views, so nothing shows: --min-views")
+        )
+    heights = recording.heights_m
+    if heights.max() > 3.0 * heights.min():
+        found.append(
+            (
+                "heights",
+                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal plane: "
+                "is take-off among them, or --focal-height off?",
+            )
+        )
+    return [{"code": code, "message": message} for code, message in found]
+
+
+def show_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
+    """Print a document as a table."""
+    from rich.table import Table
+
+    from aosplan.show.text.tables import one_line, show
+
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    x, y = document["aperture_m"]
+    columns, rows = document["size_px"]
+    nearest = document["nearest_m"]
+    coverage = document["coverage"]
+    lines = [
+        ("Views", f"{document['views']} of {document['recorded_views']}"),
+        ("Aperture", f"{x:.4g} x {y:.4g} m" + (f", {nearest:.3g} m apart" if nearest else "")),
+        ("Altitude", f"{document['altitude_m']:.4g} m above the focal plane"),
+        ("Image", f"{columns} x {rows} pixels of {100 * document['gsd_m']:.3g} cm"),
+        (
+            "Coverage",
+            f"{100 * coverage['share']:.1f} % seen by at least {coverage['least_views']} of them, "
+            f"{coverage['mean_views']:.4g} on average",
+        ),
+    ]
+    if document["focus"] is not None:
+        lines += _focus_lines(document["focus"])
+    if document["comparison"] is not None:
+        other = document["comparison"]
+        lines.append(("SSIM", f"{other['ssim']:.4f} against {other['views']} ({other['choice']})"))
+    if out:
+        lines.append(("Wrote", ", ".join(out)))
+    for name, text in lines:
+        table.add_row(name, one_line(text))
+    show(table)
+
+
+def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    ground, crowns = focus["ground"], focus["crowns"]
+    yield (
+        "Focus",
+        f"ground at {ground['place']:.2f} ± {ground['deviation']:.2g} m (agreement {ground['value']:.2f})"
+        + (
+            "" if crowns is None else f", crowns at {crowns['place']:.1f} m ({crowns['value']:.2f})"
+        ),
+    )
+    if focus["aligned_views"]:
+        yield (
+            "Aligned",
+            f"{focus['aligned_views']} views, yaw {focus['yaw_offset_deg']:+.2f} ± "
+            f"{focus['yaw_deviation_deg']:.2g} degrees, moved {focus['moved_m']:.2g} m "
+            "(root mean square)",
+        )
+
+
+def doubts_of(found: Focus) -> list[dict[str, str]]:
+    """What to know of a focus."""
+    said = []
+    if found.at_end:
+        said.append(
+            (
+                "focus_at_end",
+                "the views agree best at an end of the heights that were looked at, "
+                f"{found.ground.place:.4g} m: the ground may lie beyond; --focus H1..H2",
+            )
+        )
+    if found.aligned and found.aligned < len(found.correction.shifts_m):
+        count = len(found.correction.shifts_m)
+        said.append(
+            ("unaligned", f"{count - found.aligned} of {count} views show too little to be aligned")
+        )
+    return [{"code": code, "message": message} for code, message in said]

@@ -1,0 +1,196 @@
+"""How well integrals of disjoint halves of the views agree, which tells what is in focus.
+
+The contrast of an integral image does not tell: it falls steadily as the focal plane rises, as
+fewer occluders are blurred.  Two integrals of different photos, however, show the same only of what
+lies on the focal plane; everything else is smeared differently by different views.
+
+With v_i the detail that view i shows at a pixel, the mean over all pairs of different views is
+c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and d = Σ v² / n that of a view with
+itself.  The correlation of two integrals of n/2 views each, averaged over all ways to halve the
+views, is then c / (c + 2 (d - c) / n): no half has to be drawn.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.postflight.integral.integral import read_source, warped, whole_box
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+    from PIL.Image import Image
+
+    from aosplan.postflight.integral.camera_pose import Intrinsics, View
+    from aosplan.postflight.integral.focal_plane import Plane, Raster
+    from aosplan.postflight.integral.integral import Source
+
+    Floats = NDArray[np.float64]
+
+FINE_PX, COARSE_PX = 0.7, 6.0
+"""Standard deviations of the two blurs between which detail lies [px of the reduced image]."""
+
+BLOCKS = 4
+"""Blocks along each side of the raster that are left out in turn, to know how sure a peak is."""
+
+LONGEST_PX = 480
+"""Longer side of the images in which detail is looked at."""
+
+CLIP = 4.0
+"""Detail beyond so many standard deviations counts as so many: a hot pixel is not to decide."""
+
+
+class Detail(NamedTuple):
+    """The detail of one view: its image reduced, without what is smooth, in standard deviations."""
+
+    view: View
+    intrinsics: Intrinsics
+    image: Image
+
+
+def detail_of(source: Source, longest_px: int = LONGEST_PX) -> Detail:
+    """Detail of a view's image.
+
+    Parameters
+    ----------
+    source
+        The view.
+    longest_px
+        Longer side of the reduced image, at most.
+    """
+    from PIL import Image
+    from scipy.ndimage import gaussian_filter
+
+    picture = read_source(source, None)
+    bands = np.stack([np.asarray(band, dtype=np.float32) for band in picture.bands])
+    grey: NDArray[np.float32] = bands.mean(axis=0)
+    width, height = picture.size
+    block = max(-(-max(width, height) // longest_px), 1)
+    columns, rows = width // block, height // block
+    grey = grey[: rows * block, : columns * block]
+    grey = grey.reshape(rows, block, columns, block).mean(axis=(1, 3))
+    finite = np.isfinite(grey)
+    if not finite.all():
+        grey = np.where(finite, grey, grey[finite].mean() if finite.any() else 0.0)
+    smooth = gaussian_filter(grey, COARSE_PX, mode="nearest")
+    detail = gaussian_filter(grey, FINE_PX, mode="nearest") - smooth
+    spread = float(detail.std())
+    scaled = np.clip(detail / spread, -CLIP, CLIP) if spread > 0.0 else np.zeros_like(detail)
+    lens = source.intrinsics._replace(
+        width_px=columns,
+        height_px=rows,
+        fx_px=source.intrinsics.fx_px / block,
+        fy_px=source.intrinsics.fy_px / block,
+        cx_px=source.intrinsics.cx_px / block,
+        cy_px=source.intrinsics.cy_px / block,
+    )
+    return Detail(source.view, lens, Image.fromarray(scaled.astype(np.float32)))
+
+
+def on_plane(detail: Detail, view: View, plane: Plane, raster: Raster) -> NDArray[np.float32]:
+    """Detail on the raster as seen from a view, nan where its image does not reach."""
+    ray = plane.to_camera(view) @ raster.to_plane
+    return warped([detail.image], detail.intrinsics, ray, whole_box(raster))[0]
+
+
+class Sums:
+    """Sums over views at each pixel: of detail, of its square, and of ones."""
+
+    def __init__(self, raster: Raster) -> None:
+        shape = (raster.rows, raster.columns)
+        self.detail, self.square, self.count = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+
+    def add(self, image: NDArray[np.float32]) -> None:
+        """Add a view."""
+        seen = np.isfinite(image)
+        value = np.where(seen, image, 0.0)
+        self.detail += value
+        self.square += value * value
+        self.count += seen
+
+
+class Agreement(NamedTuple):
+    """Agreement of halves, and the same with each block of the raster left out, shape (BLOCKS²,)."""
+
+    value: float
+    without: Floats
+
+
+def agreement(sums: Sums) -> Agreement:
+    """Correlation of the integrals of halves of the views."""
+    rows, columns = sums.count.shape
+    down = np.minimum(np.arange(rows) * BLOCKS // rows, BLOCKS - 1)
+    right = np.minimum(np.arange(columns) * BLOCKS // columns, BLOCKS - 1)
+    block = (down[:, None] * BLOCKS + right).ravel()
+    enough = sums.count >= 2.0
+
+    def per_block(values: Floats) -> Floats:
+        weights = np.where(enough, values, 0.0).ravel()
+        return np.bincount(block, weights, BLOCKS**2).astype(np.float64)
+
+    parts = np.stack(
+        [
+            per_block(sums.detail**2 - sums.square),
+            per_block(sums.count * (sums.count - 1.0)),
+            per_block(sums.square),
+            per_block(sums.count),
+            per_block(np.ones_like(sums.count)),
+        ]
+    )
+    total = parts.sum(axis=1, keepdims=True)
+    values = _of_halves(np.concatenate([total, total - parts], axis=1))
+    return Agreement(float(values[0]), values[1:])
+
+
+def _of_halves(parts: Floats) -> Floats:
+    shared, pairs, square, count, pixels = parts
+    with np.errstate(invalid="ignore", divide="ignore"):
+        c, d, n = shared / pairs, square / count, count / pixels
+        found = c / (c + 2.0 * (d - c) / n)
+    # Views that contradict each other at all pixels may push the denominator below zero.
+    return np.where(np.isfinite(found), np.clip(found, -1.0, 1.0), 0.0)
+
+
+def agreement_at(
+    details: Sequence[Detail], views: Iterable[View], plane: Plane, raster: Raster
+) -> Agreement:
+    """Agreement of views on a plane."""
+    sums = Sums(raster)
+    for detail, view in zip(details, views, strict=True):
+        sums.add(on_plane(detail, view, plane, raster))
+    return agreement(sums)
+
+
+class Peak(NamedTuple):
+    """Where a curve of agreement is largest, its value, and the standard deviation of its place."""
+
+    place: float
+    value: float
+    deviation: float
+
+
+def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
+    """The peak of a parabola through three points of a curve, and how it moves from block to block."""
+    inside = min(max(index, 1), len(places) - 2)
+    part = slice(inside - 1, inside + 2)
+    whole = vertex(places[part], np.array([each.value for each in curve[part]]))
+    blocks = np.array([each.without for each in curve[part]])
+    moved = np.array([vertex(places[part], values) for values in blocks.T])
+    moved = moved[np.isfinite(moved)]
+    count = len(moved)
+    spread = np.sqrt((count - 1) * np.mean((moved - moved.mean()) ** 2)) if count > 1 else np.inf
+    value = float(np.interp(whole, places[part], [each.value for each in curve[part]]))
+    return Peak(whole, value, float(spread))
+
+
+def vertex(places: Floats, values: Floats) -> float:
+    """Where the parabola through three points is largest, within them."""
+    slope = np.diff(values) / np.diff(places)
+    bend = (slope[1] - slope[0]) / (places[2] - places[0])
+    if not bend < 0.0:
+        return float(places[int(np.argmax(values))])
+    middle = 0.5 * (places[0] + places[1]) - slope[0] / (2.0 * bend)
+    return float(np.clip(middle, places[0], places[2]))

@@ -1,0 +1,146 @@
+"""Small errors of poses, found from how views shift against the integral of the others.
+
+Detail of a view that is recorded off its place is shifted on the focal plane.  Over all views, such
+shifts e_i at positions b_i (from their middle) have a part that grows with b_i and one that turns about the
+middle.  The first is what a wrong height of the plane does, e = -b (h* - h)/(A - h*) for cameras at A above a true plane
+at h*; the second is what a common error of the yaw ψ does, e = ψ × b.  What is left are errors of the
+positions themselves.  Errors of positions contain such parts by chance, so that height and yaw are
+known no better than σ (A - h)/√Σb² and σ/√Σb².
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.postflight.integral.agreement import on_plane
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.agreement import Detail
+    from aosplan.postflight.integral.camera_pose import View
+    from aosplan.postflight.integral.focal_plane import Plane, Raster
+
+    Floats = NDArray[np.float64]
+
+CLEAR = 3.0
+"""A shift counts if its correlation is so many robust standard deviations above those of other shifts."""
+
+
+class Correction(NamedTuple):
+    """What is added to recorded poses.
+
+    Attributes
+    ----------
+    yaw_deg
+        Turn of all cameras, clockwise from above.
+    shifts_m
+        Shape (N, 2): moves of the cameras along the plane's x and y.
+    """
+
+    yaw_deg: float
+    shifts_m: Floats
+
+    @classmethod
+    def none(cls, count: int) -> Correction:
+        """No correction of a number of views."""
+        return cls(0.0, np.zeros((count, 2)))
+
+    def applied(self, views: Sequence[View], frame: Floats) -> list[View]:
+        """Views with corrected poses; `frame` has the axes of the plane as rows."""
+        c, s = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
+        clockwise = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        turn = frame.T @ clockwise @ frame
+        return [
+            view.moved(frame[:2].T @ shift, turn)
+            for view, shift in zip(views, self.shifts_m, strict=True)
+        ]
+
+
+class Fit(NamedTuple):
+    """Shifts of views taken apart: growth and turn by the distance from the middle, and the rest [m]."""
+
+    growth: float
+    turn_rad: float
+    rest_m: Floats
+    clear: NDArray[np.bool_]
+
+
+def shifts_of(
+    details: Sequence[Detail], views: Sequence[View], plane: Plane, raster: Raster, reach_m: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Shift of each view against the integral of the others [m], and whether it is clear.
+
+    Parameters
+    ----------
+    details, views
+        Detail of N views, and the poses by which it is laid on the plane.
+    plane, raster
+        Where.
+    reach_m
+        Largest shift along x and y.
+
+    Returns
+    -------
+    shifts, clear
+        Shapes (N, 2) and (N,).
+    """
+    from scipy.fft import irfft2, next_fast_len, rfft2
+
+    images = np.stack(
+        [on_plane(detail, view, plane, raster) for detail, view in zip(details, views, strict=True)]
+    )
+    seen = np.isfinite(images)
+    images[~seen] = 0.0
+    total, count = images.sum(axis=0), seen.sum(axis=0)
+    reach = max(math.ceil(reach_m / raster.gsd_m), 2)
+    reach = min(reach, min(raster.rows, raster.columns) // 2)
+    shape = [next_fast_len(side + 2 * reach, real=True) for side in total.shape]
+    shifts, clear = np.zeros((len(images), 2)), np.zeros(len(images), dtype=bool)
+    for index, image in enumerate(images):
+        others = (total - image) / np.maximum(count - seen[index], 1)
+        product = irfft2(rfft2(image, shape) * np.conj(rfft2(others, shape)), shape)
+        near = np.roll(product, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
+        row, column = np.unravel_index(int(np.argmax(near)), near.shape)
+        middle = np.median(near)
+        spread = 1.4826 * np.median(np.abs(near - middle))
+        clear[index] = near[row, column] - middle > CLEAR * spread > 0.0
+        shifts[index] = (
+            (_between(near[row], int(column)) - reach) * raster.gsd_m,
+            (reach - _between(near[:, column], int(row))) * raster.gsd_m,
+        )
+    return shifts, clear
+
+
+def _between(values: Floats, index: int) -> float:
+    """The largest of some values to a part of a step, by the parabola through it and its neighbours."""
+    if not 0 < index < len(values) - 1:
+        return float(index)
+    before, here, after = values[index - 1 : index + 2]
+    bend = before - 2.0 * here + after
+    return index + (0.5 * float((before - after) / bend) if bend < 0.0 else 0.0)
+
+
+def fitted(shifts_m: Floats, clear: NDArray[np.bool_], positions_m: Floats) -> Fit:
+    """Growth, turn and rest of shifts at positions, by least squares over the clear ones."""
+    from_middle = positions_m - positions_m.mean(axis=0)
+    x, y = from_middle.T
+    ones, zeros = np.ones_like(x), np.zeros_like(x)
+    terms = np.stack(
+        [
+            np.column_stack([ones, zeros]).ravel(),
+            np.column_stack([zeros, ones]).ravel(),
+            np.column_stack([x, y]).ravel(),
+            np.column_stack([-y, x]).ravel(),
+        ],
+        axis=1,
+    )
+    rows = np.repeat(clear, 2)
+    found, *_ = np.linalg.lstsq(terms[rows], shifts_m.ravel()[rows], rcond=None)
+    rest = (shifts_m.ravel() - terms @ found).reshape(-1, 2)
+    return Fit(float(found[2]), float(found[3]), np.where(clear[:, None], rest, 0.0), clear)

@@ -1,0 +1,369 @@
+"""The height at which the views agree, and small corrections of their poses.
+
+The curve of agreement over heights (`aosplan.postflight.integral.agreement`) has a peak at the ground
+and often one at the crowns.  Errors of positions and of the compass flatten both, so poses are aligned
+(`aosplan.postflight.integral.alignment`) at the highest point of a coarse curve, which brings out the
+peaks of a fine one; the ground is its lowest peak.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.postflight.integral.agreement import (
+    LONGEST_PX,
+    Agreement,
+    Detail,
+    Peak,
+    agreement_at,
+    detail_of,
+    peak_near,
+)
+from aosplan.postflight.integral.alignment import Correction, fitted, shifts_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.camera_pose import View
+    from aosplan.postflight.integral.focal_plane import Raster
+    from aosplan.postflight.integral.recording import Recording
+
+    Floats = NDArray[np.float64]
+
+ALIGNMENTS = ("none", "yaw", "positions")
+"""What is corrected: nothing, one yaw for all views, or also each view's position."""
+
+BELOW, ABOVE = 0.25, 0.55
+"""Heights that are searched by themselves, as shares of the cameras' height: below and above the plane."""
+
+STEP_PX = 1.3
+"""Farther than this, two planes that are compared next to each other are not told apart by the outermost views."""
+
+MOST_STEPS = 240
+"""Heights that are looked at, at most."""
+
+MOST_PIXELS = 60_000_000
+"""Pixels of all views together that are held at once (240 MB)."""
+
+ROUNDS = 4
+"""Times that shifts are measured and corrected on each level."""
+
+LEAST_VIEWS = 4
+"""Fewer views do not tell heights apart."""
+
+PROMINENCE = 3.0
+"""A peak rises so many of its standard deviations above the valleys beside it."""
+
+WEAK = 0.1
+"""Agreement below this is that of nothing."""
+
+
+class Focus(NamedTuple):
+    """Where a recording is in focus.
+
+    Attributes
+    ----------
+    heights_m
+        Heights that were looked at, along the world's upward axis, rising.
+    curve
+        Agreement of halves of the views at each.
+    ground, crowns
+        Peaks of the curve: the lowest, and the highest of those above it, None if there is none.
+    correction
+        What is added to the recorded poses, zero where nothing is.
+    yaw_deviation_deg
+        Standard deviation of the correction's yaw.
+    aligned
+        How many views were clear enough to be moved.
+    at_end
+        Whether the ground's peak is at an end of the heights.
+    """
+
+    heights_m: Floats
+    curve: list[Agreement]
+    ground: Peak
+    crowns: Peak | None
+    correction: Correction
+    yaw_deviation_deg: float
+    aligned: int
+    at_end: bool
+
+    def document(self) -> dict[str, Any]:
+        """The focus as plain values."""
+        moved = self.correction.shifts_m
+        return {
+            "heights_m": [float(height) for height in self.heights_m],
+            "agreement": [each.value for each in self.curve],
+            "ground": self.ground._asdict(),
+            "crowns": None if self.crowns is None else self.crowns._asdict(),
+            "yaw_offset_deg": self.correction.yaw_deg,
+            "yaw_deviation_deg": self.yaw_deviation_deg,
+            "aligned_views": self.aligned,
+            "moved_m": float(np.sqrt(np.mean(moved**2))),
+        }
+
+
+class _Level(NamedTuple):
+    details: list[Detail]
+    raster: Raster
+
+
+def read_heights(text: str) -> tuple[float, float] | float | None:
+    """What ``--focus`` says: a range H1..H2, a height, or None for auto.
+
+    Raises
+    ------
+    RequestError
+        If it is none of these.
+    """
+    from aosplan.postflight.integral.camera_pose import FARTHEST_M
+    from aosplan.units import number
+
+    if text == "auto":
+        return None
+    ends = text.split("..")
+    if len(ends) > 2:
+        raise RequestError(f"--focus '{text}' is not a range", "auto, H or H1..H2 in metres")
+    heights = [number(end, "--focus", "m") for end in ends]
+    if max(map(abs, heights)) > FARTHEST_M:
+        raise RequestError(f"--focus '{text}' is farther than {FARTHEST_M:g} m")
+    return heights[0] if len(heights) == 1 else (heights[0], heights[1])
+
+
+def find_focus(
+    recording: Recording,
+    indices: NDArray[np.intp],
+    heights_m: tuple[float, float] | None = None,
+    *,
+    align: str = "none",
+    sigma_m: float = 0.5,
+    progress: Callable[[int, int], None] | None = None,
+) -> Focus:
+    """Find the height of the ground, and, if wanted, what is wrong with the poses.
+
+    Parameters
+    ----------
+    recording
+        The views.
+    indices
+        Which of them count.
+    heights_m
+        Lowest and highest plane; None for a range around the recording's own plane.
+    align
+        One of `ALIGNMENTS`.
+    sigma_m
+        Standard deviation of recorded positions; shifts are looked for within three of it.
+    progress
+        Called with the number of steps done and their total.
+
+    Raises
+    ------
+    RequestError
+        If there are too few views, a camera is below a plane, or nothing agrees.
+    """
+    if len(indices) < LEAST_VIEWS:
+        raise RequestError(
+            f"--focus needs at least {LEAST_VIEWS} views, and there are {len(indices)}",
+            "--focal-height M gives the height of the plane",
+        )
+    search = _Search(recording, indices, sigma_m, progress or (lambda _done, _all: None))
+    low, high = heights_m or search.usual_range()
+    places = search.heights_between(low, high)
+    few = places[:: 2 if len(places) > 20 else 1]
+    correction = Correction.none(len(indices))
+    levels = [search.level(2), search.level(1)]
+    coarse = search.curve(levels[0], few, correction)
+    start = float(few[int(np.argmax([each.value for each in coarse]))])
+    if max(each.value for each in coarse) < WEAK:
+        raise RequestError(
+            f"no plane from {low:g} to {high:g} m is in focus: halves of the views agree to "
+            f"{max(each.value for each in coarse):.2g} at best",
+            "--focus H1..H2 looks at other heights, --focal-height M needs no focus",
+        )
+    aligned = 0
+    if align != "none":
+        for level in levels:
+            start, correction, aligned = search.align(level, start, correction, align)
+    fine = search.curve(levels[1], places, correction)
+    lowest, highest = peaks_of(places, fine)
+    if align != "none":
+        ground, correction, aligned = search.align(
+            levels[1], float(places[lowest]), correction, align
+        )
+        if abs(ground - places[lowest]) > 0.5 * np.diff(places).max():
+            fine = search.curve(levels[1], places, correction)
+            lowest, highest = peaks_of(places, fine)
+    found = search.refined(levels[1], places, lowest, correction)
+    crowns = None if highest is None else peak_near(places, fine, highest)
+    doubt = search.doubt(correction, align)
+    deviation = math.hypot(found.deviation, doubt * (search.camera_m - found.place))
+    return Focus(
+        places,
+        fine,
+        found._replace(deviation=deviation),
+        crowns,
+        correction,
+        math.degrees(doubt),
+        aligned,
+        lowest in (0, len(places) - 1),
+    )
+
+
+def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
+    """Indices of the lowest significant peak, and of the highest one above it.
+
+    The largest value counts as a peak even at an end of the curve.
+    """
+    from scipy.signal import find_peaks
+
+    values = np.array([each.value for each in curve])
+    without = np.array([each.without for each in curve])
+    count = without.shape[1]
+    spread = np.sqrt(count - 1.0) * without.std(axis=1)
+    # Values next to each other err together: what counts is the error of their difference, which is
+    # far smaller than the error of each.
+    best = int(np.argmax(values))
+    found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
+    clear = [
+        int(index)
+        for index, rise in zip(found, about["prominences"], strict=True)
+        if rise > 0.5 * PROMINENCE * spread[index] * min(1.0, rise / max(values[index], 1e-9))
+        and values[index] > WEAK
+        and values[index] > 0.25 * values[best]
+    ]
+    if not clear:
+        return best, None
+    lowest = clear[0]
+    above = [index for index in clear[1:] if places[index] > places[lowest]]
+    return lowest, max(above, key=lambda index: values[index]) if above else None
+
+
+class _Search:
+    """A recording's views on planes at different heights."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        indices: NDArray[np.intp],
+        sigma_m: float,
+        progress: Callable[[int, int], None],
+    ) -> None:
+        self._plane = recording.plane
+        self._sources = [recording.sources[index] for index in indices]
+        self._views = [source.view for source in self._sources]
+        self._positions = recording.positions_m[indices]
+        self.camera_m = float(recording.heights_m[indices].mean()) + recording.plane.height_m
+        self._recording = recording
+        self._reach_m = 3.0 * sigma_m
+        self._from_middle = self._positions - self._positions.mean(axis=0)
+        self._progress = progress
+        self._done, self._all = 0, 1
+
+    def _step(self, count: int = 1) -> None:
+        self._done += count
+        self._progress(self._done, max(self._all, self._done))
+
+    def usual_range(self) -> tuple[float, float]:
+        height = self.camera_m - self._plane.height_m
+        return self._plane.height_m - BELOW * height, self._plane.height_m + ABOVE * height
+
+    def heights_between(self, low: float, high: float) -> Floats:
+        """Heights whose planes the outermost views tell apart, closer together near the cameras."""
+        if not low < high:
+            raise RequestError(
+                f"--focus {low:g}..{high:g} is empty", "the lower height comes first"
+            )
+        if not high < self.camera_m:
+            raise RequestError(
+                f"--focus reaches {high:g} m, and the cameras are at {self.camera_m:.4g} m",
+                "heights count along the world's upward axis",
+            )
+        extent = float(np.hypot(*np.ptp(self._positions, axis=0)))
+        if not extent > 0.0:
+            raise RequestError(
+                "--focus: all views are from one place, where every plane looks the same"
+            )
+        focal = self._sources[0].intrinsics.fx_px * min(
+            LONGEST_PX / max(self._sources[0].intrinsics[:2]), 1.0
+        )
+        # A view b off the middle shifts by f b (1/(A-h) - 1/(A-h')) pixels between two planes.
+        near, far = 1.0 / (self.camera_m - high), 1.0 / (self.camera_m - low)
+        steps = math.ceil((near - far) * focal * 0.5 * extent / STEP_PX)
+        steps = min(max(steps, 8), MOST_STEPS)
+        places: Floats = self.camera_m - 1.0 / np.linspace(far, near, steps + 1)
+        return places
+
+    def level(self, coarser: int) -> _Level:
+        """Detail of all views in images `coarser` times smaller, and a raster of their pixels."""
+        own = max(self._sources[0].intrinsics[:2])
+        most = math.sqrt(MOST_PIXELS / len(self._sources))
+        longest = max(int(min(own, LONGEST_PX, most)) // coarser, 32)
+        details = []
+        for source in self._sources:
+            details.append(detail_of(source, longest))
+            self._step()
+        gsd = self._recording.raster("centre").gsd_m
+        scale = own / max(details[0].intrinsics[:2])
+        return _Level(details, self._recording.raster("centre", gsd * scale))
+
+    def _views_of(self, correction: Correction) -> list[View]:
+        return correction.applied(self._views, self._plane.frame)
+
+    def curve(self, level: _Level, places: Floats, correction: Correction) -> list[Agreement]:
+        views = self._views_of(correction)
+        self._all = self._done + len(places)
+        found = []
+        for place in places:
+            plane = self._plane._replace(height_m=float(place))
+            found.append(agreement_at(level.details, views, plane, level.raster))
+            self._step()
+        return found
+
+    def align(
+        self, level: _Level, height_m: float, correction: Correction, align: str
+    ) -> tuple[float, Correction, int]:
+        """Height and correction at which shifts of views neither grow nor turn."""
+        clear = 0
+        for _ in range(ROUNDS):
+            plane = self._plane._replace(height_m=height_m)
+            shifts, is_clear = shifts_of(
+                level.details, self._views_of(correction), plane, level.raster, self._reach_m
+            )
+            clear = int(is_clear.sum())
+            if clear < max(LEAST_VIEWS, len(shifts) // 4):
+                return height_m, correction, clear
+            fit = fitted(shifts, is_clear, self._positions)
+            limit = 0.5 * (self.camera_m - height_m)
+            height_m -= float(np.clip(fit.growth * (self.camera_m - height_m), -limit, limit))
+            moved = correction.shifts_m
+            if align == "positions":
+                moved = moved - fit.rest_m
+            correction = Correction(correction.yaw_deg - math.degrees(fit.turn_rad), moved)
+        return height_m, correction, clear
+
+    def refined(
+        self,
+        level: _Level,
+        places: Floats,
+        index: int,
+        correction: Correction,
+    ) -> Peak:
+        """The peak by a closer look between the heights beside it."""
+        first, last = places[max(index - 2, 0)], places[min(index + 2, len(places) - 1)]
+        closer = np.linspace(first, last, 9)
+        found = self.curve(level, closer, correction)
+        best = int(np.argmax([each.value for each in found]))
+        return peak_near(closer, found, best)
+
+    def doubt(self, correction: Correction, align: str) -> float:
+        """What errors of positions do to growth and turn by chance, as a share and in radians."""
+        if align != "positions":
+            return 0.0
+        sigma = float(np.sqrt(np.mean(correction.shifts_m**2)))
+        return sigma / math.sqrt(float((self._from_middle**2).sum()))

@@ -1,0 +1,278 @@
+"""Focus and alignment: the plane, the yaw and the places that a recording was really taken from."""
+
+import json
+import runpy
+import sys
+from functools import partial
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from PIL import Image
+from support.command_line import process
+from support.flown import rotation_of, write_photo
+from support.paths import ROOT
+from support.recorded import nadir_to, photo, write_recording
+
+from aosplan.cli.schema import json_schema
+from aosplan.postflight.integral.agreement import Sums, agreement, vertex
+from aosplan.postflight.integral.alignment import fitted
+from aosplan.postflight.integral.focal_plane import Raster
+from aosplan.postflight.integral.focus import find_focus
+from aosplan.postflight.integral.recording import Recording
+from aosplan.postflight.integral.view_subset import ViewSubset
+from aosplan.simulation.ssim import similarity
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+GRAIN_M = 0.5
+
+
+def rough(seed):
+    """A texture without a period: random values every half metre, bilinear between them."""
+    values = np.random.default_rng(seed).uniform(0, 255, (160, 160))
+
+    def shade(x, y):
+        column, row = x / GRAIN_M + 80.0, y / GRAIN_M + 80.0
+        i, j = np.floor(row).astype(int) % 159, np.floor(column).astype(int) % 159
+        v, u = row % 1.0, column % 1.0
+        return (1 - v) * ((1 - u) * values[i, j] + u * values[i, j + 1]) + v * (
+            (1 - u) * values[i + 1, j] + u * values[i + 1, j + 1]
+        )
+
+    return shade
+
+
+GROUND = rough(1)
+SITES = [np.array([3.0 * x, 3.0 * y]) for x in range(-2, 3) for y in range(-2, 3)]
+
+
+def test_agreement_is_the_mean_correlation_of_all_halves():
+    rng = np.random.default_rng(2)
+    truth = rng.normal(size=(40, 40))
+    views = truth + rng.normal(0.0, 2.0, (12, 40, 40))
+    sums = Sums(Raster(0, 0, 1, 40, 40))
+    for view in views.astype(np.float32):
+        sums.add(view)
+    halves = []
+    for _ in range(400):
+        order = rng.permutation(12)
+        one, other = views[order[:6]].mean(axis=0), views[order[6:]].mean(axis=0)
+        halves.append((one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean()))
+    error = np.std(halves) / np.sqrt(len(halves))
+    # Ratios of means and means of ratios differ by far less than halves do from each other.
+    assert agreement(sums).value == pytest.approx(np.mean(halves), abs=4 * error + 2e-3)
+
+
+def test_a_parabola_has_its_vertex():
+    places = np.array([1.0, 2.0, 4.0])
+    assert vertex(places, -((places - 2.3) ** 2)) == pytest.approx(2.3)
+
+
+def test_growth_and_turn_are_told_from_the_rest():
+    rng = np.random.default_rng(3)
+    positions = rng.normal(0, 5, (30, 2)) + 100.0
+    x, y = (positions - positions.mean(axis=0)).T
+    shifts = 0.7 + 0.02 * np.stack([x, y], axis=1) + 0.05 * np.stack([-y, x], axis=1)
+    shifts[7] += 50.0
+    clear = np.arange(30) != 7
+    fit = fitted(shifts, clear, positions)
+    # The middle is that of all positions, so the constant takes up what the seventh lacks.
+    assert (fit.growth, fit.turn_rad) == pytest.approx((0.02, 0.05))
+    assert np.abs(fit.rest_m).max() < 1e-9
+
+
+def recorded(folder, height=0.0, crowns=None):
+    """Poses and images of the rough ground at a height; crowns hide what lies under them."""
+    views = [(nadir_to(10.0 * k), np.array([*site, 40.0])) for k, site in enumerate(SITES)]
+    images = []
+    for rotation, position in views:
+        image = photo(rotation, position, height=height, shade=GROUND)
+        if crowns is not None:
+            leaves = photo(rotation, position, height=crowns, shade=rough(5))
+            hidden = photo(rotation, position, height=crowns, shade=rough(6)) > 150.0
+            image = np.where(hidden, leaves, image)
+        images.append(np.rint(image).astype(np.uint8))
+    return write_recording(folder, views, images)
+
+
+@pytest.mark.parametrize("height", [-3.0, 0.0, 4.5])
+def test_the_ground_is_found_between_the_heights_of_a_range(folder, height):
+    recording = Recording(*recorded(folder, height))
+    found = find_focus(recording, np.arange(25), (-8.0, 10.0))
+    assert found.ground.place == pytest.approx(height, abs=0.1)
+    assert abs(found.ground.place - height) < 5 * found.ground.deviation + 0.02
+    assert found.crowns is None
+    assert not found.at_end
+
+
+def test_ground_and_crowns_are_two_peaks(folder):
+    recording = Recording(*recorded(folder, 1.0, crowns=12.0))
+    found = find_focus(recording, np.arange(25))
+    assert found.ground.place == pytest.approx(1.0, abs=0.2)
+    assert found.crowns.place == pytest.approx(12.0, abs=0.6)
+
+
+# Photos whose tags are wrong
+
+
+def fly(folder, *, yaw_bias=0.0, height_error=0.0, off_m=0.0, seed=4):
+    """Photos with tags that are wrong by so much; the errors of the places."""
+    noise = np.random.default_rng(seed).normal(0.0, off_m, (len(SITES), 2))
+    (folder / "photos").mkdir()
+    for index, (site, error) in enumerate(zip(SITES, noise, strict=True)):
+        yaw = 90.0 * (index % 2)
+        image = photo(rotation_of(yaw, -90.0, 0.0), np.array([*site, 40.0]), shade=GROUND)
+        write_photo(folder / "photos" / f"DJI_{index:04d}.jpg", (*(site + error), 40.0 + height_error),
+                    (yaw + yaw_bias, -90.0, 0.0), image=np.rint(image).astype(np.uint8))  # fmt: skip
+    return noise
+
+
+def test_yaw_and_height_are_found_where_positions_are_true(folder):
+    fly(folder, yaw_bias=3.0, height_error=2.0)
+    recording = Recording("photos")
+    found = find_focus(recording, np.arange(25), align="yaw")
+    assert found.ground.place == pytest.approx(2.0, abs=0.15)
+    assert found.correction.yaw_deg == pytest.approx(-3.0, abs=0.15)
+    assert not found.correction.shifts_m.any()
+
+
+def test_positions_come_back_but_for_what_nothing_tells(folder):
+    noise = fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.5)
+    recording = Recording("photos")
+    found = find_focus(recording, np.arange(25), align="positions")
+    # A shift, a turn and a growth of all places together cannot be seen in the photos.
+    rest = fitted(noise, np.ones(25, bool), np.array(SITES)).rest_m
+    left = fitted(found.correction.shifts_m + noise, np.ones(25, bool), np.array(SITES)).rest_m
+    assert np.sqrt((rest**2).mean()) > 0.4
+    assert np.sqrt((left**2).mean()) < 0.03
+    assert abs(found.ground.place - 2.0) < 3 * found.ground.deviation
+    assert abs(found.correction.yaw_deg + 3.0) < 3 * found.yaw_deviation_deg
+    assert 0.2 < found.ground.deviation < 1.2
+    assert found.aligned == 25
+
+
+@pytest.mark.slow
+def test_the_simulated_drone_comes_into_focus(folder):
+    """The tutorial's flight with a wrong compass, barometer and GNSS, beside its true poses."""
+    plan = tutorial(folder)
+    true = Recording("recording/poses.json", "recording/images")
+    raster = Raster.over((-6.0, -6.0, 6.0, 6.0), 0.125)
+    wanted = true.integrate(ViewSubset(), raster).values
+    recording = Recording("photos")
+    every = np.arange(len(recording.views))
+    blurred = recording.integrate(ViewSubset(), raster).values
+    assert similarity(blurred, wanted, None, 255.0).ssim < 0.3
+    found = find_focus(recording, every, align="positions", sigma_m=1.0)
+    assert abs(found.ground.place - 2.0) < 2 * found.ground.deviation < 1.6
+    assert abs(found.correction.yaw_deg + 3.0) < 2 * found.yaw_deviation_deg < 2.0
+    assert found.crowns.place - found.ground.place == pytest.approx(12.0, abs=1.0)
+    # What no photo tells is taken from the truth: where all of it lies, how large it is and to which
+    # side it is turned.
+    views = found.correction.applied(recording.views, np.eye(3))
+    sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
+    there = np.array([view.position for view in views])
+    given = (there[:, 0] + 1j * there[:, 1]) - (there[:, 0] + 1j * there[:, 1]).mean()
+    meant = sites[:, 0] + 1j * sites[:, 1]
+    factor = np.vdot(given, meant - meant.mean()) / np.vdot(given, given)
+    assert abs(abs(factor) - 1.0) < 0.04
+    angle = np.angle(factor)
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
+    moved = meant.mean() + factor * given - (there[:, 0] + 1j * there[:, 1])
+    up = (there[:, 2] - found.ground.place) * abs(factor)
+    shifts = np.stack([moved.real, moved.imag, up - there[:, 2]], axis=1)
+    recording.refocus(0.0, [v.moved(s, turn) for v, s in zip(views, shifts, strict=True)], every)
+    assert (
+        similarity(recording.integrate(ViewSubset(), raster).values, wanted, None, 255.0).ssim
+        > 0.95
+    )
+
+
+def tutorial(folder):
+    """The files that the how-to makes; the plan's document."""
+    stand, plan = str(folder / "stand.laz"), folder / "plan.json"
+    script("make_stand.py", stand)
+    options = ["--altitude", "50", "--scene", stand, "--baseline", "2", "--samples", "49"]
+    done = process("plan", *options, "--origin", "48.3358,14.3261", "--json", "--quiet")
+    plan.write_bytes(done.stdout)
+    script("record.py", str(plan), stand, str(folder / "recording"))
+    script("fly.py", str(plan), str(folder / "photos"), "--stand", stand, "--yaw-bias", "3",
+           "--height-error", "2")  # fmt: skip
+    return json.loads(done.stdout)
+
+
+def script(name, *arguments):
+    before = sys.argv
+    sys.argv = [name, *arguments]
+    try:
+        runpy.run_path(str(ROOT / "examples" / "tutorial" / name), run_name="__main__")
+    finally:
+        sys.argv = before
+
+
+# The command
+
+
+@pytest.fixture
+def command(command):
+    return partial(command, "integrate")
+
+
+def test_one_command_focuses_and_says_what_it_found(command, folder):
+    fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.3)
+    status, out, _ = command(
+        "photos", "--focus", "auto", "--out", "x.png", "--focus-figure", "curve.png", "--json"
+    )
+    assert status == 0
+    document = json.loads(out)
+    Draft202012Validator(json_schema("integral")).validate(document)
+    assert document["focal_height_m"] == document["focus"]["ground"]["place"]
+    assert len(document["focus"]["heights_m"]) == len(document["focus"]["agreement"])
+    with Image.open("curve.png") as curve:
+        assert curve.width > 500
+    status, out, _ = command("photos", "--focus", "-5..8", "--align", "yaw", "--out", "y.png")
+    assert status == 0
+    assert "ground at" in out
+    assert "yaw" in out
+
+
+def test_a_single_height_is_that_of_the_plane(command, folder):
+    paths = recorded(folder)
+    command(*paths, "--focus", "2", "--out", "a.png")
+    command(*paths, "--focal-height", "2", "--out", "b.png")
+    assert (folder / "a.png").read_bytes() == (folder / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["--focus", "x"], "--focus"),
+        (["--focus", "1..2..3"], "not a range"),
+        (["--focus", "5..1"], "empty"),
+        (["--focus", "0..50"], "cameras are at 40"),
+        (["--focus", "0..1e300"], "farther"),
+        (["--focus", "3", "--focal-height", "2"], "both"),
+        (["--focus", "auto", "--align", "x"], "--align 'x'"),
+        (["--align", "yaw"], "go with --focus"),
+        (["--focus", "auto", "--views", "1-3"], "at least 4 views"),
+        (["--focus", "auto", "--focus-figure", "c.txt"], "c.txt"),
+    ],
+)
+def test_wrong_focuses_are_refused(command, folder, arguments, part):
+    status, out, err = command(*recorded(folder), *arguments, "--out", "x.png")
+    assert (status, out) == (2, "")
+    assert part in err
+    assert not (folder / "x.png").exists()
+
+
+def test_views_of_nothing_have_no_focus(command, folder):
+    views = [(nadir_to(0.0), np.array([*site, 40.0])) for site in SITES]
+    rng = np.random.default_rng(7)
+    images = [rng.integers(0, 255, (120, 160)).astype(np.uint8) for _ in views]
+    status, _, err = command(
+        *write_recording(folder, views, images), "--focus", "auto", "--out", "x.png"
+    )
+    assert status == 2
+    assert "in focus" in err
