@@ -353,3 +353,26 @@ def test_a_flag_is_true_or_false_and_nothing_else():
     for wrong in (1, 0, "", "yes", None, 1.0, [True]):
         with pytest.raises(RequestError, match=r"--x .* is not true or false"):
             q.flag(wrong, "--x")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.98, "98.0"), (1.0, "100.0"), (0.99999, "99.999"), (0.0, "0.0")]
+)
+def test_shares_near_one_keep_the_digits_that_matter(value, text):
+    assert q.percent(value) == f"{text} %"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0, "0 s"), (59.6, "1 min 0 s"), (168.0, "2 min 48 s"), (3600.0, "1 h 0 min 0 s")],
+)
+def test_durations_are_whole_seconds(seconds, text):
+    assert q.duration(seconds) == text
+
+
+@pytest.mark.parametrize("digits", [2, 4])
+def test_a_number_rounded_up_is_not_below_it_by_more_than_its_last_digit(digits):
+    for value in (0.012345, 0.25, 3.14159, 9.9999, 42.0, 123.4, 99999.0):
+        shown = float(q.rounded_up(value, digits))
+        assert value <= shown < value + 10.0 ** (math.floor(math.log10(value)) + 1 - digits)
+    assert [q.rounded_up(value, 2) for value in (0.25, 1.01, 120.0)] == ["0.25", "1.1", "120"]

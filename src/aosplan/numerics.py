@@ -100,6 +100,28 @@ def triangle(distance: Any, xp: Any = SCALARS) -> Any:
     return xp.maximum(1.0 - abs(distance), 0.0)
 
 
+def heading_axis(heading_deg: float) -> tuple[float, float]:
+    """East and north of the unit vector along a heading, clockwise from true north."""
+    heading = math.radians(math.fmod(heading_deg, 360.0))
+    return math.sin(heading), math.cos(heading)
+
+
+def turned(first: Any, second: Any, axis: tuple[float, float]) -> tuple[Any, Any]:
+    """East and north as x along a heading and y to its right; x and y as east and north.
+
+    Both are the same reflection, which is its own inverse.
+
+    Parameters
+    ----------
+    first, second
+        East and north, or x and y; floats or arrays.
+    axis
+        `heading_axis` of the heading.
+    """
+    east, north = axis
+    return first * east + second * north, first * north - second * east
+
+
 def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Smallest number in [low, high] at which a condition holds that, once true, stays true.
 

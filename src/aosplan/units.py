@@ -1,4 +1,4 @@
-"""Reading quantities: text or numbers in, floats in metres, degrees and seconds out.
+"""Quantities read and shown: text or numbers in, floats in metres, degrees and seconds out.
 
 Every value a user writes, on the command line, in a file or in Python, comes through one of
 these functions, so the same mistakes get the same answers: feet, percent taken for a
@@ -280,3 +280,30 @@ def shown(value: Any) -> str:
         text = f"a number of {value.bit_length()} bits"
     text = text.encode("unicode_escape").decode() if not text.isprintable() else text
     return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"
+
+
+def percent(value: float) -> str:
+    """A share in per cent with one decimal; just below 100 % with as many as show that it is less."""
+    shown = 100.0 * value
+    decimals = 1
+    while decimals < 9 and value < 1.0 and float(f"{shown:.{decimals}f}") >= 100.0:
+        decimals += 1
+    return f"{shown:.{decimals}f} %"
+
+
+def duration(seconds: float) -> str:
+    """Hours, minutes and seconds; the first units are left out if they are zero."""
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
+    first = next((place for place, part in enumerate(parts) if part[0]), 2)
+    return " ".join(f"{value:,} {unit}" for value, unit in parts[first:])
+
+
+def rounded_up(value: float, digits: int = 4) -> str:
+    """A number as text of a few significant digits that is not below it."""
+    text = f"{value:.{digits}g}"
+    if 0.0 < value < math.inf and float(text) < value * (1.0 - 1e-13):
+        unit = 10.0 ** (math.floor(math.log10(value)) + 1 - digits)
+        text = f"{math.ceil(value / unit) * unit:.{digits}g}"
+    return f"{float(text):g}"

@@ -20,7 +20,7 @@ from aosplan.cli.app import run
 from aosplan.models.equations import visibility
 from aosplan.show.page.charts import charts_of
 from aosplan.show.page.height_profile import profile_of
-from aosplan.show.page.number_text import duration, percent, short, spacing
+from aosplan.show.page.number_text import short, spacing
 from aosplan.show.page.page import check_extra, report_page
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -341,26 +341,11 @@ def test_heights_along_the_way_are_those_of_the_waypoints(folder):
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(0.98, "98.0"), (1.0, "100.0"), (0.99999, "99.999"), (0.0, "0.0")]
-)
-def test_shares_near_one_keep_the_digits_that_matter(value, text):
-    assert percent(value) == text
-
-
-@pytest.mark.parametrize(
     ("metres", "text"),
     [(2.8, "2.80 m"), (0.0, "0.00 m"), (1e-6, "1e-06 m"), (0.05, "0.05 m"), (1e6, "1,000,000 m")],
 )
 def test_baselines_are_to_a_centimetre_where_that_says_something(metres, text):
     assert spacing(metres) == text
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(0.0, "0 s"), (59.6, "1 min 0 s"), (168.0, "2 min 48 s"), (3600.0, "1 h 0 min 0 s")],
-)
-def test_durations_are_whole_seconds(seconds, text):
-    assert duration(seconds) == text
 
 
 def test_short_names_hold_no_sign_that_is_not_seen():

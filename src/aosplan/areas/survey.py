@@ -28,6 +28,7 @@ from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.photo_trigger import Sites
 from aosplan.grid.patterns import MOST_SITES, Pattern
 from aosplan.messages import Message
+from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -208,11 +209,10 @@ def survey_of(
 
 
 class _Turn:
-    """Between east and north, and x along the heading and y to its right."""
+    """Convert between (east, north) and (x along the heading, y to its right)."""
 
     def __init__(self, heading_deg: float) -> None:
-        heading = math.radians(math.fmod(heading_deg, 360.0))
-        self.sine, self.cosine = math.sin(heading), math.cos(heading)
+        self.axis = heading_axis(heading_deg)
 
     def shape(self, shape: Any) -> Any:
         """A shape in x and y."""
@@ -220,13 +220,12 @@ class _Turn:
 
     def _points(self, points: Points) -> Points:
         east, north = points.T
-        turned = [east * self.sine + north * self.cosine, east * self.cosine - north * self.sine]
-        return np.round(np.column_stack(turned), 7)
+        return np.round(np.column_stack(turned(east, north, self.axis)), 7)
 
     def back(self, points: Points) -> tuple[Points, Points]:
         """Points in x and y as east and north."""
         x, y = points.T
-        return x * self.sine + y * self.cosine, x * self.cosine - y * self.sine
+        return turned(x, y, self.axis)
 
 
 def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> Window:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from aosplan import __version__
@@ -14,6 +13,7 @@ from aosplan.messages import SCHEMA
 from aosplan.models.equations import line_shortfall
 from aosplan.models.model import Prediction, prediction_document
 from aosplan.models.positions import pattern_shortfall
+from aosplan.numerics import heading_axis, turned
 from aosplan.scenes.density import integrated_density, transparency
 
 
@@ -137,10 +137,11 @@ def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, fl
 
     points = read_positions(path)
     # The model's occluders are squares along the heading.
-    turn = math.radians(math.fmod(heading_deg, 360.0))
-    along, across = math.cos(turn), math.sin(turn)
-    turned = [(x * along - y * across, x * across + y * along) for x, y in points]
-    return len(points), positions_shortfall(turned if turn else points, spacing_m)
+    axis = heading_axis(heading_deg)
+    if axis != (0.0, 1.0):
+        # (y, x): with the order of the axes in the file, heading 0 is no change.
+        points = [turned(x, y, axis)[::-1] for x, y in points]
+    return len(points), positions_shortfall(points, spacing_m)
 
 
 def _options() -> list[Any]:

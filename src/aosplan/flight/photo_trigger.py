@@ -9,12 +9,12 @@ the way from the one to the next is flown from stop to stop.
 
 from __future__ import annotations
 
-import math
 from itertools import groupby
 from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.flight.kinematics import lines_of
+from aosplan.numerics import heading_axis
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -73,8 +73,7 @@ def with_turns(sites: Sites, *, spacing_m: float, run_in_m: float, heading_deg: 
 
     Points without a photo stay where they are, between lines.
     """
-    heading = math.radians(math.fmod(heading_deg, 360.0))
-    along = math.sin(heading), math.cos(heading)
+    along = heading_axis(heading_deg)
 
     def line(points: list[tuple[float, float]]) -> Iterator[tuple[float, float, bool]]:
         for first, last, x, y in lines_of(points, spacing_m, along):

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.grid.spiral import Spiral
+from aosplan.numerics import heading_axis, turned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -298,12 +299,11 @@ def local_sites(
 
     x runs along the heading, y to its right; columns lie along x and rows along y.
     """
-    heading = math.radians(math.fmod(heading_deg, 360.0))
-    sine, cosine = math.sin(heading), math.cos(heading)
+    axis = heading_axis(heading_deg)
     east, north = [], []
     for along, across in pattern.offsets():
-        x, y = along * baseline_m, across * baseline_m
+        to_east, to_north = turned(along * baseline_m, across * baseline_m, axis)
         # Adding zero turns a negative zero into a plain one.
-        east.append(x * sine + y * cosine + 0.0)
-        north.append(x * cosine - y * sine + 0.0)
+        east.append(to_east + 0.0)
+        north.append(to_north + 0.0)
     return east, north

@@ -20,8 +20,7 @@ from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver.alternatives import kinds
 from aosplan.solver.problem import Bounds, GridKind, Requirement
-from aosplan.solver.solution import rounded_up
-from aosplan.units import exact_share
+from aosplan.units import exact_share, rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -23,7 +23,7 @@ from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.planner import plan
 from aosplan.planning.sites import route_of, ways_in_zones
 from aosplan.postflight.best_views import MOST_VIEWS
-from aosplan.postflight.views import Views, in_axes, predicted, turned
+from aosplan.postflight.views import Views, along_heading, in_axes, predicted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -308,7 +308,7 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
     east, north = points_m.T
     half = 0.5 * np.array(planned.camera.footprint_m(planned.altitude_m))
     sees: NDArray[np.bool_] = np.all(
-        np.abs(turned(east, north, planned.heading_deg)) <= half, axis=1
+        np.abs(along_heading(east, north, planned.heading_deg)) <= half, axis=1
     )
     return sees
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.messages import Message
 from aosplan.models.model import Prediction
+from aosplan.numerics import heading_axis, turned
 from aosplan.postflight.positions import (
     ALTITUDES,
     NAMES_M,
@@ -65,11 +65,9 @@ class Views(NamedTuple):
 
         assert self.places is not None  # nobody asks otherwise
         first = self.places[0][:2]
-        points = turned(*local_m(self.places, first, self.path, "the first"), heading_deg)
-        along, across = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        heading = math.radians(heading_deg)
-        east = along * math.sin(heading) + across * math.cos(heading)
-        north = along * math.cos(heading) - across * math.sin(heading)
+        points = along_heading(*local_m(self.places, first, self.path, "the first"), heading_deg)
+        x, y = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        east, north = turned(x, y, heading_axis(heading_deg))
         (latitude,), (longitude,) = to_wgs84(first, [east], [north])
         return latitude, longitude
 
@@ -182,13 +180,10 @@ def _check_some(path: str, found: Sequence[object]) -> None:
         raise RequestError(f"'{path}' holds no positions")
 
 
-def turned(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> NDArray[np.float64]:
+def along_heading(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> NDArray[np.float64]:
     """Positions along a heading and to its right, shape (N, 2)."""
-    heading = math.radians(heading_deg)
     east, north = np.asarray(east_m, dtype=np.float64), np.asarray(north_m, dtype=np.float64)
-    along = east * math.sin(heading) + north * math.cos(heading)
-    across = east * math.cos(heading) - north * math.sin(heading)
-    return np.column_stack([along, across])
+    return np.column_stack(turned(east, north, heading_axis(heading_deg)))
 
 
 def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.float64]:
@@ -199,7 +194,7 @@ def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.flo
     """
     if plan.problem is not None and plan.problem.model.heading_deg is not None:
         return np.column_stack([east_m, north_m])
-    return turned(east_m, north_m, plan.heading_deg)
+    return along_heading(east_m, north_m, plan.heading_deg)
 
 
 def predicted(plan: Plan, points_m: NDArray[np.float64]) -> Prediction:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -293,11 +294,9 @@ def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> Requ
     enough_m = max(voxel_m, 1e-6)
     while not fits(size_m, enough_m):
         enough_m *= 1.1
-    # Two digits are enough, rounded up.
-    digit_m = 10.0 ** (math.floor(math.log10(enough_m)) - 1)
     width_m, depth_m, height_m = size_m
     return RequestError(
         f"{where} takes too many voxels of {voxel_m:g} m for its {width_m:.4g} x {depth_m:.4g} x "
         f"{height_m:.4g} m",
-        f"voxels of {math.ceil(enough_m / digit_m) * digit_m:.2g} m are few enough",
+        f"voxels of {rounded_up(enough_m, 2)} m are few enough",
     )

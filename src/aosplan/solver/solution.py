@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
@@ -151,15 +150,6 @@ def value_text(problem: Problem, prediction: Prediction) -> str:
     """What a prediction reaches of the wanted quantity."""
     requirement = problem.requirement
     return reached_text(requirement.symbol, requirement.value_of(prediction))
-
-
-def rounded_up(value: float) -> str:
-    """A number as text of four digits that is not below it."""
-    text = f"{value:.4g}"
-    if not 0.0 < value < math.inf or float(text) >= value * (1.0 - 1e-13):
-        return text
-    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
-    return f"{math.ceil(value / unit) * unit:.4g}"
 
 
 class Solution(NamedTuple):

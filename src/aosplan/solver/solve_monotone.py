@@ -18,7 +18,8 @@ from aosplan.grid.patterns import MOST_SITES, AnyFrame, Sites, check_size
 from aosplan.numerics import smallest, smallest_whole
 from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE, Bounds, Problem
-from aosplan.solver.solution import Solution, rounded_up, solution_of
+from aosplan.solver.solution import Solution, solution_of
+from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -36,6 +36,7 @@ from aosplan.scenes.files.spool import Spool
 from aosplan.scenes.files.tiles import brought_together, said_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
+from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -411,7 +412,7 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
         message = (
             f"columns of {voxel_m:g} m hold {points:.2g} points on average, so {math.exp(-points):.0%} "
             "of them hold none by chance, and the canopy looks more transparent than it is: use "
-            f"voxels of {_rounded_up(enough_m):g} m or more"
+            f"voxels of {rounded_up(enough_m, 2)} m or more"
         )
         yield "voxel_below_spacing", message
     if occupancy > SATURATED_OCCUPANCY:
@@ -420,11 +421,5 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
             f"canopy is: use voxels smaller than {voxel_m:g} m"
         )
         if spacing_m < voxel_m:
-            message += f", of {_rounded_up(spacing_m):g} m or more for points this dense"
+            message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"
         yield "saturated", message
-
-
-def _rounded_up(length_m: float) -> float:
-    """A length with two digits, not smaller."""
-    digit_m = 10.0 ** (math.floor(math.log10(length_m)) - 1)
-    return float(f"{math.ceil(length_m / digit_m - 1e-9) * digit_m:.2g}")

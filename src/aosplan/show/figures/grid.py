@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.numerics import heading_axis, turned
 from aosplan.show.figures.style import entitle, legend_below
 
 if TYPE_CHECKING:
@@ -166,12 +167,9 @@ def _rectangle(
     size_m: tuple[float, float], heading_deg: float, middle: tuple[float, float]
 ) -> Ring:
     """Corners of a rectangle, its first size along the heading."""
-    heading = math.radians(math.fmod(heading_deg, 360.0))
-    sine, cosine = math.sin(heading), math.cos(heading)
-    corners = [(0.5 * sx * size_m[0], 0.5 * sy * size_m[1]) for sx, sy in CORNERS]
-    return tuple(
-        (middle[0] + x * sine + y * cosine, middle[1] + x * cosine - y * sine) for x, y in corners
-    )
+    axis = heading_axis(heading_deg)
+    corners = [turned(0.5 * sx * size_m[0], 0.5 * sy * size_m[1], axis) for sx, sy in CORNERS]
+    return tuple((middle[0] + east, middle[1] + north) for east, north in corners)
 
 
 CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))

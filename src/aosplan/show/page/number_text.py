@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from aosplan.show.figures.style import printable
+from aosplan.units import duration, percent
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -17,24 +18,6 @@ LONGEST = 120
 
 def _length(value: float) -> str:
     return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.4g}"
-
-
-def percent(value: float) -> str:
-    """A share in per cent; near 100 % with as many digits as it takes not to be there."""
-    shown = 100.0 * value
-    decimals = 1
-    while decimals < 9 and value < 1.0 and float(f"{shown:.{decimals}f}") >= 100.0:
-        decimals += 1
-    return f"{shown:.{decimals}f}"
-
-
-def duration(seconds: float) -> str:
-    """Hours, minutes and seconds, as far as there are any."""
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
-    first = next((place for place, part in enumerate(parts) if part[0]), 2)
-    return " ".join(f"{value} {unit}" for value, unit in parts[first:])
 
 
 def spacing(value: float) -> str:
@@ -50,7 +33,7 @@ KINDS: dict[str, Callable[[Any], str]] = {
     "m/s": lambda value: f"{value:.3g} m/s",
     "deg": lambda value: f"{value:.4g}°",
     "px": lambda value: f"{value:.3g} px",
-    "%": lambda value: f"{percent(value)} %",
+    "%": percent,
     "time": duration,
     "count": lambda value: f"{value:,}",
     "plain": lambda value: f"{value:.4g}",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from aosplan.units import duration
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     """Rows of what is flown, a heading and a text each."""
     route, flight = plan.route, plan.inputs.flight
-    yield "Flight", f"{route.length_m:,.0f} m, {minutes(route.time_s)} (first photo to last)"
+    yield "Flight", f"{route.length_m:,.0f} m, {duration(route.time_s)} (first photo to last)"
     if flight.trigger == "distance":
         yield (
             "",
@@ -39,7 +41,7 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         count = len(route.flights)
         each = f"{count} flights, the longest" if count > 1 else "1 flight,"
         longest = max(flight.time_s for flight in route.flights)
-        yield "", f"{each} {minutes(longest)} with take-off and return"
+        yield "", f"{each} {duration(longest)} with take-off and return"
     if flight.flight_time_min is not None:
         endurance = flight.drone.endurance_min if flight.drone is not None else None
         of = "" if endurance is None else f" of {endurance:g} min in still air"
@@ -53,11 +55,3 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "
             f"never below {low:.1f} m above ground",
         )
-
-
-def minutes(seconds: float) -> str:
-    """A duration in minutes and seconds, or in hours and minutes."""
-    whole = round(seconds)
-    if whole < 3600:
-        return f"{whole // 60} min {whole % 60} s"
-    return f"{whole // 3600:,} h {whole // 60 % 60} min"

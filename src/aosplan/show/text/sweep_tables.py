@@ -9,6 +9,7 @@ from rich.table import Table
 
 from aosplan.planning.options import BY_NAME
 from aosplan.show.text.tables import one_line, screen_width, show
+from aosplan.units import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -244,10 +245,7 @@ def _figure(value: float | None) -> str:
 
 def _percent(share: float) -> str:
     """A share; neither end is said of what only comes near to it."""
-    percent = 100.0 * share
-    if 0.0 < percent < 0.05 or 99.95 <= percent < 100.0:
-        return "< 0.1 %" if percent < 50.0 else "> 99.9 %"
-    return f"{percent:.1f} %"
+    return "< 0.1 %" if 0.0 < share < 0.0005 else percent(share)
 
 
 def _print(header: Sequence[str], rows: Iterable[Sequence[str]], *, left_from: int = 99) -> None:

@@ -27,6 +27,7 @@ from aosplan.show.text.terminal import (
 )
 from aosplan.show.text.within_rows import within_rows
 from aosplan.solver.solution import BEST
+from aosplan.units import percent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -134,14 +135,14 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         errors = plan.uncertainty
         yield (
             "Visibility",
-            f"V̂ = {_percent(prediction.normalized)}{_error(errors and errors.normalized)}, "
-            f"V = {_percent(prediction.expected)}{_error(errors and errors.expected)}{target}",
+            f"V̂ = {percent(prediction.normalized)}{_error(errors and errors.normalized)}, "
+            f"V = {percent(prediction.expected)}{_error(errors and errors.expected)}{target}",
         )
         contrast = prediction.contrast
         yield (
             "",
-            f"one photo {_percent(prediction.minimum)}, endless photos "
-            f"{_percent(prediction.maximum)}"
+            f"one photo {percent(prediction.minimum)}, endless photos "
+            f"{percent(prediction.maximum)}"
             + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
     else:
@@ -178,8 +179,8 @@ def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
         name = change.quantity.removeprefix("occluder_")
         text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
         if change.visibility is not None:
-            normalized = "" if change.normalized is None else f"V̂ = {_percent(change.normalized)}, "
-            text += f"{normalized}V = {_percent(change.visibility)}"
+            normalized = "" if change.normalized is None else f"V̂ = {percent(change.normalized)}, "
+            text += f"{normalized}V = {percent(change.visibility)}"
             text += "; " if change.reason is None else "; no plan: "
         if change.reason is None:
             text += f"plan N = {change.samples}, b = {change.baseline_m:.2f} m"
@@ -222,8 +223,8 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             yield (
                 "Integral" if integral.samples == 1 else "",
                 f"of the last {integral.samples}: {integral.length_m:.1f} m, "
-                f"{integral.duration_s:.1f} s, V̂ = {_percent(integral.normalized)}, "
-                f"V = {_percent(integral.expected)}",
+                f"{integral.duration_s:.1f} s, V̂ = {percent(integral.normalized)}, "
+                f"V = {percent(integral.expected)}",
             )
 
 
@@ -245,7 +246,7 @@ def _scene_text(scene: Scene, *, custom_base: bool) -> str:
     base = f"base {low:.3g} m" if custom_base else f"{low:.3g}"
     joint = ", top" if custom_base else " to"
     return (
-        f"{_named(scene.title, scene.name)}: p = {_percent(scene.integrated_density)}, "
+        f"{_named(scene.title, scene.name)}: p = {percent(scene.integrated_density)}, "
         f"{base}{joint} {scene.canopy_top_m:.3g} m"
     )
 
@@ -269,15 +270,6 @@ def _shape_text(pattern: Sites, kind: str) -> str:
         return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
     text = f"{kind} grid of {pattern.rows} x {pattern.columns}"
     return f"{text} less {len(pattern.removed)}" if pattern.removed else text
-
-
-def _percent(value: float) -> str:
-    percent = 100.0 * value
-    # Near 100 % the digits that matter come late.
-    decimals = 1
-    while decimals < 9 and value < 1.0 and float(f"{percent:.{decimals}f}") >= 100.0:
-        decimals += 1
-    return f"{percent:.{decimals}f} %"
 
 
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
@@ -334,9 +326,9 @@ def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
     table.add_row("N", *(str(count) for count, _ in columns.values()))
     found = [prediction for _, prediction in columns.values()]
     hidden = [each if each.density else None for each in found]
-    table.add_row("p", *(_percent(each.density) for each in found))
-    table.add_row("V", *(_percent(each.expected) for each in found))
-    table.add_row(one_line("V̂"), *(_percent(each.normalized) if each else "-" for each in hidden))
+    table.add_row("p", *(percent(each.density) for each in found))
+    table.add_row("V", *(percent(each.expected) for each in found))
+    table.add_row(one_line("V̂"), *(percent(each.normalized) if each else "-" for each in hidden))
     table.add_row(
         "effective samples", *(f"{each.effective_samples:.4g}" if each else "-" for each in hidden)
     )
@@ -361,7 +353,7 @@ def print_simulation(
         models = (plan.solution.prediction, simulation.predicted)
         numbers = [*(getattr(model, name) for model in models), value]
         # Rounding around 0 is no minus.
-        shown = [_percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
+        shown = [percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
         table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
     verdict = ["They agree."] if simulation.agree else ["They disagree:"]
     verdict += [f"  {difference}" for difference in simulation.differences]
@@ -393,8 +385,8 @@ def print_scene(document: dict[str, Any]) -> None:
     table.add_column()
     rows = [
         ("Scene", _named(document["title"], document["name"])),
-        ("Density", f"p = {_percent(document['integrated_density'])} of the ground is hidden"),
-        ("", f"mean {_percent(document['mean_density'])} a slice"),
+        ("Density", f"p = {percent(document['integrated_density'])} of the ground is hidden"),
+        ("", f"mean {percent(document['mean_density'])} a slice"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
     if document["assumed"]:
@@ -435,7 +427,7 @@ def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
         for (low, before), (high, after) in pairwise(pairs):
             if low <= wanted <= high:
                 between = before + (after - before) * (wanted - low) / (high - low)
-                shown.append(f"{wanted:.0f}° {_percent(between)}")
+                shown.append(f"{wanted:.0f}° {percent(between)}")
                 break
     return ", ".join(shown)
 
@@ -455,8 +447,6 @@ def density_profile(layers: Sequence[dict[str, float]]) -> list[Text]:
     densest = max(filled) or 1.0
     bar = "█" if speaks_unicode() else "#"
     return [
-        Text(
-            f"{index * band:6.1f} m  {_percent(density):>7}  {bar * round(40 * density / densest)}"
-        )
+        Text(f"{index * band:6.1f} m  {percent(density):>7}  {bar * round(40 * density / densest)}")
         for index, density in reversed(list(enumerate(filled)))
     ]

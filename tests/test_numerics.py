@@ -1,0 +1,32 @@
+"""Kernels that work on floats and arrays alike."""
+
+import math
+
+import numpy as np
+import pytest
+
+from aosplan.numerics import heading_axis, turned
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "east", "north"), [(0.0, 0.0, 1.0), (90.0, 1.0, 0.0), (-450.0, -1.0, 0.0)]
+)
+def test_x_runs_along_the_heading_and_y_to_its_right(heading_deg, east, north):
+    axis = heading_axis(heading_deg)
+    assert axis == pytest.approx((east, north), abs=1e-15)
+    assert turned(2.0, 0.0, axis) == pytest.approx((2.0 * east, 2.0 * north), abs=1e-15)
+    assert turned(0.0, 2.0, axis) == pytest.approx((2.0 * north, -2.0 * east), abs=1e-15)
+
+
+def test_turning_twice_gives_back_the_positions_as_floats_and_as_arrays():
+    axis = heading_axis(33.0)
+    east, north = np.array([3.0, -1.0]), np.array([0.5, 70.0])
+    x, y = turned(east, north, axis)
+    assert [turned(*each, axis) for each in zip(east, north, strict=True)] == [
+        *zip(x, y, strict=True)
+    ]
+    assert turned(x, y, axis) == (pytest.approx(east), pytest.approx(north))
+    assert np.hypot(x, y) == pytest.approx(np.hypot(east, north))
+    assert x[0] == pytest.approx(
+        math.hypot(3.0, 0.5) * math.cos(math.atan2(3.0, 0.5) - math.radians(33.0))
+    )
