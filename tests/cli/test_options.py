@@ -87,8 +87,8 @@ EFFECTS = {
     ),
     "occluder_size": (
         ["--density", "0.01", "--occluder-size", "0.4", "--volume-height", "18"],
-        # b = o h/H with the 2 % quantile of height at 2 + 0.02 x 18 m.
-        lambda r, d: math.isclose(r["baseline_m"], 0.4 * 40 / 2.36),
+        # The footprint bounds what would be b = o h/H, 6.8 m.
+        lambda r, d: 3.8 < r["baseline_m"] < 0.4 * 40 / 2.36,
     ),
     "volume_height": (
         ["--density", "0.01", "--occluder-size", "0.2", "--volume-height", "8"],
@@ -170,7 +170,10 @@ EFFECTS = {
         lambda r, d: r["baseline_m"] == 2.0 and r["visibility"]["normalized"] >= 0.98,
     ),
     "samples": (["--samples", "60"], lambda r, d: r["samples"] == 60),
-    "grid": (["--grid", "line"], lambda r, d: r["grid"]["rows"] == 1 and r["samples"] == 50),
+    "grid": (
+        ["--grid", "line", "--vhat", "0.9"],
+        lambda r, d: r["grid"]["rows"] == 1 and r["samples"] == 10,
+    ),
     "lanes": (
         ["--grid", "lanes", "--lanes", "5"],
         lambda r, d: r["grid"]["rows"] == 5 and r["samples"] % 5 == 0,
@@ -191,8 +194,8 @@ EFFECTS = {
         lambda r, d: r["waypoints"][0]["east_m"] == pytest.approx(d["waypoints"][0]["north_m"]),
     ),
     "line_length": (
-        ["--grid", "line", "--line-length", "400"],
-        lambda r, d: len(r["waypoints"]) == 143 and r["samples"] == 50,  # 142 legs of 2.8 m
+        ["--grid", "line", "--vhat", "0.9", "--line-length", "400"],
+        lambda r, d: len(r["waypoints"]) == 143 and r["samples"] == 10,  # 142 legs of 2.8 m
     ),
     "area": (FIELD, lambda r, d: r.get("area", {}).get("covered_share") == 1.0),
     "clear": (
@@ -238,6 +241,10 @@ EFFECTS = {
     "rays": (
         ["--rays", "oblique"],
         lambda r, d: r["visibility"]["density"] > d["visibility"]["density"] + 0.005,
+    ),
+    "allow_no_common_ground": (
+        ["--allow-no-common-ground", "--vhat", "0.999"],
+        lambda r, d: r["samples"] == 1000 and min(r["camera"]["common_footprint_m"]) < 0,
     ),
     "sensitivity": (
         ["--sensitivity"],

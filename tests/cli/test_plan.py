@@ -167,7 +167,7 @@ def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, mess
     ],
 )
 def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, samples, required):
-    result = plan_of("--grid", kind)
+    result = plan_of("--grid", kind, "--allow-no-common-ground")
     assert (result["grid"]["kind"], result["samples"]) == (kind, samples)
     assert (result["grid"]["rows"], result["grid"]["columns"]) == (rows, columns)
     assert result["samples_required"] == required

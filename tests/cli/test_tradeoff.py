@@ -17,7 +17,7 @@ def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
     assert [own["extent_x_m"], own["extent_y_m"]] == chosen["grid"]["extent_m"]
     for name in ("table.csv", "table.json", "table.jsonl"):
         status, _, err = command(*line, "--optimize", "aperture", "--out", name)
-        assert (status, err) == (0, "")
+        assert (status, err.count("\n")) == (0, 1)  # the baseline moves less than a pixel
     assert loads((folder / "table.json").read_text())["rows"] == rows
     lines = (folder / "table.jsonl").read_text().splitlines()
     assert [loads(line) for line in lines] == rows

@@ -52,7 +52,7 @@ def test_the_grid_in_the_document_is_the_grid_of_the_waypoints(grid, objective, 
 @pytest.mark.parametrize("grid", GRIDS)
 def test_flight_length_and_time_are_sums_over_the_waypoints(grid):
     speed, acceleration, hold = 3.0, 1.5, 2.0
-    result = planned(grid=grid, speed=speed, acceleration=acceleration, hold=hold)
+    result = planned(grid=grid, vhat=0.9, speed=speed, acceleration=acceleration, hold=hold)
     legs = [math.dist(*pair) for pair in pairwise(places_of(result))]
     time = hold * len(result.waypoints)
     for leg in legs:
@@ -109,6 +109,7 @@ bounds = st.fixed_dictionaries(
         "optimize": st.sampled_from(["samples", "aperture"]),
         "model": st.sampled_from(["uniform", "layered"]),
         "max_samples": st.just(60),
+        "allow_no_common_ground": st.just(True),
     }
 )
 
@@ -157,7 +158,9 @@ def test_a_plan_that_is_evaluated_again_meets_its_requirement(scene, options):
 def test_absolute_targets_are_reached_or_refused_where_they_cannot_be(scene, visibility):
     p = scene["integrated_density"]
     try:
-        result = plan(PlanRequest(**scene, visibility=visibility, baseline=500.0))
+        result = plan(
+            PlanRequest(**scene, visibility=visibility, baseline=500.0, allow_no_common_ground=True)
+        )
     except InfeasibleError:
         # Beyond 1 - p², or so near to it that no plan has the samples.
         assert p * (1 - p) / 5_000_000 >= (1 - p * p) - visibility
@@ -179,7 +182,9 @@ def test_a_request_written_out_and_read_back_makes_the_same_plan(scene, options,
 @given(vhat=st.sampled_from(["0.5", "0.75", "0.9", "0.98"]), grid=st.sampled_from(GRIDS))
 def test_wider_baselines_never_need_more_samples(vhat, grid):
     counts = [
-        planned(vhat=vhat, grid=grid, baseline=baseline).solution.samples_required
+        planned(
+            vhat=vhat, grid=grid, baseline=baseline, allow_no_common_ground=True
+        ).solution.samples_required
         for baseline in (0.5, 1.0, 1.5, 2.0, 2.8, 4.0)
     ]
     assert counts == sorted(counts, reverse=True)

@@ -53,6 +53,7 @@ def test_defaults_are_those_of_the_contract():
         "coverage": 0.98,
         "optimize": "samples",
         "sensitivity": False,
+        "allow_no_common_ground": False,
         "grid": "trimmed",
         "heading": 0.0,
         "speed": 5.0,

@@ -218,10 +218,9 @@ def test_curves_are_the_papers_equation(default):
     by_samples, by_baseline = charts_of(default)
     assert len(by_baseline.rows) > 20
     for baseline, normalized, expected in by_baseline.rows:
+        # Below the rule's baseline the volume counts as slices, which show more than one d̂ would.
         dhat = baseline / default.coverage.baseline_m
-        # Six sites less than the rectangle's show a little less.
-        whole = visibility(density, 7, 8, dhat)
-        assert whole - 0.01 < expected <= whole + 1e-12
+        assert expected >= visibility(density, 7, 8, dhat) - 0.01
         assert expected == pytest.approx((1 - density) * (1 + density * normalized), rel=1e-12)
     squares = [row for row in by_samples.rows if math.isqrt(int(row[0])) ** 2 == row[0]]
     assert len(squares) > 3
@@ -237,7 +236,7 @@ def test_curves_are_the_papers_equation(default):
         {"grid": "spiral"},
         {"grid": "lanes"},
         {"model": "layered", "optimize": "time"},
-        {"vhat": "99.9%"},
+        {"vhat": "99.9%", "allow_no_common_ground": True},
         {"samples": 2, "vhat": 0.4},
         {"baseline": 0.5},
         {"visibility": 0.6, "max_aperture": 20.0},
@@ -449,7 +448,7 @@ def test_plans_that_are_not_simulated_say_why():
     for options, reason in (
         ({"hold_error": 0.3}, "a simulation flies to every site exactly"),
         ({"rays": "oblique"}, "a simulation knows how its rays run"),
-        ({"vhat": "99.99%"}, "10000 photos"),
+        ({"vhat": "99.99%", "allow_no_common_ground": True}, "10000 photos"),
     ):
         text = Page(report_page(plan(PlanRequest(altitude=40, **options)))).of("main")[0]["text"]
         assert reason in text

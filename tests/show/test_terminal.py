@@ -72,13 +72,12 @@ def test_colours_follow_the_conventions(monkeypatch, environment, terminal, pipe
 
 
 def test_a_terminal_shows_headlines_bounds_and_words_of_warning_in_colour():
-    shown = on_a_terminal("plan", "--altitude", "40", "--grid", "line", "--baseline", "2")
+    line = ("plan", "--altitude=40", "--grid=line", "--baseline=2", "--samples=52")
+    shown = on_a_terminal(*line)
     assert re.search(r"\x1b\[1;36mb = 2\.00 m", shown)
     assert re.search(r"\x1b\[33m.*baseline", shown)
     assert "\x1b[1;33mwarning:\x1b[0m " in shown
-    plain = on_a_terminal(
-        "plan", "--altitude", "40", "--grid", "line", "--baseline", "2", NO_COLOR="1"
-    )
+    plain = on_a_terminal(*line, NO_COLOR="1")
     assert not COLOUR.search(plain)
     assert ESCAPE.sub("", plain) == ESCAPE.sub("", shown)
 

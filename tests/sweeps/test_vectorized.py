@@ -1,7 +1,6 @@
 """Whole columns and rows that share their geometry: the numbers and the words of plan, row by row."""
 
 import math
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -9,18 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.sweeps import by_plan, results_of
 
-from aosplan.grid.patterns import pattern_for
-from aosplan.models.positions import pattern_shortfall
-from aosplan.models.uniform import UniformModel
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.solver.problem import TOLERANCE, GridKind, Problem, Requirement
-from aosplan.solver.solve_monotone import fewest_at
 from aosplan.sweeps.block_frame import solve_block
 from aosplan.sweeps.row_solver import RESULTS, WHOLE
 from aosplan.sweeps.scenarios import Crossing, column_of, read_scenarios
 from aosplan.sweeps.status import STATUSES
-from aosplan.sweeps.vectorized import grids as lattices
 from aosplan.sweeps.vectorized.solve import solve_columns
 
 pytest.importorskip("polars")
@@ -220,39 +213,6 @@ def test_uniform_scenes_and_cameras_of_files_are_columns(tmp_path):
         assert float(np.ravel(solved.columns[name])[0]) == pytest.approx(expected[name], rel=1e-12)
 
 
-@pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
-def test_columns_of_lattices_have_the_numbers_of_patterns(grid):
-    rng = np.random.default_rng(5)
-    samples, dhat = rng.integers(1, 300, 200), 10 ** rng.uniform(-3.0, 0.3, 200)
-    found = lattices.shortfalls(grid, samples, dhat)
-    for index in range(200):
-        pattern = pattern_for(grid, int(samples[index]))
-        assert found[index] == pytest.approx(
-            pattern_shortfall(pattern, float(dhat[index])), rel=1e-14
-        )
-
-
-@pytest.mark.parametrize("grid", ["trimmed", "rectangle", "square", "line"])
-def test_columns_of_samples_have_the_numbers_of_the_solver(grid):
-    rng = np.random.default_rng(6)
-    targets = [Fraction(text) for text in ("0.5", "0.8", "0.9", "0.95", "0.98")]
-    chosen = [targets[index] for index in rng.integers(0, 5, 100)]
-    dhat = 10 ** rng.uniform(-1.0, 0.1, 100)
-    found = lattices.fewest(
-        grid,
-        np.array([float(1 - target) * (1.0 + TOLERANCE) for target in chosen]),
-        np.array([math.ceil(1 / (1 - target)) for target in chosen]),
-        dhat,
-    )
-    for index, target in enumerate(chosen):
-        problem = Problem(
-            UniformModel(0.5, 0.5, 1.0), Requirement("normalized", target), GridKind(grid)
-        )
-        # Unknown: more sites would have to be removed than columns care for.
-        assert found[index] in {fewest_at(problem, float(dhat[index])), lattices.UNKNOWN}
-    assert np.count_nonzero(found > 0) > 90
-
-
 def test_fixed_baselines_are_columns_too():
     crossing = Crossing(
         {
@@ -261,22 +221,26 @@ def test_fixed_baselines_are_columns_too():
             "samples": column_of([9, 49, 50]),
         }
     )
-    assert solve_columns(crossing.block(0)).holds.all()
+    left = solve_columns(crossing.block(0)).left
+    # Below the rule's baseline, 2.8 m at 40 m and 4.2 m at 60 m, the volume counts as slices.
+    assert left[0].all(axis=1).tolist() == [True, True, False, False]
+    assert left[1].all(axis=1).tolist() == [True, True, True, False]
+    assert not left.all(axis=2).any() or not (left.any(axis=2) & ~left.all(axis=2)).any()
 
 
 @pytest.mark.parametrize(
     "axes",
     [
         {"vhat": [0.9, 0.98], "max_aperture": [200.0]},
-        {"vhat": [0.9, 0.98], "max_aperture": [3.0, 12.0], "max_samples": [20, 300]},
+        {"vhat": [0.9, 0.98], "max_aperture": [30.0], "max_samples": [20, 300]},
         {"visibility": [0.5, 0.66, 0.99]},
-        {"visibility": [0.5, 0.66], "max_aperture": [3.0, 12.0], "grid": ["line", "square"]},
-        {"samples": [9, 50], "baseline": [1.0, 4.0], "max_samples": [20]},
-        {"samples": [9, 50], "max_aperture": [8.0]},
-        {"baseline": [1.0, 4.0], "max_samples": [60], "max_aperture": [20.0]},
+        {"visibility": [0.5, 0.66], "grid": ["line", "square"], "allow_no_common_ground": [True]},
+        {"samples": [9, 50], "baseline": [4.5, 6.0], "max_samples": [20]},
+        {"samples": [10, 49], "max_aperture": [80.0]},
+        {"baseline": [4.5], "vhat": [0.7], "max_samples": [60], "max_aperture": [20.0]},
         {"scene": ["paper-forest", "conifer-forest"], "focal_height": [0.0, 30.0]},
         {"vhat": [0.9, 0.99999999]},
-        {"max_aperture": [5.0], "max_samples": [9_000_000_000_000_000]},
+        {"samples": [50], "max_samples": [9_000_000_000_000_000]},
     ],
 )
 def test_nothing_of_these_is_left_to_rows(axes):

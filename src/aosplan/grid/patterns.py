@@ -131,9 +131,19 @@ class Frame(NamedTuple):
         return Pattern(self.rows, self.columns, self.row_pitch, _trimmed(self, surplus))
 
     @property
+    def extent(self) -> tuple[float, float]:
+        """Extents of its patterns along x and y, in baselines."""
+        return self.columns - 1.0, (self.rows - 1) * self.row_pitch
+
+    @property
     def longer_side(self) -> float:
         """The longer side of its patterns, in baselines."""
-        return max(self.columns - 1.0, (self.rows - 1) * self.row_pitch)
+        return max(self.extent)
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Distances between neighbours along x and y, in baselines."""
+        return 1.0, self.row_pitch
 
     @property
     def nearest(self) -> float:
@@ -158,9 +168,19 @@ class SpiralFrame(NamedTuple):
         return self.fewest
 
     @property
+    def extent(self) -> tuple[float, float]:
+        """Extents along x and y, in baselines."""
+        return self.whole.extent
+
+    @property
     def longer_side(self) -> float:
         """The longer side, in baselines."""
         return self.whole.longer_side
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """As of the spiral."""
+        return self.whole.pitch
 
     @property
     def nearest(self) -> float:

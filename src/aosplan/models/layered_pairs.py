@@ -30,6 +30,9 @@ TERMS_AT_ONCE = 1_000_000
 PAIRS_AT_ONCE = 2000
 """Pairs of scattered samples blurred at a time."""
 
+SPARSE = 1e-17
+"""Density below which the covariance is the mean of the overlaps to the last digit."""
+
 LARGEST_LOG = 700.0
 """Logarithm beyond which an exponential would be infinite; what it multiplies there is 0."""
 
@@ -98,6 +101,9 @@ class Slices:
         if p > 0.5:
             clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
             return np.asarray(np.maximum(clear - t, 0.0) / p)
+        if 0.0 < p < SPARSE:
+            share = self.density / p  # whose sum is 1; t/p could be infinite
+            return self._sums(lambda tau: tau * share, x, y)
         scale = t / p if p > 0.0 else 0.0
         return np.asarray(
             scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))

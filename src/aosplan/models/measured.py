@@ -139,6 +139,19 @@ class MeasuredModel:
             focal_height_m=focal_height_m,
         )
 
+    def beside_the_middle(self, most_targets: int) -> MeasuredModel:
+        """The same views of targets, each below its own aperture, by no more targets if they are many."""
+        volume, altitude_m, focal_height_m = self._stand
+        if self.view == "telecentric" and self.occlusion.targets <= most_targets:
+            return self
+        return MeasuredModel(
+            volume,
+            altitude_m,
+            heading_deg=self.heading_deg,
+            targets_per_voxel=1 if self.occlusion.targets > most_targets else None,
+            focal_height_m=focal_height_m,
+        )
+
     @property
     def volume(self) -> VoxelVolume:
         """What stands on the plot."""

@@ -359,6 +359,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("baseline", _length, "number", "M", "Fixed distance between neighbouring samples."),
         ("samples", q.whole, "whole", "N", "Fixed number of samples."),
         (
+            "allow_no_common_ground",
+            q.flag,
+            "flag",
+            "",
+            "Plan grids so wide that all samples together see no ground.",
+        ),
+        (
             "sensitivity",
             q.flag,
             "flag",

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 from aosplan.mission.mission import FlightSettings, Waypoints
 from aosplan.models.equations import aperture
+from aosplan.models.uniform import UniformModel
 
 if TYPE_CHECKING:
     from aosplan.camera.camera import Camera
     from aosplan.camera.disparity import CoverageBaseline
     from aosplan.messages import Limit, Message
     from aosplan.models.detection import Detection
+    from aosplan.models.ground_visibility import GroundVisibility
     from aosplan.models.measured import Flown
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.request import PlanRequest
@@ -69,6 +71,7 @@ class PlanData:
     confidence: Confidence
     detection: Detection | None = None
     within: Answer | None = None
+    ground: GroundVisibility | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
 
@@ -101,6 +104,25 @@ class PlanData:
     def model(self) -> str:
         """Name of the visibility model."""
         return self.inputs.model
+
+    @property
+    def one_photo(self) -> float:
+        """Visibility in a single photo from above the middle of the grid."""
+        return 1.0 if self.problem is None else self.problem.model.transparency
+
+    @property
+    def reading(self) -> str | None:
+        """How the uniform model takes the volume, or None.
+
+        ``rule``: d̂ at the height that decides the coverage rule, from that rule's baseline on;
+        ``slices``: below it, as slices one occluder thick.
+        """
+        if self.model != "uniform" or self.problem is None:
+            return None
+        model = self.problem.model
+        assert isinstance(model, UniformModel)
+        grid = self.solution.pattern, self.solution.baseline_m
+        return "slices" if model.counts_slices(*grid) else "rule"
 
     @property
     def requirement(self) -> Requirement:

@@ -81,6 +81,16 @@ class ChangeDocument(OpenDocument):
     reason: str | None
 
 
+class GroundVisibilityDocument(OpenDocument):
+    """Visibility over the ground that the plan is for, rays as they are."""
+
+    size_m: Pair
+    density: Finite
+    expected: Finite
+    normalized: Finite
+    worst_expected: Finite
+
+
 class TargetVisibilityDocument(VisibilityDocument):
     """What a model predicts, beside the target."""
 
@@ -89,6 +99,9 @@ class TargetVisibilityDocument(VisibilityDocument):
     model: str
     view: Literal["telecentric", "perspective"] | None
     approximation: Literal["correlogram"] | None = None
+    one_photo: Finite | None = None
+    reading: Literal["rule", "slices"] | None = None
+    ground: GroundVisibilityDocument | None = None
     rays: str | None = None
     edges: Literal["wrapped"] | None = None
     uncertainty: UncertaintyDocument | None = None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.geodesy import to_local
 from aosplan.messages import Message
+from aosplan.planning.ground import ground_of
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.resolve import resolve_inputs
@@ -100,6 +101,7 @@ def plan(
             route=route,
             layout=layout,
             confidence=confidence_of(solved),
+            ground=ground_of(solved, layout),
             detection=detection,
             notices=notices,
         )

@@ -104,6 +104,7 @@ class PlanRequest:
     max_samples: int | None = None
     baseline: float | None = None
     samples: int | None = None
+    allow_no_common_ground: bool = False
     sensitivity: bool = False
     grid: str = cast("str", None)
     lanes: int | str | None = None

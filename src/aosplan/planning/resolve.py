@@ -16,10 +16,11 @@ from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
 from aosplan.flight.find import find_drone
+from aosplan.planning.find import target_m
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver.alternatives import kinds
-from aosplan.solver.problem import Bounds, GridKind, Requirement
+from aosplan.solver.problem import Bounds, CommonGround, GridKind, Requirement
 from aosplan.units import exact_share, rounded_up
 
 if TYPE_CHECKING:
@@ -205,6 +206,7 @@ def resolve_inputs(
             max_samples=request.max_samples,
             baseline_m=request.baseline,
             samples=request.samples,
+            ground=_common_ground(request, camera, altitude_m, over_area=area is not None),
         ),
         objective=request.optimize,
         grids=kinds(
@@ -267,6 +269,20 @@ def _area_of(request: PlanRequest, folder: str) -> Area | None:
         no_fly=request.no_fly and located(request.no_fly, folder),
         buffer_m=request.buffer or 0.0,
     )
+
+
+def _common_ground(
+    request: PlanRequest, camera: Camera, altitude_m: float, *, over_area: bool
+) -> CommonGround | None:
+    """What bounds the grid so that all samples see some ground; None if that bound is lifted."""
+    if request.allow_no_common_ground:
+        return None
+    footprint = camera.footprint_m(altitude_m)
+    target = 0.0 if request.find is None or over_area else max(target_m(request.find))
+    wanted = max(target, camera.gsd_m(altitude_m))
+    # An image smaller than a target, or of one pixel, leaves half of itself.
+    along, across = (min(wanted, 0.5 * size) for size in footprint)
+    return CommonGround(footprint, (0.0, 0.0) if over_area else (along, across), over_area)
 
 
 def _requirement_of(request: PlanRequest) -> Requirement:

@@ -8,6 +8,7 @@ from aosplan.camera.disparity import CoverageBaseline, coverage_baseline
 from aosplan.errors import RequestError
 from aosplan.models.model import Prediction
 from aosplan.models.uniform import UniformModel
+from aosplan.scenes.scene import UniformScene
 from aosplan.solver.alternatives import Alternative, solve_best, solve_best_heading
 from aosplan.solver.problem import GridKind, Problem
 from aosplan.solver.solution import Solution
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from aosplan.planning.resolve import PlanInputs
     from aosplan.scenes.scene import Scene
     from aosplan.solver.problem import OnTrial
+
+
+MOST_SLICES = 512
+"""Slices that a uniform volume is cut into for a prediction: with more, 1 - V̂ changes by 0.02 %."""
 
 
 class Memo:
@@ -146,19 +151,25 @@ def _of_statistics(
 ) -> VisibilityModel:
     """The uniform or the layered model."""
     hold_error_m, rays = inputs.hold_error_m, inputs.rays or "nadir"
+    focal = inputs.camera.focal_length_px
+    common: dict[str, Any] = {"hold_error_m": hold_error_m, "rays": rays}
     if inputs.model == "uniform":
+
+        def slices() -> VisibilityModel:
+            """The volume as slices, made only if a prediction asks for it."""
+            made: VisibilityModel = memo(_sliced, above, inputs.altitude_m, focal, **common)
+            return made
+
         return UniformModel(
             above.integrated_density,
             above.transparency,
             coverage.baseline_m,
             altitude_m=inputs.altitude_m,
+            slices=slices,
             hold_error_m=hold_error_m,
             rays=rays,
         )
-    focal = inputs.camera.focal_length_px
-    model: VisibilityModel = memo(
-        _layered, above, inputs.altitude_m, focal, hold_error_m=hold_error_m, rays=rays
-    )
+    model: VisibilityModel = memo(_layered, above, inputs.altitude_m, focal, **common)
     return model
 
 
@@ -212,6 +223,16 @@ def _layered(
     from aosplan.models.layered import LayeredModel
 
     return LayeredModel(above.slices(), altitude_m, focal_length_px, **common)
+
+
+def _sliced(
+    above: Scene, altitude_m: float, focal_length_px: float, **common: Any
+) -> VisibilityModel:
+    """A uniform volume, or another scene's slabs, as slices one occluder thick."""
+    from aosplan.models.layered import LayeredModel
+
+    layers = above.slices(MOST_SLICES) if isinstance(above, UniformScene) else above.slices()
+    return LayeredModel(layers, altitude_m, focal_length_px, **common)
 
 
 def _identity(argument: Any) -> Any:

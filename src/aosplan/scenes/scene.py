@@ -115,12 +115,15 @@ class UniformScene:
         """The volume as one slab."""
         return (Slab(self.volume_base_m, self.canopy_top_m, self.occluder_size_m, 1.0),)
 
-    def slices(self) -> tuple[Layer, ...]:
+    def slices(self, most: int | None = None) -> tuple[Layer, ...]:
         """The volume cut into slices one occluder thick (Eq. 1 read backwards).
 
-        Their number is l/o rounded up; their common density keeps the transparency exact.
+        Their number is l/o rounded up, or `most` if that is less; their common density keeps the
+        transparency exact.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
+        if most is not None:
+            count = min(count, most)
         if count > MOST_SLICES:
             raise RequestError(
                 f"scene '{self.name}' has {count} slices of its occluders' size, more than "

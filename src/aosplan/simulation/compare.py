@@ -29,8 +29,7 @@ from aosplan.grid.patterns import local_sites
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
-from aosplan.scenes.density import slice_density
-from aosplan.scenes.scene import UniformScene
+from aosplan.models.uniform import UniformModel
 from aosplan.simulation.experiments import (
     FEWEST_SAMPLES,
     Experiment,
@@ -38,7 +37,7 @@ from aosplan.simulation.experiments import (
     NoiseExperiment,
     PlotExperiment,
 )
-from aosplan.simulation.forests import clumped_forest, layered_forest, uniform_forest
+from aosplan.simulation.forests import maker
 from aosplan.simulation.moments import Estimate, estimate
 from aosplan.simulation.voxel_views import VoxelViews
 
@@ -350,12 +349,12 @@ def _forest(plan: Plan, settings: Settings) -> str:
 
 def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experiment, Prediction]:
     """The experiment, and the model's answer to its question."""
-    solution, h = plan.solution, plan.altitude_m
+    h = plan.altitude_m
     if settings.forest == "noise":
         assert plan.coverage is not None  # a clear view is not simulated
         in_occluders = _sites(plan, 0.0) / plan.coverage.baseline_m
-        density = solution.prediction.density
-        return NoiseExperiment(settings.seed, density, in_occluders), solution.prediction
+        predicted = _of_one_height(plan)
+        return NoiseExperiment(settings.seed, predicted.density, in_occluders), predicted
     if settings.forest == "cloud":
         assert plan.volume is not None  # the forest was checked
         plot = VoxelViews(
@@ -375,8 +374,27 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
     if plan.model == "measured":
         return experiment, _measured(plan, settings.view)
     return experiment, slanted(
-        solution.prediction.shortfall, _lengths(above), positions, area, h, settings.view
+        _shortfall(plan, above), _lengths(above), positions, area, h, settings.view
     )
+
+
+def _of_one_height(plan: Plan) -> Prediction:
+    """The plan's prediction for occluders of one height, which noise patterns are."""
+    assert plan.problem is not None  # a clear view is not simulated
+    model, solution = plan.problem.model, plan.solution
+    if not isinstance(model, UniformModel) or plan.reading != "slices":
+        return solution.prediction
+    return model._replace(slices=None).predict(solution.pattern, solution.baseline_m)
+
+
+def _shortfall(plan: Plan, above: Scene) -> float:
+    """K of the plan, with what occluders lower than those that the coverage rule counts share."""
+    solution, shortfall = plan.solution, plan.solution.prediction.shortfall
+    if plan.reading != "rule":
+        return shortfall
+    slices = LayeredModel(above.slices(), plan.altitude_m)
+    shared = slices.predict(solution.pattern, solution.baseline_m).shortfall
+    return shortfall * max(shared * solution.pattern.samples, 1.0)
 
 
 def _sites(plan: Plan, heading_deg: float) -> NDArray[np.float64]:
@@ -396,25 +414,6 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
             "--view telecentric simulates a target in the middle of the aperture",
         )
     return across, along
-
-
-def maker(above: Scene, forest: str) -> Callable[..., Any]:
-    """What grows a volume of a scene from random numbers, over a size along x and y."""
-    if forest == "uniform":
-        assert isinstance(above, UniformScene)
-        density = above.density
-        if density is None:
-            p = above.integrated_density
-            density = float(slice_density(p, above.volume_height_m, above.occluder_size_m))
-        numbers = density, above.occluder_size_m, above.volume_base_m, above.volume_height_m
-        return lambda rng, size: uniform_forest(rng, *numbers, size)
-    slices = above.slices()
-    if forest == "layered":
-        return lambda rng, size: layered_forest(rng, slices, size)
-    finest = min(layer.occluder_size_m for layer in slices)
-    base = min(layer.bottom_m for layer in slices)
-    stand = above.integrated_density, finest, base, above.canopy_top_m - base
-    return lambda rng, size: clumped_forest(rng, *stand, size)
 
 
 def _lengths(above: Scene) -> tuple[float, float]:

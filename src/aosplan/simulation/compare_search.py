@@ -24,8 +24,8 @@ from aosplan.grid.patterns import local_sites
 from aosplan.models.clutter import HECTARE_M2
 from aosplan.models.counted_detection import tail_level
 from aosplan.models.seen_share import SHARES
-from aosplan.simulation.compare import FOREST_OF, MOST_VIEWS, maker
-from aosplan.simulation.forests import generator
+from aosplan.simulation.compare import FOREST_OF, MOST_VIEWS
+from aosplan.simulation.forests import generator, maker
 from aosplan.simulation.search import SIZE_M, Look, search_layers, search_volume
 
 if TYPE_CHECKING:

@@ -17,19 +17,21 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from aosplan.errors import RequestError
+from aosplan.scenes.density import slice_density
+from aosplan.scenes.scene import UniformScene
 from aosplan.scenes.voxels import VoxelVolume
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
-    from aosplan.scenes.scene import Layer
+    from aosplan.scenes.scene import Layer, Scene
 
 MOST_VOXELS = 1 << 26
 """Voxels of one volume; where a forest takes more, its voxels become larger."""
@@ -188,6 +190,25 @@ def clumped_forest(
     canvas.occupied[...] = leaves & (rng.random(leaves.shape, dtype=np.float32) < kept)
     canvas.occupied[...] |= trunks
     return canvas.volume("clumped forest")
+
+
+def maker(above: Scene, forest: str) -> Callable[..., Any]:
+    """What grows a volume of a scene from random numbers, over a size along x and y."""
+    if forest == "uniform":
+        assert isinstance(above, UniformScene)
+        density = above.density
+        if density is None:
+            p = above.integrated_density
+            density = float(slice_density(p, above.volume_height_m, above.occluder_size_m))
+        numbers = density, above.occluder_size_m, above.volume_base_m, above.volume_height_m
+        return lambda rng, size: uniform_forest(rng, *numbers, size)
+    slices = above.slices()
+    if forest == "layered":
+        return lambda rng, size: layered_forest(rng, slices, size)
+    finest = min(layer.occluder_size_m for layer in slices)
+    base = min(layer.bottom_m for layer in slices)
+    stand = above.integrated_density, finest, base, above.canopy_top_m - base
+    return lambda rng, size: clumped_forest(rng, *stand, size)
 
 
 class _Canvas:

@@ -87,6 +87,38 @@ def _left_by(target: Fraction) -> float:
     return float(1 - target)
 
 
+class CommonGround(NamedTuple):
+    """The ground that all samples have to see, which bounds the grid.
+
+    Attributes
+    ----------
+    footprint_m
+        Ground that a photo shows, along and across the heading.
+    least_m
+        What of it all samples have to see along either: the size of a target, or a pixel.
+    over_area
+        Whether the grid is repeated over an area: then they have to see a cell between sites.
+    """
+
+    footprint_m: tuple[float, float]
+    least_m: tuple[float, float] = (0.0, 0.0)
+    over_area: bool = False
+
+    def widest_m(self, sites: Sites | AnyFrame) -> float:
+        """Widest baseline at which a pattern leaves so much ground; infinite for a single sample."""
+        if sites.longer_side == 0.0:
+            return math.inf
+        cell = sites.pitch if self.over_area else (0.0, 0.0)
+        sides = zip(self.footprint_m, self.least_m, sites.extent, cell, strict=True)
+        return min(
+            (size - least) / (side + more) for size, least, side, more in sides if side + more > 0.0
+        )
+
+    def allows(self, sites: Sites | AnyFrame, baseline_m: float) -> bool:
+        """Whether a pattern at a baseline leaves so much ground."""
+        return baseline_m <= self.widest_m(sites) * (1.0 + TOLERANCE)
+
+
 class Bounds(NamedTuple):
     """Bounds on the unknowns, or fixed values for them."""
 
@@ -94,6 +126,12 @@ class Bounds(NamedTuple):
     max_samples: int | None = None
     baseline_m: float | None = None
     samples: int | None = None
+    ground: CommonGround | None = None
+
+    @property
+    def on_extent(self) -> bool:
+        """Whether anything bounds the extent of the grid."""
+        return self.max_aperture_m is not None or self.ground is not None
 
 
 class GridKind(NamedTuple):
@@ -177,6 +215,8 @@ class Problem(NamedTuple):
         Beyond it nothing is gained, or the bound on the aperture is broken.
         """
         cap, side = self.widest_baseline_m / sites.nearest, sites.longer_side
+        if self.bounds.ground is not None:
+            cap = min(cap, self.bounds.ground.widest_m(sites))
         return min(cap, self.widest_aperture_m / side) if side > 0.0 else cap
 
     @property

@@ -7,6 +7,11 @@ from __future__ import annotations
 
 from aosplan.grid.patterns import MOST_SITES
 
+LIFT_GROUND = (
+    "fly higher, use a wider camera, ask for less, or lift this bound with --allow-no-common-ground"
+)
+"""What to do if the ground that all samples see bounds the grid too narrowly."""
+
 
 def target_text(symbol: str, target: float) -> str:
     """The target as messages show it."""
@@ -50,7 +55,13 @@ def beyond_max_samples(symbol: str, target: float, needed: int, most: int, best:
 
 
 def beyond_bounds(
-    symbol: str, target: float, max_aperture_m: float | None, max_samples: int | None, best: str
+    symbol: str,
+    target: float,
+    max_aperture_m: float | None,
+    max_samples: int | None,
+    best: str,
+    *,
+    on_ground: bool = False,
 ) -> str:
     """No pattern within the bounds reaches the target."""
     bounds = []
@@ -58,6 +69,8 @@ def beyond_bounds(
         bounds.append(f"--max-aperture {max_aperture_m:g}")
     if max_samples is not None:
         bounds.append(f"--max-samples {max_samples}")
+    if on_ground:
+        bounds.append("a grid that leaves ground that all samples see")
     within = " and ".join(bounds) or "any baseline"
     return f"{target_text(symbol, target)} is out of reach within {within}: at most {best}"
 
@@ -71,6 +84,16 @@ def beyond_baseline(
     return (
         f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {needed} samples, more "
         f"than {allowed}"
+    )
+
+
+def beyond_ground(
+    symbol: str, target: float, baseline_m: float, samples: int, widest_m: float
+) -> str:
+    """The samples at the given baseline leave no ground that all of them see."""
+    return (
+        f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples, and no "
+        f"ground is seen by all of them unless the baseline is below {widest_m:.4g} m"
     )
 
 

@@ -58,6 +58,16 @@ def _limits(
             bounds.max_aperture_m,
             "the baseline is as wide as --max-aperture lets it be",
         )
+    elif bounds.ground is not None and baseline_m >= (widest := bounds.ground.widest_m(pattern)) * (
+        1 - 1e-9
+    ):
+        yield Limit(
+            "common_ground_m",
+            baseline_m,
+            widest,
+            "a wider baseline leaves no ground that all samples see; --allow-no-common-ground "
+            "lifts this bound",
+        )
     elif extent >= model.widest_aperture_m * (1 - 1e-9):
         yield Limit(
             "extent_m",

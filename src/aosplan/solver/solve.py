@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from aosplan.errors import InfeasibleError
 from aosplan.solver.solve_monotone import solve_monotone
 
 if TYPE_CHECKING:
@@ -21,6 +23,18 @@ def solve(problem: Problem) -> Solution:
     RequestError
         If the answer has more sites than one plan may have.
     """
+    rises, ground = problem.model.rises_with_baseline, problem.bounds.ground
+    if rises and ground is not None and problem.objective == "samples":
+        # What the footprint does not bind is solved without it, which takes no search by frames.
+        with suppress(InfeasibleError):
+            free = problem.bounds._replace(ground=None)
+            found = _solve(problem._replace(bounds=free, seek_remedy=False))
+            if ground.allows(found.pattern, found.baseline_m):
+                return found
+    return _solve(problem)
+
+
+def _solve(problem: Problem) -> Solution:
     if not problem.model.rises_with_baseline or problem.objective in ("visibility", "contrast"):
         from aosplan.solver.solve_by_scan import solve_by_scan
 

@@ -267,7 +267,9 @@ class Scan:
         fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
         if fixed is not None:
             reach = problem.widest_aperture_m * (1.0 + 1e-12)
-            return [fixed] if fixed * sites.longer_side <= reach else []
+            ground = problem.bounds.ground
+            grounded = ground is None or ground.allows(sites, fixed)
+            return [fixed] if grounded and fixed * sites.longer_side <= reach else []
         if problem.model.rises_with_baseline or sites.longer_side == 0.0:
             return [widest]
         top = problem.model.independent_baseline_m
@@ -454,6 +456,7 @@ def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
         from aosplan.solver.solve_monotone import fewest_at
 
         return fewest_at(problem, baseline_m)
-    bounds = problem.bounds._replace(baseline_m=baseline_m, samples=None, max_aperture_m=None)
+    free = problem.bounds._replace(max_aperture_m=None, ground=None)
+    bounds = free._replace(baseline_m=baseline_m, samples=None)
     found = Scan(problem._replace(bounds=bounds), scan.errors).until_margins_hold(_fewest)
     return None if found is None else found.pattern.samples

@@ -25,6 +25,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
+HOPELESS = 0.05
+"""By what share of the shortfall the densest grid may miss a target that sparser ones could reach."""
+
+MANY_SAMPLES = 2000
+"""Samples from which on that is asked first."""
+
 APERTURE_SLACK = 1.01
 """How far the least aperture may be exceeded to save samples."""
 
@@ -109,6 +115,11 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
             f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
         )
     pattern = problem.grid.pattern(samples)
+    if bounds.ground is not None and not bounds.ground.allows(pattern, baseline_m):
+        widest = bounds.ground.widest_m(pattern)
+        raise InfeasibleError(
+            refusals.beyond_ground(*asked, baseline_m, samples, widest), refusals.LIFT_GROUND
+        )
     extent = pattern.longer_side * baseline_m
     most = bounds.max_aperture_m
     if most is not None and extent > most * (1.0 + TOLERANCE):
@@ -135,12 +146,14 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
 
 
 def _fewest_samples(problem: Problem) -> Solution:
-    if problem.bounds.max_aperture_m is None:
+    if not problem.bounds.on_extent:
         samples = fewest_at(problem, None)
         if samples is None or samples > _most_samples(problem):
             raise _out_of_reach(problem)
         pattern = problem.grid.pattern(samples)
         return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
+    if not _may_be_dense_enough(problem):
+        raise _out_of_reach(problem)
     for frame in _candidate_frames(problem):
         # The frame is as wide as the bound lets it be, so its fewest samples lie at one baseline.
         baseline = problem.widest_m(frame)
@@ -149,6 +162,22 @@ def _fewest_samples(problem: Problem) -> Solution:
             pattern = frame.pattern(_fewest_in(problem, frame, baseline, most))
             return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
     raise _out_of_reach(problem)
+
+
+def _may_be_dense_enough(problem: Problem) -> bool:
+    """Whether the most samples that are searched come near the target within the bounds.
+
+    Within an extent denser grids show more: what the densest misses by far, no other one reaches.
+    """
+    grid, most = problem.grid, _most_samples(problem)
+    fewest = _fewest_independent(problem)
+    if fewest < MANY_SAMPLES:
+        return True  # there are few frames, and their shapes differ
+    first = grid.index_of(fewest)
+    last = min(grid.index_of(max(most, 1)), first + SEARCHED_FRAMES - 1)
+    densest = grid.frame(max(first, last)).whole
+    prediction = problem.model.at_best(densest, problem.widest_m(densest))
+    return problem.requirement.is_met(prediction, HOPELESS)
 
 
 def _least_aperture(problem: Problem) -> Solution:
@@ -256,7 +285,7 @@ def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
 def _most_samples(problem: Problem) -> int:
     if problem.bounds.max_samples is not None:
         return problem.bounds.max_samples
-    if problem.bounds.max_aperture_m is None and problem.objective == "samples":
+    if not problem.bounds.on_extent and problem.objective == "samples":
         return MOST_SITES
     return max(SEARCHED_SAMPLES, 4 * _fewest_independent(problem))
 
@@ -326,7 +355,11 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
         )
     return InfeasibleError(
         refusals.beyond_bounds(
-            *asked, bounds.max_aperture_m, bounds.max_samples, _best_within(problem)
+            *asked,
+            bounds.max_aperture_m,
+            bounds.max_samples,
+            _best_within(problem),
+            on_ground=_ground_binds(problem),
         ),
         _remedy(problem) if problem.seek_remedy else "",
     )
@@ -351,8 +384,19 @@ def _best_within(problem: Problem) -> str:
     return refusals.best_text(requirement.symbol, reached, pattern.samples, baseline)
 
 
+def _ground_binds(problem: Problem) -> bool:
+    """Whether grids within the other bounds would be wider than the common ground lets them be."""
+    if problem.bounds.ground is None:
+        return False
+    pattern = problem.grid.pattern(_fewest_independent(problem))
+    free = problem._replace(bounds=problem.bounds._replace(ground=None))
+    return not problem.bounds.ground.allows(pattern, free.widest_m(pattern))
+
+
 def _remedy(problem: Problem) -> str:
     """What would reach the target if the aperture were free."""
+    if problem.bounds.max_aperture_m is None and _ground_binds(problem):
+        return refusals.LIFT_GROUND
     free = Bounds(max_samples=problem.bounds.max_samples)
     solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
     if solution is None:

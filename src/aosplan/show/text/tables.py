@@ -122,6 +122,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     rule = f", {100 * inputs.coverage:.4g} % of the occluders with d̂ ≥ 1"
     near = f", approximated by its {plan.approximation}" if plan.approximation else ""
     measured = f"{near}, on a plot that wraps around at its edges"
+    if plan.reading == "slices":
+        rule = ", as slices one occluder thick: b is below that of the coverage rule"
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
@@ -141,10 +143,12 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         contrast = prediction.contrast
         yield (
             "",
-            f"one photo {percent(prediction.minimum)}, endless photos "
+            f"one photo {percent(plan.one_photo)}, endless photos "
             f"{percent(prediction.maximum)}"
             + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
+        if plan.ground is not None:
+            yield "On ground", _ground_text(plan)
     else:
         yield "Visibility", "V = 100 %: nothing is hidden"
     if plan.detection is not None:
@@ -157,6 +161,18 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if plan.sensitivity:
         yield "", ""
         yield from _sensitivity_rows(plan.sensitivity)
+
+
+def _ground_text(plan: Plan) -> str:
+    """What the plan shows of the ground that it is for, beside what holds below its middle."""
+    ground = plan.ground
+    assert ground is not None
+    x, y = ground.size_m
+    middle = "below the middle" if plan.model == "measured" else "straight down"
+    return (
+        f"V = {percent(ground.expected)}, at worst {percent(ground.worst_expected)}, over "
+        f"{x:.3g} x {y:.3g} m with rays as they are (V above: {middle})"
+    )
 
 
 def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:

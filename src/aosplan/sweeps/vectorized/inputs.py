@@ -70,6 +70,7 @@ UNDERSTOOD = {
     "max_samples",
     "baseline",
     "samples",
+    "allow_no_common_ground",
     "clearance",
     "origin",
     "heading",
@@ -119,6 +120,8 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     if "heading" in given and given["heading"].dtype == object:
         numeric = [isinstance(value, float) for value in given["heading"].flat]
         mask = mask & np.reshape(numeric, given["heading"].shape)
+    if "hold" in given and not given.keys().isdisjoint(("drone", "autopilot")):
+        mask = mask & (given["hold"] > 0.0)  # which some autopilots do not fly
     if "fov" in given:
         mask = mask & (given["fov"] < 180.0)
     return mask if mask.any() else None

@@ -127,9 +127,9 @@ def solve_columns(
                 given.get("samples"),
                 given.get("max_aperture"),
                 given.get("max_samples"),
+                _ground(given, camera, altitude),
             ),
             statuses,
-            count_required="samples_required" in results,
         )
         found = found._replace(samples=_of_plans(found.samples, statuses))
         cleared = bool(np.any(scene.clear))
@@ -145,6 +145,19 @@ def solve_columns(
             for name in NOT_OF_CLEAR_VIEWS:
                 columns[name] = np.where(scene.clear, np.nan, columns[name])
     return Solved(columns, statuses)
+
+
+def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, Any]:
+    """Largest extents of a grid along x and y that leave a pixel of common ground."""
+    lifted = given.get("allow_no_common_ground", np.array(False))
+    pixel = altitude / camera.focal_length_px
+
+    def extent(side_mm: Any) -> Any:
+        footprint = altitude * side_mm / camera.focal_length_mm
+        left = footprint - np.minimum(pixel, 0.5 * footprint)
+        return np.where(lifted.astype(bool), np.inf, left)
+
+    return extent(camera.sensor_height_mm), extent(camera.sensor_width_mm)
 
 
 def _refuse_altitudes(
