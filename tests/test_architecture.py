@@ -23,6 +23,7 @@ CHAPTERS = (
     ("models", "areas"),
     ("solver",),
     ("planning",),
+    ("maps",),
     ("simulation", "postflight"),
     ("sweeps",),
     ("show",),

@@ -74,6 +74,11 @@ def to_local(
     )
 
 
+def local_crs(latitude: float, longitude: float) -> str:
+    """The local frame of `to_wgs84` as a coordinate system that PROJ and GIS programs read."""
+    return f"+proj=aeqd +lat_0={latitude:.9f} +lon_0={longitude:.9f} +datum=WGS84 +units=m +no_defs"
+
+
 def path_parts(
     longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
 ) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
 from aosplan.cli.options import (
@@ -25,8 +25,12 @@ from aosplan.cli.output import (
     writes_stdout,
 )
 from aosplan.errors import RequestError
+from aosplan.planning.find import PERSON
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
+
+if TYPE_CHECKING:
+    from aosplan.planning.request import PlanRequest
 
 
 def run(
@@ -40,17 +44,28 @@ def run(
     report: str | None,
     no_report_picture: bool,
     report_seed: str | None,
+    detection_map: str | None,
+    poa: str | None,
     defaults: str | None,
     **flags: Any,
 ) -> None:
     """Plan a flight, write it and show it."""
-    wanted = request_of(request, flags, defaults=defaults)
+    if detection_map is not None:
+        wanted = _looking(request, flags, defaults)
+    else:
+        wanted = request_of(request, flags, defaults=defaults)
     chosen = chosen_outputs(out or [], format, force=force)
     seed = _report_seed(report, report_seed, picture=not no_report_picture)
     if report is not None:
         _check_report(report, [path for _, path in chosen], seed=seed, force=force)
-    to_stdout = writes_stdout([*(path for _, path in chosen), report], as_json=as_json)
-    if wanted.origin is None and wanted.area is None:
+    paths = [path for _, path in chosen]
+    _check_map(detection_map, poa, [*paths, *([] if report is None else [report])], force=force)
+    to_stdout = writes_stdout([*paths, report, detection_map], as_json=as_json)
+    if not wanted.has_place:
+        if detection_map is not None:
+            raise RequestError(
+                "--detection-map needs a place on earth", "give --origin LAT,LON or --area FILE"
+            )
         for form, path in chosen:
             if form.needs_place:
                 raise RequestError(
@@ -61,19 +76,68 @@ def run(
         folder = os.path.dirname(request or "")
         result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
-    pages = {}
+    pages, found, success = {}, None, None
+    if detection_map is not None:
+        from aosplan.maps.detection_map import detection_map as map_of
+
+        with waiting_bar("predicting detection by place", quiet=quiet):
+            found = map_of(result)
+        print_warnings(found.messages(), quiet=quiet)
+        if poa is not None:
+            from aosplan.maps.prior import success_of
+
+            success = success_of(found, poa)
+        pages[detection_map] = found.geotiff()
     if report is not None:
         from aosplan.show.page.page import report_page
 
         with waiting_bar("drawing the report", quiet=quiet):
-            pages[report] = report_page(result, seed=seed)
+            pages[report] = report_page(result, seed=seed, detection_map=found, success=success)
     written = write_outputs(result.missions, chosen, pages, force=force, quiet=quiet)
     if as_json:
-        print_json(result.document())
+        document = result.document()
+        if found is not None:
+            document["detection"]["map"] = found.document(success)
+        print_json(document)
     elif not (quiet or to_stdout):
         from aosplan.show.text.tables import print_plan
 
-        print_plan(result, written)
+        print_plan(result, written, found, success)
+
+
+def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -> PlanRequest:
+    """A request that looks for something: a person, unless it says otherwise."""
+    if flags.get("find") is None:
+        try:
+            wanted = request_of(request, flags, defaults=defaults)
+        except RequestError:
+            wanted = None  # a signature, say, which is only wrong without something to look for
+        if wanted is not None and wanted.find is not None:
+            return wanted
+        flags = flags | {"find": PERSON}
+    return request_of(request, flags, defaults=defaults)
+
+
+def _check_map(path: str | None, poa: str | None, others: list[str], *, force: bool) -> None:
+    """Refuse a detection map before any work is done for it."""
+    if path is None:
+        if poa is not None:
+            raise RequestError("--poa without --detection-map", "give --detection-map POD.tif too")
+        return
+    from importlib.util import find_spec
+
+    from aosplan.errors import MissingExtraError
+    from aosplan.files import check_input, check_output
+
+    if poa is not None:
+        check_input(poa)
+    if path != "-" and not path.lower().endswith((".tif", ".tiff")):
+        raise RequestError(f"detection map '{path}' does not end in .tif", "it is a GeoTIFF")
+    check_output(path, force=force)
+    if os.path.realpath(path) in map(os.path.realpath, others):
+        raise RequestError(f"output '{path}' is given twice")
+    if find_spec("rasterio") is None:
+        raise MissingExtraError("a detection map", "raster")
 
 
 def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
@@ -126,5 +190,11 @@ COMMAND = command(
         text_option("--report", "PAGE.html", "Write a page of the plan, to look at.", "Output"),
         text_option("--report-seed", "N", "Of the simulated picture on it.  [1]", "Output"),
         flag_option("--no-report-picture", "A page without the simulated picture."),
+        text_option(
+            "--detection-map", "POD.tif", "Write the probability of detection by place.", "Output"
+        ),
+        text_option(
+            "--poa", "PRIOR.tif", "Where the target is expected: for the map's POS.", "Output"
+        ),
     ],
 )

@@ -273,6 +273,6 @@ def _apart(positions_m: Floats) -> tuple[Floats, Floats, Floats]:
     """The same for photos anywhere."""
     points = np.asarray(positions_m, dtype=np.float64)
     apart = np.round(np.abs(points[:, None] - points[None]).reshape(-1, 2), 6)
-    offsets, counts = np.unique(apart, axis=0, return_counts=True)
-    x_m, y_m = np.ascontiguousarray(offsets.T)
-    return x_m, y_m, counts / float(len(points)) ** 2
+    # As complex numbers they are sorted several times as fast as rows are.
+    offsets, counts = np.unique(apart[:, 0] + 1j * apart[:, 1], return_counts=True)
+    return offsets.real.copy(), offsets.imag.copy(), counts / float(len(points)) ** 2

@@ -273,6 +273,29 @@ class WithinDocument(OpenDocument):
     laid_out: int
 
 
+class PhotosByPlaceDocument(OpenDocument):
+    """How many photos see the cells of a map."""
+
+    mean: Finite
+    least: int
+    most: int
+
+
+class DetectionMapDocument(OpenDocument):
+    """Probability of detection by place (`aosplan.maps.detection_map`)."""
+
+    probability: Finite
+    ground: Literal["area", "footprints"]
+    area_m2: Finite
+    cell_m: Finite
+    photos: PhotosByPlaceDocument
+    unseen_share: Finite
+    canopy: Literal["scene", "local"]
+    sweep_width_m: Finite | None
+    probability_of_area: Finite | None
+    probability_of_success: Finite | None
+
+
 class DetectionDocument(OpenDocument):
     """What of a target is seen, and how likely it is found (`aosplan.models.detection`)."""
 
@@ -288,6 +311,7 @@ class DetectionDocument(OpenDocument):
     clutter: Finite
     assumed: str | None
     uncertainty: Finite | None
+    map: DetectionMapDocument | None = None
 
 
 class PlanDocument(OpenDocument):

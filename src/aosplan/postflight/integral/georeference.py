@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from aosplan.geodesy import local_crs
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -26,9 +28,7 @@ class Georeference(NamedTuple):
     @classmethod
     def around(cls, latitude: float, longitude: float) -> Georeference:
         """Metres east and north of a place (azimuthal equidistant, as `aosplan.geodesy`)."""
-        return cls(
-            f"+proj=aeqd +lat_0={latitude:.9f} +lon_0={longitude:.9f} +datum=WGS84 +units=m +no_defs"
-        )
+        return cls(local_crs(latitude, longitude))
 
     def places(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[NDArray, NDArray]:  # type: ignore[type-arg]
         """Latitudes and longitudes of points of the plane."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from aosplan.errors import MissingExtraError
 
 if TYPE_CHECKING:
+    from aosplan.maps.detection_map import DetectionMap, Success
     from aosplan.planning.result import Plan
 
 EXTRA = "report"
@@ -46,7 +47,13 @@ def check_extra(*, picture: bool) -> None:
         raise MissingExtraError("a report", EXTRA)
 
 
-def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
+def report_page(
+    plan: Plan,
+    *,
+    seed: int | None = SEED,
+    detection_map: DetectionMap | None = None,
+    success: Success | None = None,
+) -> bytes:
     """The page of a plan, UTF-8; the same bytes for the same plan and seed.
 
     Parameters
@@ -55,6 +62,8 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         What to show.
     seed
         Of the simulated picture; None for a page without one.
+    detection_map, success
+        Probability of detection by place, and what the search is worth with a prior.
 
     Raises
     ------
@@ -73,6 +82,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
     from aosplan.show.page.height_profile import profile_of
     from aosplan.show.page.map_data import columns_of, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
+    from aosplan.show.page.search_map import search_map
     from aosplan.show.page.simulated_photos import views_of
     from aosplan.show.page.static_map import MOST_SITES, static_map_of
 
@@ -108,6 +118,7 @@ def report_page(plan: Plan, *, seed: int | None = SEED) -> bytes:
         most_sites=MOST_SITES,
         charts=charts_of(plan),
         detection=detection_curve(plan),
+        search=search_map(detection_map, success),
         profile=profile_of(plan),
         views=views_of(plan, seed),
         camera=plan.camera.title or plan.camera.name,

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from aosplan.areas.survey import Survey
     from aosplan.grid.patterns import Sites
+    from aosplan.maps.detection_map import DetectionMap, Success
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
     from aosplan.planning.sensitivity import Change
@@ -89,12 +90,17 @@ def show(*parts: RenderableType) -> None:
     print("\n".join(PADDING.sub(r"\1", line) for line in capture.get().splitlines()))
 
 
-def print_plan(plan: Plan, written: Sequence[str]) -> None:
-    """The summary of a plan, its grid, and what to do next."""
+def print_plan(
+    plan: Plan,
+    written: Sequence[str],
+    found: DetectionMap | None = None,
+    success: Success | None = None,
+) -> None:
+    """The summary of a plan, with its detection map if it has one, its grid, and what to do next."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
-    for name, text in _plan_rows(plan):
+    for name, text in (*_plan_rows(plan), *_map_rows(found, success)):
         table.add_row(name, one_line(text, ROW_STYLES.get(name, "")))
     picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
@@ -187,6 +193,17 @@ def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
     curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
     yield "", "by contrast " + ", ".join(curve)
+
+
+def _map_rows(found: DetectionMap | None, success: Success | None) -> Iterable[tuple[str, str]]:
+    """The search's probability of detection, from its map."""
+    if found is None:
+        return
+    from aosplan.show.text.search_map_rows import sentences
+
+    yield "", ""
+    for index, text in enumerate(sentences(found, success)):
+        yield "Search" if index == 0 else "", text.removesuffix(".")
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:

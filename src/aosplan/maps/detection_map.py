@@ -1,0 +1,222 @@
+"""The probability of detection, place by place: what a search finds, and where it does not look."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.errors import RequestError
+from aosplan.geodesy import local_crs
+from aosplan.maps.geotiff import geotiff_bytes
+from aosplan.maps.ground_cells import GroundCells, cells_over, footprints, side_m
+from aosplan.maps.local_canopy import LocalCanopy, local_canopy
+from aosplan.maps.photo_sets import along_and_across, photo_sets
+from aosplan.maps.place_detection import PlaceDetection
+from aosplan.messages import Message
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from aosplan.planning.plan_data import PlanData
+
+    Floats = NDArray[np.float64]
+
+KNOWN_SHARE = 0.99
+"""Share of the places whose canopy is known, below which a warning says what the others have."""
+
+
+class Success(NamedTuple):
+    """What a search is worth, the target being expected as a prior says.
+
+    Attributes
+    ----------
+    area
+        Probability that the target is on the ground of the map (POA).
+    success
+        Probability that it is there and found (POS).
+    """
+
+    area: float
+    success: float
+
+
+class DetectionMap(NamedTuple):
+    """Probability of detection over the ground of a plan.
+
+    Attributes
+    ----------
+    cells
+        The ground: the area, or all that any photo shows.
+    ground
+        ``area`` or ``footprints``.
+    origin
+        Latitude and longitude from which cells count.
+    looks
+        How many photos see each cell, shape (cells,).
+    probability
+        Of detection in each cell.
+    canopy
+        The canopy above each cell, where it is known; None for a scene without a place on earth.
+    sweep_width_m
+        W of a line that is flown on and on: the integral of the probability over the distance from
+        the line; None for other grids.
+    """
+
+    cells: GroundCells
+    ground: str
+    origin: tuple[float, float]
+    looks: NDArray[np.int64]
+    probability: Floats
+    canopy: LocalCanopy | None
+    sweep_width_m: float | None
+
+    @property
+    def _inside(self) -> NDArray[np.bool_]:
+        return self.cells.inside.ravel()
+
+    @property
+    def mean(self) -> float:
+        """The search's probability of detection: that of a target anywhere on the ground."""
+        return float(self.probability[self._inside].mean())
+
+    def document(self, success: Success | None = None) -> dict[str, Any]:
+        """``detection.map`` of a plan's JSON, with what the search is worth if that is known."""
+        looks = self.looks[self._inside]
+        return {
+            "probability": self.mean,
+            "ground": self.ground,
+            "area_m2": self.cells.area_m2,
+            "cell_m": self.cells.cell_m,
+            "photos": {
+                "mean": float(looks.mean()),
+                "least": int(looks.min()),
+                "most": int(looks.max()),
+            },
+            "unseen_share": float((looks == 0).mean()),
+            "canopy": "scene" if self.canopy is None else "local",
+            "sweep_width_m": self.sweep_width_m,
+            "probability_of_area": success and success.area,
+            "probability_of_success": success and success.success,
+        }
+
+    def geotiff(self) -> bytes:
+        """Bands: probability of detection, photos that see a cell, and the share that is hidden.
+
+        Raises
+        ------
+        MissingExtraError
+            If rasterio is not installed.
+        """
+        bands = [self.probability, self.looks]
+        names = ["probability of detection", "photos"]
+        if self.canopy is not None:
+            bands.append(-np.expm1(-self.canopy.depth))
+            names.append("share of the ground that is hidden from above")
+        return geotiff_bytes(
+            np.stack([self.cells.raster(band) for band in bands]),
+            (self.cells.left_m, self.cells.top_m),
+            self.cells.cell_m,
+            local_crs(*self.origin),
+            names,
+        )
+
+    def messages(self) -> Iterator[Message]:
+        """Yield what a reader of the map should know."""
+        if self.canopy is not None and self.canopy.known_share < KNOWN_SHARE:
+            yield Message(
+                "canopy_unknown",
+                f"the canopy above {1.0 - self.canopy.known_share:.0%} of the mapped ground is not in "
+                "the scene, which ends before: there the scene's mean counts",
+            )
+
+
+def photos_of(plan: PlanData) -> Floats:
+    """East and north of all photos of a plan, shape (N, 2)."""
+    sites = plan.layout.sites
+    points = np.column_stack([sites.east_m, sites.north_m])
+    photos: Floats = points[np.asarray(sites.photo, dtype=bool)]
+    return photos
+
+
+def ground_of(plan: PlanData) -> tuple[GroundCells, str]:
+    """The ground that a plan is for, as cells: its area, or what its photos show."""
+    footprint = plan.inputs.footprint_m
+    if plan.layout.area is not None:
+        whole, ground = plan.layout.area.whole, "area"
+    else:
+        whole, ground = footprints(photos_of(plan), footprint, plan.heading_deg), "footprints"
+    return cells_over(whole, side_m(float(whole.area), min(footprint))), ground
+
+
+def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
+    """The canopy above cells, if the plan's scene has a place on earth."""
+    volume = plan.volume
+    if volume is None or volume.place is None or plan.origin is None:
+        return None
+    return local_canopy(
+        volume,
+        cells.middles_m,
+        plan.origin,
+        altitude_m=plan.altitude_m,
+        footprint_m=max(plan.inputs.footprint_m),
+        focal_height_m=plan.inputs.focal_height_m,
+    )
+
+
+def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
+    """Optical depth of the canopy above places over that of the stand; 1 where it is not known."""
+    if canopy is None or canopy.mean_depth == 0.0:
+        return None
+    return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)
+
+
+def detection_map(plan: PlanData) -> DetectionMap:
+    """The probability of detection over the ground of a plan.
+
+    Parameters
+    ----------
+    plan
+        With a place on earth, and something that it looks for.
+
+    Raises
+    ------
+    RequestError
+        Where it has no place, or looks for nothing.
+    """
+    if plan.detection is None:
+        raise RequestError("a detection map needs something to look for", "give --find person")
+    if plan.origin is None:
+        raise RequestError(
+            "a detection map needs a place on earth", "give --origin LAT,LON or --area FILE"
+        )
+    cells, ground = ground_of(plan)
+    points = photos_of(plan)
+    places = cells.middles_m
+    sets = photo_sets(places, points, plan.inputs.footprint_m, plan.heading_deg)
+    canopy = canopy_over(plan, cells)
+    depth = relative_depth(canopy)
+    probability = PlaceDetection(plan).probabilities(sets, places, points, depth)
+    width_m = None
+    if plan.layout.continuous is not None and plan.layout.area is None:
+        width_m = _sweep_width_m(plan, cells, points, probability)
+    return DetectionMap(cells, ground, plan.origin, sets.looks, probability, canopy, width_m)
+
+
+def _sweep_width_m(
+    plan: PlanData, cells: GroundCells, points_m: Floats, probability: Floats
+) -> float | None:
+    """The integral of the probability over the distance from a line, averaged along its middle.
+
+    Where a footprint reaches beyond either end of the line, fewer photos see the ground.
+    """
+    half = 0.5 * plan.inputs.footprint_m[0]
+    along = along_and_across(points_m, plan.heading_deg)[:, 0]
+    first, last = float(along.min()) + half, float(along.max()) - half
+    if last - first < cells.cell_m:
+        return None
+    place = along_and_across(cells.middles_m, plan.heading_deg)[:, 0]
+    within = (place >= first) & (place < last) & cells.inside.ravel()
+    return float(probability[within].sum()) * cells.cell_m**2 / (last - first)

@@ -1,0 +1,101 @@
+"""The ground as cells of a raster, north up, in metres east and north of a plan's origin."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+MOST_CELLS = 20_000
+"""Cells of a map, about: fewer metres to a cell would show nothing more at a glance."""
+
+SIDES_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+"""Sides that a cell may have."""
+
+
+class GroundCells(NamedTuple):
+    """Cells of a raster; `inside` says which of them the map is about.
+
+    Attributes
+    ----------
+    left_m, top_m
+        The north-western outer corner.
+    cell_m
+        Side of a cell.
+    inside
+        Shape (rows, columns), northernmost row first: cells whose middle is on the ground in
+        question.
+    """
+
+    left_m: float
+    top_m: float
+    cell_m: float
+    inside: NDArray[np.bool_]
+
+    @property
+    def middles_m(self) -> Floats:
+        """East and north of the middles of all cells, row by row, shape (cells, 2)."""
+        rows, columns = self.inside.shape
+        east = self.left_m + (np.arange(columns) + 0.5) * self.cell_m
+        north = self.top_m - (np.arange(rows) + 0.5) * self.cell_m
+        return np.column_stack([np.tile(east, rows), np.repeat(north, columns)])
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the cells inside."""
+        return float(self.inside.sum()) * self.cell_m**2
+
+    def raster(self, values: NDArray[Any]) -> Floats:
+        """Values of all cells as rows of the raster, nan outside."""
+        return np.where(self.inside, np.reshape(values, self.inside.shape), np.nan)
+
+
+def side_m(area_m2: float, narrowest_m: float) -> float:
+    """Side of a cell for an area, such that its narrow side has a few cells as well."""
+    wanted = max(math.sqrt(area_m2 / MOST_CELLS), SIDES_M[0])
+    fitting = [side for side in SIDES_M if side >= wanted * (1.0 - 1e-9)]
+    side = fitting[0] if fitting else wanted
+    return min(side, max(narrowest_m / 4.0, SIDES_M[0]))
+
+
+def cells_over(shape: Any, cell_m: float) -> GroundCells:
+    """Cells over a shape of shapely, their corners at multiples of the side."""
+    import shapely
+
+    west, south, east, north = shapely.bounds(shape).tolist()
+    left, top = math.floor(west / cell_m) * cell_m, math.ceil(north / cell_m) * cell_m
+    columns = max(math.ceil((east - left) / cell_m), 1)
+    rows = max(math.ceil((top - south) / cell_m), 1)
+    cells = GroundCells(left, top, cell_m, np.ones((rows, columns), np.bool_))
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags behind
+        shapely.prepare(shape)
+        inside = shapely.contains_xy(shape, *cells.middles_m.T)
+    return cells._replace(inside=inside.reshape(rows, columns))
+
+
+def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: float) -> Any:
+    """The ground that some photos show, as a shape: the union of their footprints.
+
+    Parameters
+    ----------
+    points_m
+        East and north of the photos, shape (N, 2).
+    footprint_m
+        Size of a photo on the ground, along the heading and across it.
+    heading_deg
+        Clockwise from north.
+    """
+    import shapely
+
+    heading = math.radians(heading_deg)
+    along = np.array([math.sin(heading), math.cos(heading)])
+    across = np.array([math.cos(heading), -math.sin(heading)])
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * np.array(footprint_m)
+    ring = corners @ np.stack([along, across])
+    return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))

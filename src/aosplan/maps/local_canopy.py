@@ -1,0 +1,104 @@
+"""How dense the canopy is above each place, of a stand that is known by its place on earth.
+
+A place is seen through the canopy around it: rays from photos whose footprint is F wide, at altitude
+h, pass height H within F H/h.  So the share of ground that is hidden from straight above is averaged
+over a square of that size, H being the mean height at which rays end.  The stand's rows and columns
+are taken to lie along north and east, as its coordinate system has them.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.geodesy import to_local
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.voxels import VoxelVolume
+
+    Floats = NDArray[np.float64]
+
+NARROWEST_M = 4.0
+"""Of the square over which the canopy is averaged: the detector's box."""
+
+DEEPEST = 6.0
+"""Optical depth that stands for all denser canopy: a four-hundredth of the ground is seen."""
+
+
+class LocalCanopy(NamedTuple):
+    """The canopy above some places.
+
+    Attributes
+    ----------
+    depth
+        Optical depth -ln(1 - p), p being the share of the ground around a place that is hidden from
+        straight above; nan where the stand is not known.
+    window_m
+        Side of the square that "around" means.
+    mean_depth
+        That of the whole stand.
+    """
+
+    depth: Floats
+    window_m: float
+    mean_depth: float
+
+    @property
+    def known_share(self) -> float:
+        """Share of the places whose canopy is known."""
+        return float(np.isfinite(self.depth).mean()) if len(self.depth) else 0.0
+
+
+def local_canopy(
+    volume: VoxelVolume,
+    places_m: Floats,
+    origin: tuple[float, float],
+    *,
+    altitude_m: float,
+    footprint_m: float,
+    focal_height_m: float = 0.0,
+) -> LocalCanopy:
+    """The canopy above places.
+
+    Parameters
+    ----------
+    volume
+        The stand, which has a place on earth.
+    places_m
+        East and north of the origin, shape (places, 2).
+    origin
+        Latitude and longitude.
+    altitude_m, focal_height_m
+        Of the cameras above the focal plane, and of that above the ground.
+    footprint_m
+        Larger side of a photo on the ground.
+    """
+    from scipy.ndimage import uniform_filter
+
+    assert volume.place is not None
+    (east,), (north,) = to_local(origin, [volume.place[0]], [volume.place[1]])
+    lowest = int(focal_height_m / volume.slice_height_m)
+    above = volume.occupied[lowest:]
+    hidden = above.any(axis=0)
+    densities = above.mean(axis=(1, 2)) if len(above) else np.zeros(0)
+    heights = (np.arange(len(above)) + 0.5) * volume.slice_height_m
+    height_m = float((densities @ heights) / densities.sum()) if densities.sum() > 0.0 else 0.0
+    window_m = max(footprint_m * height_m / altitude_m, NARROWEST_M)
+    size = max(round(window_m / volume.voxel_m), 1)
+    around = uniform_filter(hidden.astype(np.float64), size, mode="nearest")
+    width_m, depth_m = volume.size_m
+    column = np.floor((places_m[:, 0] - east + 0.5 * width_m) / volume.voxel_m).astype(np.int64)
+    row = np.floor((places_m[:, 1] - north + 0.5 * depth_m) / volume.voxel_m).astype(np.int64)
+    rows, columns = hidden.shape
+    known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    share = np.full(len(places_m), np.nan)
+    share[known] = around[row[known], column[known]]
+    return LocalCanopy(_depth(share), window_m, float(_depth(np.array(hidden.mean()))))
+
+
+def _depth(share: Floats) -> Floats:
+    depth: Floats = -np.log1p(-np.clip(share, 0.0, -np.expm1(-DEEPEST)))
+    return depth

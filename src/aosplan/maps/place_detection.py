@@ -1,0 +1,209 @@
+"""How likely a target is found at a place, from the photos that see it and the canopy above it.
+
+Detection through independent slices depends on where the photos lie from each other, and on the
+slices (`aosplan.models.detection`).  Places whose photos are alike in number, in spread along both axes
+and in their mean distance share one prediction, that of the one in their middle.  Local canopy multiplies
+the optical depth of every slice; between the depths of `DEPTHS` probabilities are interpolated.
+
+Voxels are counted over a whole stand, which takes seconds for one set of photos.  So the slices'
+contrast is scaled once, such that the planned grid is as likely to find the target as was counted.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.maps.photo_sets import along_and_across
+from aosplan.models.detection import DetectionModel
+from aosplan.planning.detection import CLEAR, signature_of, slices_of, target_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.maps.photo_sets import PhotoSets
+    from aosplan.planning.plan_data import PlanData
+    from aosplan.scenes.scene import Layer
+
+    Floats = NDArray[np.float64]
+    Whole = NDArray[np.int64]
+
+STEP = 0.05
+"""Relative difference of numbers and spreads of photos that count as alike."""
+
+MOST_PREDICTIONS = 500
+"""Predictions of a map; beyond them, more photos count as alike."""
+
+DEPTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
+"""Optical depths, relative to the scene's, at which detection is predicted."""
+
+SPREAD_M = 0.5
+"""Added to a spread before it is compared: below it, differences do not matter."""
+
+BISECTIONS = 24
+
+LATTICE_STEPS = 4
+"""Different steps between neighbours along an axis of a lattice, rounding and gaps included."""
+
+
+class PlaceDetection:
+    """Probability of detection at places of a plan that looks for something.
+
+    Parameters
+    ----------
+    plan
+        The plan; its detection is known.
+    """
+
+    def __init__(self, plan: PlanData) -> None:
+        assert plan.detection is not None
+        self._plan = plan
+        self._layers = slices_of(plan.scene, plan.request)
+        self._signature, _ = signature_of(plan.request)
+        self._models: dict[float, DetectionModel] = {}
+        self._is_lattice = True
+        if plan.model == "measured" and plan.problem is not None:
+            self._signature = self._signature._replace(contrast=self._counted_contrast())
+            self._models.clear()
+
+    def probabilities(
+        self,
+        sets: PhotoSets,
+        places_m: Floats,
+        points_m: Floats,
+        depth: Floats | None = None,
+    ) -> Floats:
+        """Probability of detection at each of some places.
+
+        Parameters
+        ----------
+        sets
+            The photos that see each place.
+        places_m
+            The places, east and north, shape (places, 2).
+        points_m
+            Photos, east and north, shape (N, 2).
+        depth
+            Optical depth of the canopy above each place over the scene's; 1 unless given.
+        """
+        points, places = self._in_axes(points_m), self._in_axes(places_m)
+        self._is_lattice = is_lattice(points)
+        looks = sets.looks
+        found = np.zeros(len(looks))
+        seen = np.flatnonzero(looks)
+        if not len(seen):
+            return found
+        ratio = np.ones(len(seen)) if depth is None else depth[seen]
+        nodes = np.array(DEPTHS)
+        place = np.interp(ratio, nodes, np.arange(len(nodes)))
+        lower = np.minimum(place.astype(np.int64), len(nodes) - 2)
+        share = np.round(place - lower, 9)
+        columns = self._features(sets, places, points)[seen]
+        kind = _kinds(columns, lower)
+        for number in _middle_members(kind, columns).tolist():
+            same = kind == kind[number]
+            set_m = points[sets.of(int(seen[number]))] - places[seen[number]]
+            # Only nodes that some place needs are predicted.
+            low = float(nodes[lower[number]])
+            high = float(nodes[lower[number] + 1])
+            below = self._at(low, set_m) if share[same].min() < 1.0 else 0.0
+            above = self._at(high, set_m) if share[same].max() > 0.0 else 0.0
+            found[seen[same]] = (1.0 - share[same]) * below + share[same] * above
+        return found
+
+    def _features(self, sets: PhotoSets, places: Floats, points: Floats) -> Floats:
+        """What decides detection at each place: number, spread and mean distance of its photos."""
+        looks = sets.looks
+        place = np.repeat(np.arange(len(looks)), looks)
+        counts = np.maximum(looks, 1)
+        found = [np.log(counts)]
+        for values, middle in zip(points.T, places.T, strict=True):
+            offset = values[sets.photos] - middle[place]
+            mean = np.bincount(place, offset, len(looks)) / counts
+            square = np.bincount(place, (offset - mean[place]) ** 2, len(looks)) / counts
+            found.append(np.log(np.sqrt(square) + SPREAD_M))
+            found.append(np.abs(mean) / self._plan.altitude_m)
+        return np.column_stack(found)
+
+    def _at(self, depth: float, points_m: Floats) -> float:
+        """Probability of detection by photos through a canopy of a relative optical depth."""
+        return self._model(depth).predict_positions(points_m).probability
+
+    def _model(self, depth: float) -> DetectionModel:
+        if depth not in self._models:
+            request = self._plan.request
+            assert request.false_alarms is not None
+            self._models[depth] = DetectionModel(
+                scaled(self._layers, depth),
+                self._plan.altitude_m,
+                target_of(request),
+                self._signature,
+                false_alarms=request.false_alarms,
+            )
+        model = self._models[depth]
+        return model if self._is_lattice else model.for_search()
+
+    def _in_axes(self, points_m: Floats) -> Floats:
+        """Photos along the axes of the occluders."""
+        problem = self._plan.problem
+        if problem is not None and problem.model.heading_deg is not None:
+            return points_m
+        return along_and_across(points_m, self._plan.heading_deg)
+
+    def _counted_contrast(self) -> float:
+        """The contrast at which slices predict for the planned grid what was counted in voxels."""
+        plan, model = self._plan, self._model(1.0)
+        assert plan.detection is not None
+        signature = self._signature
+        grid = plan.solution.pattern, plan.solution.baseline_m
+        low, high = 0.0, 4.0
+        for _ in range(BISECTIONS):
+            factor = 0.5 * (low + high)
+            model.signature = signature._replace(contrast=factor * signature.contrast)
+            if model.predict(*grid).probability < plan.detection.probability:
+                low = factor
+            else:
+                high = factor
+        return 0.5 * (low + high) * signature.contrast
+
+
+def _kinds(columns: Floats, lower: Whole) -> Whole:
+    """A number for each place, the same for places that share a prediction."""
+    step = STEP
+    while True:
+        keys = np.column_stack([np.round(columns / step).astype(np.int64), lower])
+        kinds, kind = np.unique(keys, axis=0, return_inverse=True)
+        if len(kinds) <= MOST_PREDICTIONS:
+            return np.asarray(kind).reshape(-1)
+        step *= 1.25
+
+
+def _middle_members(kind: Whole, columns: Floats) -> Whole:
+    """Of each kind, the place whose features are nearest to the kind's mean."""
+    counts = np.bincount(kind)
+    means = np.column_stack([np.bincount(kind, column) / counts for column in columns.T])
+    off = np.abs(columns - means[kind]).sum(axis=1)
+    order = np.lexsort((off, kind))
+    members: Whole = order[np.concatenate([[0], np.cumsum(counts)[:-1]])]
+    return members
+
+
+def is_lattice(points_m: Floats) -> bool:
+    """Whether photos lie on a lattice along the axes, so that their offsets are few."""
+    for values in points_m.T:
+        steps = np.diff(np.unique(np.round(values, 3)))
+        if len(np.unique(np.round(steps, 2))) > LATTICE_STEPS:
+            return False
+    return True
+
+
+def scaled(layers: tuple[Layer, ...], depth: float) -> tuple[Layer, ...]:
+    """Slices with the optical depth of each multiplied."""
+    if depth == 0.0:
+        return CLEAR
+    return tuple(
+        layer._replace(density=min(-math.expm1(depth * math.log1p(-layer.density)), 0.999))
+        for layer in layers
+    )

@@ -1,0 +1,115 @@
+"""Where a target is expected: a raster of probabilities, such as search teams draw.
+
+The values of the raster are shares of the whole: its sum counts as one.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from aosplan.errors import RequestError, needs_extra
+from aosplan.maps.detection_map import Success
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.maps.detection_map import DetectionMap
+
+    Floats = NDArray[np.float64]
+
+MOST_PIXELS = 25_000_000
+
+CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+def success_of(found: DetectionMap, path: str) -> Success:
+    """The probability of success of a search, with a prior from a GeoTIFF.
+
+    Parameters
+    ----------
+    found
+        Probability of detection by place.
+    path
+        The prior: one band, values from 0, in any coordinate system that it names.
+
+    Raises
+    ------
+    RequestError
+        Where the raster cannot be read, has no place, or holds what is no prior.
+    MissingExtraError
+        If rasterio is not installed.
+    """
+    from aosplan.geodesy import local_crs
+
+    with needs_extra("reading a prior from a GeoTIFF", "raster"):
+        import rasterio
+        from rasterio.errors import NotGeoreferencedWarning, RasterioError
+    from aosplan.crs import crs_of_wkt, transformer
+    from aosplan.files import read_start, reading
+
+    read_start(path, 1)
+    with warnings.catch_warnings(), reading(path, "raster"):
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            with rasterio.open(path, driver="GTiff") as raster:
+                values, transform = _values(raster, path), raster.transform
+                crs = crs_of_wkt(raster.crs.to_wkt(), f"raster {path}")
+        except RasterioError as error:
+            raise RequestError(f"raster {path} cannot be read: {error}") from None
+    change = transformer(local_crs(*found.origin), crs)
+    inside = found.cells.inside.ravel()
+    east, north = found.cells.middles_m[inside].T
+    x, y = change.transform(east, north)
+    column, row = (np.asarray(each) for each in ~transform * (np.asarray(x), np.asarray(y)))
+    rows, columns = values.shape
+    known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    column, row = column[known].astype(np.int64), row[known].astype(np.int64)
+    # The share of a pixel that one of the cells takes.
+    back = transformer(crs, local_crs(*found.origin))
+    part = found.cells.cell_m**2 / _areas(transform, back, column, row)
+    share = np.zeros(len(east))
+    share[known] = values[row, column] * part
+    share *= 1.0 / max(float(share.sum()), 1.0)
+    return Success(float(share.sum()), float(share @ found.probability[inside]))
+
+
+def _values(raster: Any, path: str) -> Floats:
+    """The shares of a raster, which sum to one."""
+    if raster.crs is None:
+        raise RequestError(
+            f"raster {path} names no coordinate system: nothing tells where it lies",
+            "write it with one, as gdal_translate -a_srs does",
+        )
+    if raster.count != 1:
+        raise RequestError(
+            f"raster {path} has {raster.count} bands; a prior has one",
+            "take the band out with gdal_translate -b",
+        )
+    if raster.width * raster.height > MOST_PIXELS:
+        raise RequestError(
+            f"raster {path} has {raster.width} x {raster.height} pixels: too many to read",
+            "cut the search area out, or take larger pixels",
+        )
+    values = raster.read(1, masked=True).astype(np.float64).filled(0.0)
+    values = np.nan_to_num(values, nan=0.0)
+    least, total = float(values.min()), float(values.sum())
+    if least < 0.0 or not np.isfinite(total):
+        raise RequestError(f"raster {path} holds {least:g}, which is not a probability")
+    if total == 0.0:
+        raise RequestError(f"raster {path} is zero everywhere: it expects the target nowhere")
+    shares: Floats = values / total
+    return shares
+
+
+def _areas(transform: Any, change: Any, column: Any, row: Any) -> Floats:
+    """Areas of pixels in square metres, of a map in local metres."""
+    corners = [
+        change.transform(*(transform * (column + across, row + down))) for across, down in CORNERS
+    ]
+    x, y = (np.array([np.asarray(corner[axis]) for corner in corners]) for axis in (0, 1))
+    after = np.roll(np.arange(4), -1)
+    area: Floats = 0.5 * np.abs((x * y[after] - x[after] * y).sum(axis=0))
+    return area

@@ -1,0 +1,102 @@
+"""The page's map of the probability of detection: cells in ten colours, north up."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from aosplan.show.figures.grid import nice_length_m
+from aosplan.show.text.search_map_rows import sentences
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.maps.detection_map import DetectionMap, Success
+
+WIDTH = 640.0
+"""Of the picture; its height follows from what is shown."""
+
+TALLEST = 640.0
+
+LEGEND = 56.0
+"""Height of the lines below the map."""
+
+COLOURS = (
+    "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
+    "#1f9e89", "#35b779", "#6dcd59", "#b4de2c", "#fde725",
+)  # fmt: skip
+"""From a probability of 0 to 1 (viridis, which does not depend on the sense of colours)."""
+
+UNSEEN = "#8a8a8a"
+"""Of ground that no photo sees."""
+
+
+class SearchMap(NamedTuple):
+    """A map ready to be drawn, and what it says in words.
+
+    Attributes
+    ----------
+    summary, text
+        What the picture shows, and what the search is worth.
+    height
+        Of the picture, which is `WIDTH` wide.
+    cells
+        Colours and the outlines of the cells that have them.
+    bar
+        Length of the scale's bar, and what it stands for.
+    swatches
+        Places and colours of the legend.
+    """
+
+    summary: str
+    text: str
+    height: float
+    cells: list[tuple[str, str]]
+    bar: tuple[float, str]
+    swatches: list[tuple[float, str]]
+
+
+def search_map(found: DetectionMap | None, success: Success | None) -> SearchMap | None:
+    """The picture of a detection map; None without one."""
+    if found is None:
+        return None
+    cells = found.cells
+    rows, columns = cells.inside.shape
+    unit = min(WIDTH / columns, TALLEST / rows)
+    left = 0.5 * (WIDTH - unit * columns)
+    colour = np.minimum((10.0 * found.probability).astype(np.int64), 9)
+    colour[found.looks == 0] = 10
+    colour = np.where(cells.inside, colour.reshape(rows, columns), -1)
+    probability = found.probability[cells.inside.ravel()]
+    wide_m, tall_m = columns * cells.cell_m, rows * cells.cell_m
+    bar_m = nice_length_m(max(wide_m, tall_m))
+    low, high = (float(value) for value in np.quantile(probability, (0.05, 0.95)))
+    return SearchMap(
+        summary=(
+            f"Probability of detection over {wide_m:.4g} m from west to east and {tall_m:.4g} m from "
+            f"south to north, in cells of {cells.cell_m:g} m: {found.mean:.1%} on average, between "
+            f"{low:.1%} and {high:.1%} on nine tenths of the ground."
+        ),
+        text=" ".join(sentences(found, success)),
+        height=unit * rows + LEGEND,
+        cells=[
+            (shade, outline)
+            for number, shade in enumerate((*COLOURS, UNSEEN))
+            if (outline := _outline(colour == number, unit, left))
+        ],
+        bar=(round(unit * bar_m / cells.cell_m, 1), f"{bar_m:g} m"),
+        swatches=[(380.0 + 24.0 * number, shade) for number, shade in enumerate(COLOURS)],
+    )
+
+
+def _outline(cells: NDArray[np.bool_], unit: float, left: float) -> str:
+    """Runs of cells along their rows, as a path."""
+    edges = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    row, start = np.nonzero(edges == 1)
+    stop = np.nonzero(edges == -1)[1]
+    return "".join(
+        f"M{left + unit * first:.6g} {unit * line:.6g}h{unit * (last - first):.6g}v{unit:.6g}"
+        f"h{-unit * (last - first):.6g}z"
+        for line, first, last in zip(row.tolist(), start.tolist(), stop.tolist(), strict=True)
+    )

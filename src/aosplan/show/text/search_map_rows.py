@@ -1,0 +1,29 @@
+"""What a search by place is worth, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aosplan.maps.detection_map import DetectionMap, Success
+
+
+def sentences(found: DetectionMap, success: Success | None) -> list[str]:
+    """What a search is worth, in words."""
+    document = found.document(success)
+    ground = "area" if found.ground == "area" else "ground that the photos show"
+    photos = document["photos"]
+    lines = [
+        f"{found.mean:.1%} on average over the {ground}, {found.cells.area_m2 / 1e4:.3g} ha, which "
+        f"{photos['mean']:.3g} photos see ({photos['least']} to {photos['most']})."
+    ]
+    if document["unseen_share"] > 0.0:
+        lines.append(f"No photo sees {document['unseen_share']:.1%} of it.")
+    if found.sweep_width_m is not None:
+        lines.append(f"The line has a sweep width of {found.sweep_width_m:.3g} m.")
+    if success is not None:
+        lines.append(
+            f"The target is there with {success.area:.1%} (POA), and is there and found with "
+            f"{success.success:.1%} (POS)."
+        )
+    return lines
