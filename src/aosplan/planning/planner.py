@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from aosplan.errors import RequestError
 from aosplan.geodesy import to_local
 from aosplan.messages import Message
 from aosplan.planning.ground import ground_of
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from aosplan.models.detection import Detection
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.sites import Layout
     from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.solver.problem import OnTrial
 
@@ -77,7 +80,7 @@ def plan(
         request, folder=folder, load=None if loaded is None else lambda _: loaded, progress=progress
     )
     solved = solve_inputs(inputs, on_trial=on_trial)
-    layout = layout_of(solved)
+    layout = _laid_out(solved, folder)
     route = route_of(solved.inputs, layout, solved.solution.baseline_m)
     detection: Detection | None = None
     found: tuple[Message, ...] = ()
@@ -90,6 +93,7 @@ def plan(
         *layout.notices,
         *ways_in_zones(solved.inputs, route),
         *found,
+        *_long_flight(solved.inputs, folder, route.total_time_s),
     )
     return with_warnings(
         Plan(
@@ -106,6 +110,34 @@ def plan(
             notices=notices,
         )
     )
+
+
+def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
+    """The sites of a solution; of an area that takes too many, the hint names a cheaper way."""
+    try:
+        return layout_of(solved)
+    except RequestError as error:
+        inputs = solved.inputs
+        if inputs.area is None or inputs.asked.optimize == "detection":
+            raise
+        from aosplan.planning.cheaper import cheaper_way
+
+        way = cheaper_way(inputs.asked, folder, inputs.loaded)
+        if way is None:
+            way = (
+                f"{error.hint}; or --within MIN, which chooses the best for the time that there is"
+            )
+        raise RequestError(error.message, way) from None
+
+
+def _long_flight(inputs: PlanInputs, folder: str, time_s: float) -> Iterator[Message]:
+    """Yield the warning of an area that takes hours and need not."""
+    if inputs.area is None or inputs.objective == "detection":
+        return
+    from aosplan.planning.cheaper import LONG_S, long_flight
+
+    if time_s > LONG_S:
+        yield from long_flight(inputs.asked, folder, inputs.loaded, time_s)
 
 
 def _searched(

@@ -102,7 +102,7 @@ def choose(
     if request.trigger != "stop" and request.photo_interval is None:
         request = replace(request, photo_interval=PHOTO_INTERVAL_S)
         assumed = (_interval_assumed(),)
-    search = _Search(request, folder, load)
+    search = Search(request, folder, load)
     longest_s = search.enough_s() if request.within is None else 60.0 * request.within
     chosen = search.best(longest_s)
     if chosen is None:
@@ -143,7 +143,7 @@ def _samples_bounded(samples: int) -> Message:
     )
 
 
-class _Search:
+class Search:
     """Shapes, ways and what is known of them."""
 
     def __init__(

@@ -1,0 +1,91 @@
+"""A cheaper way to fly what was asked for, if that takes hours or thousands of photos."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from aosplan.errors import InfeasibleError, RequestError
+from aosplan.messages import Message
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.planning.request import PlanRequest
+
+LONG_S = 3600.0
+"""Time of all flights from which on a cheaper way is looked for."""
+
+CHEAPER = 0.7
+"""Part of the time that a cheaper way takes at most."""
+
+LONGEST_MIN = 24.0 * 60.0
+
+
+def cheaper_way(
+    request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float = math.inf
+) -> str | None:
+    """How the same target is reached over an area in less time, in words with numbers.
+
+    Parameters
+    ----------
+    request
+        The request, with everything that it asks for.
+    folder
+        Where its file names are looked for before the current folder.
+    loaded
+        The scene.
+    time_s
+        Time that the flights of the request take.
+
+    Returns
+    -------
+    str or None
+        None if nothing takes less than `CHEAPER` of the time.
+    """
+    if request.area is None or loaded.kind == "cloud":
+        return None
+    from aosplan.planning.within import Search
+
+    opened = replace(
+        request, within=LONGEST_MIN, optimize="time", grid="best", trigger="best", lanes=None,
+        lane_pitch=None, baseline=None, samples=None, max_samples=None, resume_at=None,
+        sensitivity=False, max_blur=None, exposure_time=None,
+        photo_interval=request.photo_interval or 2.0,
+    )  # fmt: skip
+    try:
+        search = Search(opened, folder, lambda _: loaded)
+        found = search.best(min(60.0 * LONGEST_MIN, CHEAPER * time_s))
+    except (InfeasibleError, RequestError):
+        return None
+    if found is None:
+        return None
+    shape = found.candidate.shape
+    way = search.request_of(found.candidate)
+    grid = "--grid line" if shape.rows == 1 else f"--grid lanes --lanes {shape.rows}"
+    flights = "" if found.flights == 1 else f" in {found.flights} flights"
+    return (
+        f"--trigger {way.trigger} {grid} --lane-pitch {_below(way.lane_pitch)} "
+        f"--samples {shape.samples} --baseline {_below(way.baseline)} reaches the target in "
+        f"{math.ceil(found.time_s / 60.0)} min{flights} with {found.sites:,} photos; --within MIN "
+        "chooses the best for the time that there is"
+    )
+
+
+def long_flight(
+    request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float
+) -> Iterator[Message]:
+    """The warning of flights over an area that take hours and need not."""
+    if time_s <= LONG_S:
+        return
+    way = cheaper_way(request, folder, loaded, time_s)
+    if way is not None:
+        yield Message("cheaper_flight", f"all flights take {time_s / 60.0:,.0f} min; {way}")
+
+
+def _below(value: float | str | None) -> str:
+    """A length or a pitch to a thousandth, rounded down: a wider grid may not fit into the images."""
+    assert isinstance(value, float)
+    return f"{math.floor(1000.0 * value) / 1000.0:g}"
