@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from aosplan.planning.resolve import PlanInputs
 
 RESULTS = Path(__file__).parent / "results"
-SHARES = (1.0, 0.7, 0.4, 0.15)
+SHARES = (1.0, 0.6, 0.25)
 """Shares of the widest spacing that the footprint allows."""
 
 AREAS = {
@@ -221,12 +221,12 @@ def time_s(request: PlanRequest, scene: LoadedScene) -> float:
 
 
 def altitudes_of(request: PlanRequest) -> list[float]:
-    """Both ends of a range of altitudes, and its middle."""
+    """Both ends of a range of altitudes."""
     if not isinstance(request.altitude, str):
         assert request.altitude is not None
         return [request.altitude]
     low, high = (float(part) for part in request.altitude.split(".."))
-    return [low, 0.5 * (low + high), high]
+    return [low, high]
 
 
 def widest_m(inputs: PlanInputs, rows: int, columns: int, pitch: float) -> float:
@@ -242,10 +242,10 @@ def kinds() -> Iterator[tuple[str, int, int, float]]:
     for side in (2, 3, 4, 5, 6, 8, 10, 14):
         yield "square", side, side, 1.0
         yield "rectangle", side, side + 1, 1.0
-    for columns in (2, 3, 4, 5, 6, 7, 8, 10, 14, 20, 30):
-        for pitch in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0):
+    for columns in (2, 3, 4, 6, 8, 12, 18, 30):
+        for pitch in (1.0, 1.5, 2.0, 3.0, 5.0, 8.0):
             yield "line", 1, columns, pitch
-            for lanes in (2, 3, 4, 5, 7):
+            for lanes in (2, 3, 4, 6):
                 if lanes * columns <= 400:
                     yield "lanes", lanes, columns, pitch
 

@@ -35,5 +35,9 @@ def test_an_area_of_too_many_sites_names_a_way_with_fewer():
 
 
 def test_short_flights_have_no_such_warning():
-    short = plan(PlanRequest(altitude=40, area=FIELD[1], drone="dji-m3t", vhat=0.5))
+    short = plan(
+        PlanRequest(
+            altitude=40, area=FIELD[1], drone="dji-m3t", vhat=0.9, grid="line", trigger="distance"
+        )
+    )
     assert "cheaper_flight" not in {each.code for each in short.warnings}
