@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 from support.clouds import slope, write_cloud
+from support.paths import CLOUDS
 
 from aosplan.errors import RequestError
+from aosplan.scenes.files import point_cloud
 from aosplan.scenes.files.crop import Crop
 from aosplan.scenes.files.point_cloud import read_voxels
 
@@ -13,6 +15,7 @@ EAST, NORTH = 500_000.0, 5_200_000.0
 """In UTM 33N the middle of the zone: 15° east."""
 
 FOOT = 0.3048
+UAS = CLOUDS / "UAS_Clip.laz"
 
 
 def cloud(path, *, metre=1.0, crs="EPSG:32633", size=60.0, east=EAST, **given):
@@ -137,3 +140,69 @@ def test_the_place_of_a_plan_crops_what_it_meets_and_says_so(tmp_path):
         whole = read_voxels(path, crop=crop)
         assert whole.points == x.size
         assert "cropped_to_plan" not in dict(whole.warnings)
+
+
+# --- Wide plots ---
+
+
+@pytest.fixture
+def wide(tmp_path):
+    path, _, _ = cloud(tmp_path / "a.las", size=60.0)
+    return path
+
+
+def test_wide_plots_have_larger_voxels_and_say_so(wide, monkeypatch):
+    assert read_voxels(wide).voxel_m == 0.25
+    # z spans 28 m: of 60 x 60 x 28 m so many voxels of 0.38 m are enough.
+    monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 1_830_000)
+    enlarged = read_voxels(wide)
+    assert enlarged.voxel_m == 0.4
+    assert "voxels of 0.4 m instead of 0.25 m" in dict(enlarged.warnings)["voxels_enlarged"]
+    assert "voxels_enlarged" not in dict(read_voxels(wide, voxel_m=0.3).warnings)
+    monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 100)
+    assert read_voxels(wide).voxel_m == 0.25  # beyond 0.5 m the user is to say so
+
+
+def pulses_of(path, **given):
+    volume = read_voxels(path, opacity="auto", **given)
+    return volume, volume.opacity
+
+
+@pytest.mark.skipif(not UAS.is_file(), reason="the real point clouds are not at hand")
+class TestPulsesOfWidePlots:
+    crop = Crop((0.0, 0.0, 0.0, 0.0))
+
+    @pytest.fixture(autouse=True)
+    def middle(self):
+        """The middle 20 m of the cloud."""
+        from aosplan.scenes.files.las import PointFile
+
+        low, high = PointFile(str(UAS)).bounds
+        x, y = (low + high) / 2.0
+        self.crop = Crop((x - 10.0, y - 10.0, x + 10.0, y + 10.0))
+
+    def test_a_crop_has_the_pulses_over_it_alone(self):
+        volume, opacity = pulses_of(UAS, crop=self.crop)
+        assert opacity.source == "pulses"
+        assert volume.size_m == pytest.approx((20.0, 20.0), abs=0.3)
+        assert opacity.voxel_m == volume.slice_m == 0.25
+
+    def test_a_share_of_the_pulses_says_what_all_say(self, monkeypatch):
+        from aosplan.scenes.pulses import fit
+
+        whole = pulses_of(UAS)
+        monkeypatch.setattr(fit, "MOST_RETURNS", whole[0].points // 2)
+        part = pulses_of(UAS)
+        assert part[1].pulses == pytest.approx(whole[1].pulses / 2, rel=0.05)
+        assert part[1].gap_weighted == pytest.approx(whole[1].gap_weighted, abs=0.01)
+        assert part[0].column_occupancy == pytest.approx(whole[0].column_occupancy, abs=0.01)
+
+    def test_wide_plots_take_larger_voxels_and_wider_ones_voxels_of_points(self, monkeypatch):
+        monkeypatch.setattr(point_cloud, "MOST_PULSE_COLUMNS", 3000)
+        volume, opacity = pulses_of(UAS, crop=self.crop)
+        assert opacity.voxel_m == volume.slice_m == 0.5
+        monkeypatch.setattr(point_cloud, "MOST_PULSE_COLUMNS", 500)
+        volume, opacity = pulses_of(UAS, crop=self.crop)
+        assert opacity.source == "voxels"
+        assert "--crop takes a part" in opacity.reason
+        assert volume.slice_m is None

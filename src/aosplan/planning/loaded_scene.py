@@ -215,7 +215,7 @@ def _cloud(
 
     _check_unread(request, ("crown_base",))
     reading: dict[str, Any] = {
-        "voxel": request.voxel or 0.25,
+        "voxel": request.voxel,
         "ground": request.ground or "auto",
         "min_height": 2.0 if request.min_height is None else request.min_height,
         "opacity": request.opacity or "auto",
@@ -261,6 +261,7 @@ def _cloud(
     stand, from_cache = cache.stand(read_from, {**reading, "box": crop}, read)
     shown = os.path.basename(os.path.normpath(name))
     loaded = _of_stand(stand, shown, request)
+    reading["voxel"] = stand.volume.slice_height_m
     return replace(loaded, reading=reading, from_cache=from_cache)
 
 

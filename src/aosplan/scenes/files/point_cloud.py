@@ -67,6 +67,22 @@ FULL_FOOTPRINT = 0.95
 POINTS_A_COLUMN = 1.6
 """Points on the ground of a voxel below which every fifth would hold none by chance."""
 
+MOST_PULSE_COLUMNS = 400_000
+"""Columns of voxels up to which pulses are fitted; wider plots take voxels twice as large,"""
+
+LARGEST_PULSE_VOXEL_M = 0.5
+"""up to this size: V was within 2.3 % for voxels of 0.15 to 0.5 m."""
+
+DEFAULT_VOXEL_M = 0.25
+USUAL_VOXELS = 800_000_000
+"""Wide plots take larger voxels than the default ones for as many to be enough,"""
+
+USUAL_TOP_M = 45.0
+"""up to this height,"""
+
+LARGEST_VOXEL_M = 0.5
+"""and up to this size: on wider ones the default is refused, as too small."""
+
 SPACINGS_ACROSS = 4.0
 """Mean spacings of points across a square that is to hold one: it has 16 on average."""
 
@@ -74,7 +90,7 @@ SPACINGS_ACROSS = 4.0
 def read_voxels(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     *,
-    voxel_m: float = 0.25,
+    voxel_m: float | None = None,
     ground: GroundMethod = "auto",
     min_height_m: float = 2.0,
     units: str | None = None,
@@ -91,7 +107,8 @@ def read_voxels(
     paths
         The files; several are read as one cloud.
     voxel_m
-        Edge length of a voxel.
+        Edge length of a voxel; None for 0.25 m, or on plots of several hundred metres what makes
+        `USUAL_VOXELS` of them, with a warning.
     ground
         ``class``: the points of class 2.  ``filter``: a cloth simulation filter finds them.
         ``normalized``: z already is the height above ground.  ``auto``: the first that applies
@@ -152,12 +169,15 @@ def read_voxels(
                 files = [file for file in files if box.meets(file)]
                 place = box.place or place
             read = _decode(files, source, cloud, progress, box)
+            if voxel_m is None:
+                voxel_m, enlarged = _voxel_for(cloud)
+                warnings += enlarged
             plot = _Plot.around(cloud, voxel_m, source)
             method, ground_m, strange = _find_ground(cloud, plot, ground)
             found, reason = None, ""
             if opacity != "voxels":
                 found, reason = _from_pulses(
-                    files, plot, ground_m, min_height_m, leaf_size_m, trajectory
+                    files, plot, ground_m, min_height_m, leaf_size_m, trajectory, cloud.count
                 )
                 if found is None and (opacity == "pulses" or trajectory is not None):
                     raise RequestError(
@@ -176,7 +196,8 @@ def read_voxels(
             )
     except MemoryError as error:
         raise SurroundingsError(
-            f"not enough memory for point cloud {source} in voxels of {voxel_m:g} m",
+            f"not enough memory for point cloud {source}"
+            + (f" in voxels of {voxel_m:g} m" if voxel_m else ""),
             "use larger voxels",
         ) from error
     volume = VoxelVolume(
@@ -202,7 +223,7 @@ def read_voxels(
         volume,
         occupied=found.occupied,
         voxel_m=found.cell_m,
-        slice_m=voxel_m,
+        slice_m=found.opacity.voxel_m,
         bounds=found.bounds,
         opacity=found.opacity,
         warnings=known,
@@ -216,6 +237,7 @@ def _from_pulses(
     cut_m: float,
     leaf_m: float | None,
     trajectory: str | None,
+    points: int,
 ) -> tuple[PulseVolume | None, str]:
     """What the pulses say of a stand, or None and the reason why they say nothing."""
     from aosplan.scenes.pulses.fit import UnsoundPulsesError, volume_from_pulses
@@ -223,18 +245,50 @@ def _from_pulses(
     from aosplan.scenes.pulses.trajectory import read_trajectory
 
     track = None if trajectory is None else read_trajectory(trajectory)
-    grid = Grid(ground_m, plot.voxel_m, 1, cut_m, (float(plot.size_m[0]), float(plot.size_m[1])))
+    width_m, depth_m = plot.size_m[:2].tolist()
+    voxel_m = plot.voxel_m
+    while plot.rows * plot.columns * (plot.voxel_m / voxel_m) ** 2 > MOST_PULSE_COLUMNS:
+        if 2.0 * voxel_m > LARGEST_PULSE_VOXEL_M:
+            return None, (
+                f"{width_m:.4g} x {depth_m:.4g} m are too wide for voxels of {voxel_m:g} m to which "
+                "pulses are fitted (--crop takes a part)"
+            )
+        voxel_m *= 2.0
+        down, across = (
+            np.minimum(np.arange(0, length + 2, 2), length)
+            for length in (ground_m.shape[0] - 1, ground_m.shape[1] - 1)
+        )
+        ground_m = ground_m[np.ix_(down, across)]
+    grid = Grid(ground_m, voxel_m, 1, cut_m, (width_m, depth_m))
     try:
-        found = volume_from_pulses(files, grid, plot.origin_m, leaf_m=leaf_m, trajectory=track)
+        found = volume_from_pulses(
+            files, grid, plot.origin_m, leaf_m=leaf_m, trajectory=track, points=points
+        )
     except UnsoundPulsesError as error:
         return None, str(error)
     return found, ""
 
 
-def _check_request(names: list[str], voxel_m: float, ground: str, min_height_m: float) -> None:
+def _voxel_for(cloud: Spool) -> tuple[float, list[Warned]]:
+    """Voxel size for a cloud, and a warning if it is not the default one."""
+    width_m, depth_m, rise_m = (float(length) for length in cloud.high_m - cloud.low_m)
+    volume_m3 = width_m * depth_m * min(rise_m, USUAL_TOP_M)
+    if not DEFAULT_VOXEL_M**3 < volume_m3 / USUAL_VOXELS <= LARGEST_VOXEL_M**3:
+        return DEFAULT_VOXEL_M, []
+    voxel_m = math.ceil(20.0 * (volume_m3 / USUAL_VOXELS) ** (1.0 / 3.0) - 1e-9) / 20.0
+    message = (
+        f"voxels of {voxel_m:g} m instead of {DEFAULT_VOXEL_M:g} m are used for a plot of "
+        f"{width_m:.4g} x {depth_m:.4g} m: read a part of it (--crop), or say --voxel"
+    )
+    return voxel_m, [("voxels_enlarged", message)]
+
+
+def _check_request(
+    names: list[str], voxel_m: float | None, ground: str, min_height_m: float
+) -> None:
     if not names:
         raise RequestError("no point cloud is given", "name at least one .las or .laz file")
-    if not (math.isfinite(voxel_m) and voxel_m > 0.0):
+    if voxel_m is not None and not (math.isfinite(voxel_m) and voxel_m > 0.0):
         raise RequestError(f"voxel size {voxel_m:g} m is not a positive number")
     if not (math.isfinite(min_height_m) and min_height_m >= 0.0):
         raise RequestError(f"minimum height {min_height_m:g} m is not zero or above")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-MOST_POINTS = 30_000_000
+MOST_RETURNS = 5_000_000
+"""Returns of a plot whose pulses are all traced; of one with more a share of the pulses is."""
+
+MOST_VOXELS = 100_000_000
 FEWEST_PULSES = 1000
 FEWEST_A_M2 = 2.0
 LEAST_COMPLETE = 0.5
@@ -144,6 +148,7 @@ def volume_from_pulses(
     *,
     leaf_m: float | None = None,
     trajectory: Trajectory | None = None,
+    points: int = 0,
 ) -> PulseVolume:
     """Fit the attenuation of a stand to its pulses, and realise it.
 
@@ -159,13 +164,20 @@ def volume_from_pulses(
         Edge of the cells; None for the default, larger on large plots.
     trajectory
         Positions of the sensor, if they are known.
+    points
+        Returns of the plot, which decide whether all of its pulses are traced.
 
     Raises
     ------
     UnsoundPulsesError
         If the pulses do not tell.
     """
-    beams, grid = sound_beams(files, grid, origin_m, trajectory)
+    share = min(MOST_RETURNS / max(points, 1), 1.0)
+    beams, grid = sound_beams(files, grid, origin_m, trajectory, share)
+    if math.prod(grid.shape) > MOST_VOXELS:
+        raise UnsoundPulsesError(
+            f"the stand takes more than the {MOST_VOXELS} voxels to which pulses are fitted"
+        )
     field = fitted_field(beams, grid)
     size_m = grid.size_m
     if leaf_m is not None and leaf_m > min(size_m):
@@ -208,6 +220,7 @@ def sound_beams(
     grid: trace.Grid,
     origin_m: Floats,
     trajectory: Trajectory | None = None,
+    share: float = 1.0,
 ) -> tuple[Beams, trace.Grid]:
     """Clean, group and track the pulses of some files, and keep those that meet the plot's ground.
 
@@ -220,12 +233,9 @@ def sound_beams(
 
     if not any(file.later_returns for file in files):
         raise UnsoundPulsesError("every point is the only return of its pulse")
-    points = sum(file.count for file in files)
-    if points > MOST_POINTS:
-        raise UnsoundPulsesError(
-            f"{points} points are more than the {MOST_POINTS} whose pulses are traced; crop the cloud"
-        )
-    returns, timed = read_returns(files, origin_m)
+    returns, timed = read_returns(files, origin_m, grid.size_m, share)
+    if returns.number.size == 0:
+        raise UnsoundPulsesError("there are no returns over the plot")
     returns = clean.split_lines(clean.without_duplicates(returns), timed=timed)
     if trajectory is not None and not timed:
         raise RequestError(
@@ -267,7 +277,7 @@ def sound_beams(
     foot = trace.points_at_height(returns.xyz_m[:, pulses.last], to_sensor, grid, 0.0)
     beams = beams.take(sound & grid.inside(foot))
     area_m2 = grid.size_m[0] * grid.size_m[1]
-    least = max(FEWEST_PULSES, FEWEST_A_M2 * area_m2)
+    least = max(FEWEST_PULSES, FEWEST_A_M2 * area_m2 * share)
     if len(beams.pulses) < least:
         raise UnsoundPulsesError(
             f"{len(beams.pulses)} complete pulses meet the plot's ground, fewer than {least:.0f}"

@@ -58,15 +58,31 @@ class Returns(NamedTuple):
         )
 
 
-def read_returns(files: Sequence[PointFile], origin_m: Floats) -> tuple[Returns, bool]:
-    """All returns of some files that are not noise.
+AROUND_M = 15.0
+"""Returns beside a plot that are kept: pulses come to its rim from there."""
+
+BLOCK = 1024
+"""Records of files without times that are kept or left out together, as pulses are of a few."""
+
+
+def read_returns(
+    files: Sequence[PointFile],
+    origin_m: Floats,
+    size_m: tuple[float, float] | None = None,
+    share: float = 1.0,
+) -> tuple[Returns, bool]:
+    """The returns of a plot that are not noise, or of a share of its pulses.
 
     Parameters
     ----------
     files
         Of one stand, read in this order.
     origin_m
-        Shape (3,): point from which the coordinates count.
+        Shape (3,): point from which the coordinates count, and at which the plot begins.
+    size_m
+        Extent of the plot along x and y; None for one that holds all returns.
+    share
+        Share of the pulses, 0 to 1, all of whose returns are kept.
 
     Returns
     -------
@@ -87,6 +103,11 @@ def read_returns(files: Sequence[PointFile], origin_m: Floats) -> tuple[Returns,
             if times is None:
                 timed = False
                 times = np.arange(read, read + kept.size, dtype=np.float64)
+            if size_m is not None:
+                for axis, length in enumerate(size_m):
+                    kept &= (xyz[axis] >= -AROUND_M) & (xyz[axis] <= length + AROUND_M)
+            if share < 1.0:
+                kept &= _drawn(times if timed else np.floor(times / BLOCK), share)
             read += kept.size
             part = Returns(
                 xyz, chunk.number, chunk.total, chunk.line, times, chunk.intensity, chunk.raw
@@ -97,3 +118,12 @@ def read_returns(files: Sequence[PointFile], origin_m: Floats) -> tuple[Returns,
         timed = False
         joined = joined._replace(time_s=np.arange(joined.time_s.size, dtype=np.float64))
     return joined, timed
+
+
+def _drawn(times: Floats, share: float) -> NDArray[np.bool_]:
+    """Which returns belong to a share of the times, the same for all returns of a time."""
+    key = times.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    key ^= key >> np.uint64(32)
+    key *= np.uint64(0xD6E8FEB86659FD93)
+    drawn: NDArray[np.bool_] = key >> np.uint64(32) < np.uint64(share * 2.0**32)
+    return drawn
