@@ -33,7 +33,7 @@ nitpicky = True
 # that are no part of what is public.
 nitpick_ignore_regex = [
     ("py:.*", r"(np|numpy|collections|decimal|fractions|typing|os|pathlib)\..*"),
-    ("py:class", "Any|ArrayLike|Decimal|Fraction|NDArray|aosplan.camera.disparity.Slab"),
+    ("py:class", "Any|ArrayLike|Axes|Decimal|Fraction|NDArray|aosplan.camera.disparity.Slab"),
 ]
 nitpick_ignore = {
     ("py:class", name)

@@ -9,7 +9,7 @@
 
 The blocks of the page run from top to bottom when its first picture is needed, so that a
 picture may take what earlier blocks wrote; nothing drawn is kept in the repository.  With
-``:alt: described`` the words are those that the command prints, as `aosplan plot` does, and the
+``:language: python`` the content is Python that saves the picture.  With ``:alt: described`` the words are those that the command prints, as `aosplan plot` does, and the
 figure is drawn a second time for dark pages.  Of a ``.html`` that is written there is a link.
 """
 
@@ -32,6 +32,7 @@ class Drawn(SphinxDirective):
     option_spec = {  # noqa: RUF012 (as docutils has it)
         "alt": directives.unchanged_required,
         "caption": directives.unchanged_required,
+        "language": directives.unchanged_required,
         "width": directives.length_or_percentage_or_unitless,
     }
 
@@ -44,7 +45,9 @@ class Drawn(SphinxDirective):
             if name not in printed or not (folder / name).is_file():
                 raise self.error(f"no block of this page writes '{name}'")
             command = "\n".join(self.content).strip()
-            shown = nodes.literal_block(command, command, language="sh")
+            shown = nodes.literal_block(
+                command, command, language=self.options.get("language", "sh")
+            )
             if is_page(name):
                 return [shown, self._link(folder / name)]
             images = list(self._images(folder, name, printed[name]))

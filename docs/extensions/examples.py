@@ -6,7 +6,7 @@ A page is read from top to bottom in a folder of its own:
 - ``text`` right after it: what the lines before it print, a line ``...`` standing for any lines;
 - a block with a caption: a file of that name is there from now on;
 - ``python``: runs in one namespace a page; what it prints is said by its comments;
-- ``drawn``: its lines run like those of ``sh``.
+- ``drawn``: its lines run like those of ``sh``; with ``:language: python`` like those of ``python``.
 
 Other languages (``console``, ``toml`` without a caption) are only shown.
 
@@ -156,7 +156,10 @@ def follow(text, folder):
         for block in blocks(text):
             if block.kind != "text" and failed:
                 raise Failed(failed)
-            if block.kind in ("sh", "drawn"):
+            if block.kind == "drawn" and block.options.get("language") == "python":
+                exec(compile(block.body, "page", "exec"), names)
+                found.append((block, ""))
+            elif block.kind in ("sh", "drawn"):
                 outputs = [run_line(line) for line in command_lines(block.body)]
                 printed = "".join(outputs)
                 failed = next((o for o in outputs if o.startswith("error:")), None)
@@ -186,7 +189,7 @@ def inside(folder):
     for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
         os.environ.pop(name, None)
     os.environ |= {"COLUMNS": "80", "TERM": "xterm", "NO_COLOR": "1"}
-    os.environ |= {"AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none"}
+    os.environ |= {"AOSPLAN_CACHE": "0", "AOSPLAN_DEFAULTS": "none", "MPLBACKEND": "agg"}
     os.chdir(folder)
     try:
         yield

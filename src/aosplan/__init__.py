@@ -7,6 +7,23 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # as type checkers know it, without importing typing
 if TYPE_CHECKING:
+    from aosplan.api.flown import Review as Review
+    from aosplan.api.flown import Thinning as Thinning
+    from aosplan.api.flown import review as review
+    from aosplan.api.flown import thin as thin
+    from aosplan.api.integrals import Integral as Integral
+    from aosplan.api.integrals import integrate as integrate
+    from aosplan.api.plans import Plan as Plan
+    from aosplan.api.plans import Tradeoff as Tradeoff
+    from aosplan.api.plans import export as export
+    from aosplan.api.plans import plan as plan
+    from aosplan.api.plans import tradeoff as tradeoff
+    from aosplan.api.scenes import Stand as Stand
+    from aosplan.api.scenes import read_scene as read_scene
+    from aosplan.api.simulations import Simulation as Simulation
+    from aosplan.api.simulations import simulate as simulate
+    from aosplan.api.sweeps import Sweep as Sweep
+    from aosplan.api.sweeps import sweep as sweep
     from aosplan.camera.camera import Camera as Camera
     from aosplan.errors import AosplanError as AosplanError
     from aosplan.errors import InfeasibleError as InfeasibleError
@@ -22,9 +39,7 @@ if TYPE_CHECKING:
     from aosplan.models.layered import layered_visibility as layered_visibility
     from aosplan.models.positions import lattice_shortfall as lattice_shortfall
     from aosplan.models.positions import positions_shortfall as positions_shortfall
-    from aosplan.planning.planner import plan as plan
     from aosplan.planning.request import PlanRequest as PlanRequest
-    from aosplan.planning.result import Plan as Plan
     from aosplan.scenes.density import integrated_density as integrated_density
     from aosplan.scenes.density import slice_density as slice_density
     from aosplan.scenes.density import transparency as transparency
@@ -38,23 +53,38 @@ _HOMES = {
     "AosplanError": "errors",
     "Camera": "camera.camera",
     "InfeasibleError": "errors",
+    "Integral": "api.integrals",
     "Layer": "scenes.scene",
     "LayeredScene": "scenes.scene",
-    "Plan": "planning.planner",
+    "Plan": "api.plans",
     "PlanRequest": "planning.request",
     "RequestError": "errors",
+    "Review": "api.flown",
+    "Simulation": "api.simulations",
+    "Stand": "api.scenes",
+    "Sweep": "api.sweeps",
+    "Thinning": "api.flown",
+    "Tradeoff": "api.plans",
     "UniformScene": "scenes.scene",
     "aperture": "models.equations",
+    "export": "api.plans",
+    "integrate": "api.integrals",
     "integrated_density": "models.equations",
     "lattice_shortfall": "models.positions",
     "layered_shortfall": "models.layered",
     "layered_visibility": "models.layered",
     "mean_squared_error": "models.equations",
     "normalized_visibility": "models.equations",
-    "plan": "planning.planner",
+    "plan": "api.plans",
     "positions_shortfall": "models.positions",
+    "read_scene": "api.scenes",
     "required_samples": "models.equations",
+    "review": "api.flown",
+    "simulate": "api.simulations",
     "slice_density": "models.equations",
+    "sweep": "api.sweeps",
+    "thin": "api.flown",
+    "tradeoff": "api.plans",
     "transparency": "models.equations",
     "visibility": "models.equations",
     "visibility_limits": "models.equations",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
 from aosplan.cli.integrate_options import integrate_options
-from aosplan.cli.integrate_summary import described, doubts_of, show_summary, warnings_of
+from aosplan.cli.integrate_summary import described, doubts_of, show_summary
 from aosplan.cli.options import command
 from aosplan.cli.output import drawn, print_json
 from aosplan.errors import RequestError
@@ -20,7 +20,6 @@ from aosplan.units import number, positive
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from aosplan.postflight.integral.camera_pose import Intrinsics
     from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
@@ -58,6 +57,8 @@ def run(
 ) -> None:
     """Average recorded images on a focal plane, and compare choices of them."""
     from aosplan.files import check_output, write_all
+    from aosplan.postflight.integral.camera_pose import named_camera
+    from aosplan.postflight.integral.integral_warnings import integral_warnings
     from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
     from aosplan.postflight.integral.recording import Recording, least_views
     from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
@@ -86,7 +87,7 @@ def run(
         images,
         focal_height_m=0.0 if focal_height is None else _place(focal_height, "--focal-height"),
         up=up,
-        camera=_camera(camera, fov),
+        camera=named_camera(camera, None if fov is None else number(fov, "--fov", "deg")),
         photos=PhotoOptions(
             check_band(band),
             plan,
@@ -129,7 +130,7 @@ def run(
         "limits": list(limits),
         "comparison": comparison,
         "warnings": [
-            *warnings_of(recording, integral, least),
+            *(each._asdict() for each in integral_warnings(recording, integral, least)),
             *([] if found_focus is None else doubts_of(found_focus)),
         ],
     }
@@ -230,18 +231,6 @@ def _place(text: str, name: str) -> float:
     if abs(place) > FARTHEST_M:
         raise RequestError(f"{name} {place:g} is farther than {FARTHEST_M:g} m")
     return place
-
-
-def _camera(camera: str | None, fov: str | None) -> Callable[[int, int], Intrinsics] | None:
-    from aosplan.postflight.integral.camera_pose import from_camera, from_field_of_view
-
-    if camera is not None and fov is not None:
-        raise RequestError("--camera and --fov both give the camera", "leave one of them out")
-    if camera is not None:
-        from aosplan.camera.find import find_camera
-
-        return from_camera(find_camera(camera))
-    return None if fov is None else from_field_of_view(number(fov, "--fov", "deg"))
 
 
 def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, float]:

@@ -37,38 +37,6 @@ def described(recording: Recording, integral: Integral, indices: Any, least: int
     }
 
 
-def warnings_of(recording: Recording, integral: Integral, least: int) -> list[dict[str, str]]:
-    """What to know of an integral image."""
-    found = [(message.code, message.message) for message in recording.messages]
-    if recording.missing:
-        count = len(recording.missing)
-        found.append(
-            (
-                "missing_images",
-                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
-                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
-            )
-        )
-    if integral.blind:
-        found.append(
-            ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")
-        )
-    if not integral.seen(least).any():
-        found.append(
-            ("coverage", f"no pixel is seen by {least} views, so nothing shows: --min-views")
-        )
-    heights = recording.heights_m
-    if heights.max() > 3.0 * heights.min():
-        found.append(
-            (
-                "heights",
-                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal plane: "
-                "is take-off among them, or --focal-height off?",
-            )
-        )
-    return [{"code": code, "message": message} for code, message in found]
-
-
 def show_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
     """Print a document as a table."""
     from rich.table import Table

@@ -118,17 +118,9 @@ def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Sh
     with progress_bar(quiet=quiet) as bar:
         result = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
     print_warnings(result.warnings, quiet=quiet)
-    if kind.name == "visibility":
-        from aosplan.show.figures.visibility import visibility_of
+    from aosplan.show.figures.sources import shown_of_plan
 
-        return visibility_of(result)
-    if kind.name == "tradeoff":
-        from aosplan.show.figures.tradeoff import tradeoff_of
-
-        return tradeoff_of(result)
-    from aosplan.show.figures.grid import grid_of
-
-    return grid_of(result, result.inputs.area)
+    return shown_of_plan(kind, result)
 
 
 def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
@@ -155,19 +147,19 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
     with progress_bar(quiet=quiet) as bar:
         found = load_scene(request, folder=folder, progress=bar)
     print_warnings(found.warnings, quiet=quiet)
-    if kind.name == "density":
-        from aosplan.show.figures.density import density_of
-
-        return density_of(found)
-    if kind.name == "correlogram":
-        from aosplan.show.figures.correlogram import correlations_of
-
-        return correlations_of(found)
     from aosplan.planning.resolve import altitude_of, camera_of
-    from aosplan.show.figures.coverage_curve import curve_of
+    from aosplan.show.figures.sources import shown_of_scene
 
-    altitude = altitude_of(request, camera_of(request, folder=folder)) if high else None
-    return curve_of(found.scene.above(request.focal_height), request.coverage, altitude)
+    needs_altitude = high and kind.name == "baseline-curve"
+    return shown_of_scene(
+        kind,
+        found,
+        focal_height_m=request.focal_height,
+        coverage=request.coverage,
+        altitude_m=(
+            altitude_of(request, camera_of(request, folder=folder)) if needs_altitude else None
+        ),
+    )
 
 
 def _of_results(

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from typer.core import TyperArgument, TyperOption
 
 from aosplan.cli.options import command, flag_option, json_option, request_options
 from aosplan.cli.output import check_apart, print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
-from aosplan.planning.loaded_scene import VOXEL_SUFFIX
 from aosplan.show.text.terminal import print_notice
-
-if TYPE_CHECKING:
-    from aosplan.planning.loaded_scene import LoadedScene
-    from aosplan.scenes.correlogram import Correlogram
 
 
 def run(
@@ -30,15 +25,12 @@ def run(
     from aosplan.files import check_output, write_all
     from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
+    from aosplan.planning.saved_scene import check_name, scene_bytes
     from aosplan.scenes.summary import statistics_document
 
     saved = save or []
     for path in saved:
-        if not path.lower().endswith((".toml", VOXEL_SUFFIX)):
-            raise RequestError(
-                f"--save '{path}' does not end in .toml or {VOXEL_SUFFIX}",
-                ".toml has the statistics, .npz the voxels as well",
-            )
+        check_name(path)
         check_output(path, force=force)
     check_apart(saved)
     first, more = (scene[0], scene[1:]) if scene else (None, [])
@@ -56,7 +48,7 @@ def run(
         from aosplan.scenes.correlogram import correlogram
 
         table = correlogram(loaded.volume)
-    write_all({path: _scene_bytes(loaded, table, path) for path in saved}, force=force)
+    write_all({path: scene_bytes(loaded, table, path) for path in saved}, force=force)
     document = statistics_document(loaded.scene, loaded.warnings, loaded.volume, table)
     if as_json:
         print_json(document)
@@ -69,20 +61,6 @@ def run(
             document["density_by_angle"] = densities_off_nadir(loaded.volume)
 
         print_scene(document)
-
-
-def _scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> bytes:
-    if not path.lower().endswith(VOXEL_SUFFIX):
-        from aosplan.scenes.files.toml_file import scene_toml
-
-        return scene_toml(loaded.scene, table)
-    if loaded.volume is None:
-        raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
-    from aosplan.scenes.scene import LayeredScene
-
-    assert isinstance(loaded.scene, LayeredScene)  # voxels have layers
-    return stand_npz(Stand(loaded.volume, loaded.scene.layers, table))
 
 
 COMMAND = command(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
@@ -18,7 +17,7 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar, waiting_bar
 from aosplan.errors import RequestError
-from aosplan.planning.loaded_scene import CLOUD_SUFFIXES, VOXEL_SUFFIX
+from aosplan.planning.loaded_scene import without_simulated_view
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 
@@ -56,7 +55,9 @@ def run(
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
-        result = plan(_plannable(wanted), folder=folder, progress=bar, on_trial=bar.on_trial)
+        result = plan(
+            without_simulated_view(wanted), folder=folder, progress=bar, on_trial=bar.on_trial
+        )
     print_warnings(result.warnings, quiet=quiet)
     from aosplan.simulation.compare import simulate
 
@@ -121,13 +122,6 @@ def _seed(value: str) -> int:
     if not value.isascii() or not value.isdigit() or int(value) > LARGEST_SEED:
         raise RequestError(f"--seed {value} is not a whole number from 0 to {LARGEST_SEED}")
     return int(value)
-
-
-def _plannable(wanted: PlanRequest) -> PlanRequest:
-    """The request that is planned: a view is the measured model's, or only the simulation's."""
-    cloud = (wanted.scene or "").lower().endswith((*CLOUD_SUFFIXES, VOXEL_SUFFIX))
-    measured = wanted.model == "measured" or (wanted.model is None and cloud)
-    return wanted if measured else replace(wanted, view=None)
 
 
 def _outputs(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from aosplan import __version__
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -17,14 +16,10 @@ from aosplan.cli.options import (
 )
 from aosplan.cli.output import print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
-from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from aosplan.planning.result import Plan
-    from aosplan.solver.tradeoff import Row
 
 ENDINGS = (".csv", ".json", ".jsonl")
 
@@ -51,32 +46,15 @@ def run(
     with progress_bar(quiet=quiet) as bar:
         folder = os.path.dirname(request or "")
         chosen = plan(wanted, folder=folder, progress=bar, on_trial=bar.on_trial)
-        found = chosen.tradeoff()
-        rows = [row.document() for row in found]
-        if wanted.find is not None:
-            _add_detection(chosen, found, rows)
+        document = chosen.tradeoff_document(chosen.tradeoff())
     print_warnings(chosen.warnings, quiet=quiet)
-    document = {
-        "schema": SCHEMA,
-        "version": __version__,
-        "request": chosen.request.document(),
-        "rows": rows,
-    }
+    rows = document["rows"]
     if out is not None:
         write_all({out: _rendered(document, rows, out)}, force=force)
     if as_json:
         print_json(document)
     elif not quiet:
         _show(rows, out)
-
-
-def _add_detection(chosen: Plan, found: Sequence[Row], documents: Sequence[dict[str, Any]]) -> None:
-    """Add the probability of detection to the rows' documents; null where it was not counted."""
-    from aosplan.planning.detection import detections_of_rows
-
-    asked = [(row.pattern, row.baseline_m, row.front or row.chosen) for row in found]
-    for document, detection in zip(documents, detections_of_rows(chosen, asked), strict=True):
-        document["detection"] = None if detection is None else detection.probability
 
 
 def _rendered(document: dict[str, Any], rows: Sequence[dict[str, Any]], path: str) -> bytes:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 from aosplan.errors import RequestError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
 
 FRAMES = ("takeoff", "terrain")
@@ -35,11 +36,13 @@ class Waypoint(NamedTuple):
     photo: bool = True
 
 
-@dataclass(frozen=True)
-class Waypoints:
+@dataclass(frozen=True, repr=False)
+class Waypoints(Sequence[Waypoint]):
     """Waypoints in flight order, a column each of what `Waypoint` has; None: the same for all.
 
-    Columns, since a mission may have a million of them.  Iterating gives `Waypoint` values.
+    Columns, since a mission may have a million of them.  Iterating gives `Waypoint` values, which
+    pandas and polars take as rows; `columns` gives a dictionary, and GeoPandas reads the points by
+    ``GeoDataFrame.from_features``.
     """
 
     east_m: Sequence[float]
@@ -49,6 +52,45 @@ class Waypoints:
     longitude: Sequence[float] | None = None
     ground_m: Sequence[float] | None = None
     photo: Sequence[bool] | None = None
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} waypoints: {', '.join(self.columns())}>"
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """A GeoJSON FeatureCollection of points: longitude, latitude, height above ground.
+
+        Raises
+        ------
+        RequestError
+            If the waypoints have no latitudes and longitudes.
+        """
+        if self.latitude is None or self.longitude is None:
+            raise RequestError(
+                "waypoints without a location have no geometry on earth",
+                "give the plan origin=(LAT, LON) or area=FILE, or use east_m and north_m",
+            )
+        columns = self.columns()
+        names = [name for name in columns if name not in ("latitude", "longitude")]
+        return {
+            "type": "FeatureCollection",
+            "features": [
+                {
+                    "type": "Feature",
+                    "id": str(index),
+                    "geometry": {
+                        "type": "Point",
+                        "coordinates": (
+                            self.longitude[index],
+                            self.latitude[index],
+                            self.altitude_m[index],
+                        ),
+                    },
+                    "properties": {"index": index, **{n: columns[n][index] for n in names}},
+                }
+                for index in range(len(self))
+            ],
+        }
 
     def __len__(self) -> int:
         return len(self.east_m)

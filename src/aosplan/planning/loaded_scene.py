@@ -167,6 +167,16 @@ def _of_numbers(request: PlanRequest) -> LoadedScene:
     return LoadedScene(scene, "uniform")
 
 
+def without_simulated_view(request: PlanRequest) -> PlanRequest:
+    """The request that is planned for a simulation: without a view that the simulation alone takes.
+
+    The measured model predicts for a view too; the others do not.
+    """
+    cloud = (request.scene or "").lower().endswith((*CLOUD_SUFFIXES, VOXEL_SUFFIX))
+    measured = request.model == "measured" or (request.model is None and cloud)
+    return request if measured else replace(request, view=None)
+
+
 def cloud_files(name: str) -> tuple[str, ...]:
     """Files of the point cloud that a name stands for, sorted; none where it stands for none.
 

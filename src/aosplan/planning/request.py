@@ -374,7 +374,10 @@ def request_from(
     )
     place = f" in {where}" if where else ""
     given = {name: _parsed(name, value, f"{name}{place}") for name, value in given.items()}
-    flags = {name: _parsed(name, value, BY_NAME[name].flag) for name, value in flags.items()}
+    flags = {
+        name: _parsed(name, value, BY_NAME[name].flag if name in BY_NAME else f"'{name}'")
+        for name, value in flags.items()
+    }
     asked = beneath(given, flags) | flags
     if own:
         asked = own_beneath(own, asked, defaults_where) | asked

@@ -10,6 +10,8 @@ from aosplan.mission.mission import Mission, Share, split
 from aosplan.planning.plan_data import PlanData
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aosplan.solver.tradeoff import Row
 
 
@@ -47,6 +49,30 @@ class Plan(PlanData):
             raise RequestError("nothing stands above the focal plane: one photo shows everything")
         problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]
         return tradeoff(problems, self.problem, self.solution)
+
+    def tradeoff_document(self, rows: Sequence[Row]) -> dict[str, Any]:
+        """Rows of `tradeoff` as plain values: what ``tradeoff --json`` prints.
+
+        If the plan looks for something, rows have the probability of detection; None for rows for
+        which it was not counted.
+        """
+        from aosplan import __version__
+        from aosplan.messages import SCHEMA
+
+        documents = [row.document() for row in rows]
+        if self.inputs.asked.find is not None:
+            from aosplan.planning.detection import detections_of_rows
+
+            asked = [(row.pattern, row.baseline_m, row.front or row.chosen) for row in rows]
+            found = detections_of_rows(self, asked)
+            for document, detection in zip(documents, found, strict=True):
+                document["detection"] = None if detection is None else detection.probability
+        return {
+            "schema": SCHEMA,
+            "version": __version__,
+            "request": self.request.document(),
+            "rows": documents,
+        }
 
     def mission(self) -> Mission:
         """The plan as formats take it."""

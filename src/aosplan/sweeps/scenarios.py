@@ -211,14 +211,28 @@ def read_crossing(path: str) -> Crossing:
     sweep = table.get("sweep")
     if not isinstance(sweep, dict):
         raise RequestError(f"'{path}' has no table [sweep]", "its keys are the options of `plan`")
+    return crossing_of(sweep, f"'{path}': ", os.path.dirname(path))
+
+
+def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> Crossing:
+    """The crossing of options by name, as `read_crossing`.
+
+    Parameters
+    ----------
+    sweep
+        The values of each option.
+    where
+        What messages begin with.
+    folder
+        Where files of values and of scenes are looked for.
+    """
     if not sweep:
-        raise RequestError(f"'{path}': [sweep] is empty, so there are no scenarios")
-    folder = os.path.dirname(path)
+        raise RequestError(f"{where}[sweep] is empty, so there are no scenarios")
     axes = {}
     for name, given in sweep.items():
-        place = f"'{path}': {name}"
+        place = f"{where}{name}"
         if name not in BY_NAME:
-            raise RequestError(f"'{path}': unknown name '{name}'", nearest_hint(name, BY_NAME))
+            raise RequestError(f"{where}unknown name '{name}'", nearest_hint(name, BY_NAME))
         values = _values(given, place, folder, pair=BY_NAME[name].kind == "pair")
         if not values:
             raise RequestError(f"{place} has no values, so there are no scenarios")

@@ -201,6 +201,25 @@ def from_field_of_view(fov_deg: float) -> Callable[[int, int], Intrinsics]:
     return made
 
 
+def named_camera(
+    name: str | None, fov_deg: float | None
+) -> Callable[[int, int], Intrinsics] | None:
+    """Intrinsics from the name of a camera or from a horizontal field of view [deg]; None of neither.
+
+    Raises
+    ------
+    RequestError
+        If both are given, or the camera is unknown.
+    """
+    if name is not None and fov_deg is not None:
+        raise RequestError("--camera and --fov both give the camera", "leave one of them out")
+    if name is not None:
+        from aosplan.camera.find import find_camera
+
+        return from_camera(find_camera(name))
+    return None if fov_deg is None else from_field_of_view(fov_deg)
+
+
 def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
     """Intrinsics of a camera for its own images, and for its images scaled as a whole."""
 

@@ -11,6 +11,7 @@ from aosplan.scenes.summary import statistics_document
 from aosplan.show.figures.style import entitle, logarithmic
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from aosplan.scenes.scene import Scene
@@ -94,7 +95,12 @@ def curve_of(
 
 def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
     """The share against b/h, on a logarithmic axis; with an altitude, against b as well."""
-    panel = figure.subplots()
+    draw_panel(figure.subplots(), shown, theme)
+    entitle(figure, shown.title)
+
+
+def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
+    """The curve on one panel, with its legend."""
     first = [(shown.knots[0][0], 0.0)] if shown.stepped else []
     panel.plot(
         *zip(*first, *shown.knots, strict=True),
@@ -138,4 +144,4 @@ def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
         logarithmic(top.xaxis)
         top.set_xlabel(f"baseline $b$ [m] from {altitude:g} m")
     panel.legend(loc="lower right")
-    entitle(figure, shown.title)
+    return []

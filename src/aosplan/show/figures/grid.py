@@ -212,7 +212,12 @@ def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]
 
 def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     """The map, north up, metres to both sides."""
-    panel = figure.subplots()
+    legend_below(figure, draw_panel(figure.subplots(), shown, theme))
+    entitle(figure, shown.title)
+
+
+def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
+    """The map on one panel; what its legend explains."""
     panel.set_aspect("equal")
     shapes = _shapes(shown, theme)
     for polygons, look in shapes.values():
@@ -222,7 +227,11 @@ def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
-    paper_mm = 25.4 * 0.86 * min(figure.get_size_inches()) / span
+    figure = panel.get_figure(root=True)
+    assert figure is not None  # the panel is on one
+    # Axes of a figure with other panels are smaller than it; a layout has not yet placed them.
+    share = min(panel.get_position().width, panel.get_position().height) / 0.77
+    paper_mm = 25.4 * 0.86 * min(share, 1.0) * min(figure.get_size_inches()) / span
     _ways(panel, shown, theme, paper_mm * _spacing_m(shown))
     if shown.takeoff is not None:
         panel.plot(*shown.takeoff, **HOME, mfc=theme.data[3], mec=theme.background)
@@ -239,8 +248,7 @@ def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
     )
     panel.set(xlabel="east of the origin [m]", ylabel="north of the origin [m]")
     panel.grid(visible=False)
-    legend_below(figure, _legend(shown, theme, shapes))
-    entitle(figure, shown.title)
+    return _legend(shown, theme, shapes)
 
 
 HOME: dict[str, Any] = {"ls": "", "marker": "P", "ms": 9, "zorder": 6}

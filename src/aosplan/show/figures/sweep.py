@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import polars as pl
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from aosplan.show.figures.style import Theme
@@ -190,10 +191,16 @@ def results_of(
         Where there is no such file or column, or a map would have too many cells.
     """
     lazy = _scan(path)
-    names = _collected(lazy.head(0)).columns
-    check_columns(names, x, y, value)
-    if "status" not in names:
+    if "status" not in _collected(lazy.head(0)).columns:
         raise RequestError(f"'{path}' has no column 'status'", "aosplan sweep writes one")
+    return frame_of(lazy, x, y, value)
+
+
+def frame_of(
+    lazy: pl.LazyFrame, x: str | None = None, y: str | None = None, value: str | None = None
+) -> Scatter | Map:
+    """What is drawn of the rows of a sweep; parameters and errors as of `results_of`."""
+    check_columns(_collected(lazy.head(0)).columns, x, y, value)
     if value is None:
         return _scatter(lazy, x or DEFAULT_X, y or DEFAULT_Y)
     assert x is not None  # the columns were checked
@@ -338,11 +345,18 @@ def _shown(value: Any) -> str:
 
 def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
     """A scatter with its front, or a map."""
-    if isinstance(shown, Scatter):
-        _draw_scatter(figure, shown, theme)
-    else:
-        _draw_map(figure, shown, theme)
+    handles = draw_panel(figure.subplots(), shown, theme)
+    if handles:
+        legend_below(figure, handles)
     entitle(figure, shown.title[0].upper() + shown.title[1:])
+
+
+def draw_panel(panel: Axes, shown: Scatter | Map, theme: Theme) -> list[Any]:
+    """A scatter or a map on one panel; what its legend explains."""
+    if isinstance(shown, Scatter):
+        _draw_scatter(panel, shown, theme)
+        return []
+    return _draw_map(panel, shown, theme)
 
 
 def _spans(values: Sequence[float], factor: float) -> bool:
@@ -350,8 +364,7 @@ def _spans(values: Sequence[float], factor: float) -> bool:
     return min(values) > 0.0 and max(values) > factor * min(values)
 
 
-def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
-    panel = figure.subplots()
+def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
     panel.plot(
         *zip(*shown.points, strict=True),
         "o",
@@ -381,13 +394,12 @@ def _draw_scatter(figure: Figure, shown: Scatter, theme: Theme) -> None:
     panel.legend(loc="best")
 
 
-def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
+def _draw_map(panel: Axes, shown: Map, theme: Theme) -> list[Any]:
     import numpy as np
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    panel = figure.subplots()
     values = [
         [float("nan") if cell is None or cell.value is None else cell.value for cell in row]
         for row in shown.cells
@@ -424,11 +436,12 @@ def _draw_map(figure: Figure, shown: Map, theme: Theme) -> None:
         panel.tick_params(axis="x", rotation=30)
     panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
     panel.grid(visible=False)
+    figure = panel.get_figure()
+    assert figure is not None  # the panel is on one
     scale = figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
     if wide:
         logarithmic(scale.ax.yaxis)
-    if handles:
-        legend_below(figure, handles)
+    return handles
 
 
 def ticked(labels: Sequence[str]) -> range:

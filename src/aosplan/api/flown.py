@@ -1,0 +1,230 @@
+"""After the flight, in Python: `review` and `thin`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from aosplan.api.request import found_request
+from aosplan.api.summarized import Summarized, warnings_text
+from aosplan.postflight import review as reviews
+from aosplan.postflight import thin as thinnings
+from aosplan.units import percent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Unpack
+
+    from matplotlib.axes import Axes
+
+    from aosplan.api.request import Asked
+    from aosplan.api.request_options import RequestOptions
+    from aosplan.models.model import Prediction
+
+
+@dataclass(frozen=True, repr=False)
+class Review(Summarized, reviews.Review):
+    """What was flown of a plan.
+
+    Attributes are those of `aosplan.postflight.review.Review`: `missing` (waypoints without a photo),
+    `flown` and `completed` (predictions), `topup` (a plan of the missing sites, or None).
+    """
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        sites = len(self.sites)
+        headline = f"{sites - len(self.missing)} of {sites} sites have a photo"
+        facts = {"Photos": f"{len(self.views)}, {len(self.strays)} of them at no site"}
+        if self.errors_m is not None:
+            facts["Position error"] = "{:.2f} m root mean square, {:.2f} m at most".format(
+                *self.errors_m
+            )
+        facts["Planned"] = _shown(self.plan.solution.prediction)
+        if self.flown is not None:
+            facts["Flown"] = _shown(self.flown)
+        return headline, facts | warnings_text(self.warnings)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The photos as columns: name, place [m], waypoint of the nearest site, distance [m]."""
+        return {
+            "name": [self.views.name(index) for index in range(len(self.views))],
+            "east_m": list(self.east_m),
+            "north_m": list(self.north_m),
+            "nearest_site": [self.sites[place] for place in self.site_of],
+            "off_m": self.off_m.tolist(),
+        }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the plan, the photos (crosses) and the sites without a photo (rings).
+
+        Parameters
+        ----------
+        ax
+            Axes to draw on; a new figure by default.
+        """
+        from aosplan.show.figures.axes import plotted
+        from aosplan.show.figures.draw import KINDS
+        from aosplan.show.figures.sources import shown_of_plan
+
+        grid = KINDS["grid"]
+        panel: Axes = plotted(grid, shown_of_plan(grid, self.plan), ax)
+        panel.plot(self.east_m, self.north_m, "x", color="tab:green", zorder=8, label="photos")
+        if self.missing:
+            ways = self.plan.waypoints
+            panel.plot(
+                [ways.east_m[index] for index in self.missing],
+                [ways.north_m[index] for index in self.missing],
+                "o",
+                ms=14,
+                mfc="none",
+                mec="tab:red",
+                zorder=8,
+                label="no photo",
+            )
+        panel.legend(loc="upper right", fontsize="small")
+        return panel
+
+
+def review(
+    positions: str | os.PathLike[str],
+    plan: Asked | None = None,
+    *,
+    tolerance_m: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Unpack[RequestOptions],
+) -> Review:
+    """Compare where photos were taken with what was planned.
+
+    Parameters
+    ----------
+    positions
+        A folder of photos, a mission (``.waypoints``, ``.plan``, ``.kmz``, ``.mavlink``), a CSV or
+        a ``.geojson`` file.
+    plan
+        A plan, a request, or the path of a saved plan or a request file.
+    tolerance_m
+        Largest distance of a photo from its site; half the smaller pitch by default.
+    progress
+        Called with points read and points in all while a point cloud is read.
+    **options
+        As for `aosplan.plan`; they override those of `plan`.
+
+    Raises
+    ------
+    RequestError
+        As for `aosplan.plan`, or if the positions cannot be read or are far from the plan.
+    """
+    from aosplan.postflight.views import read_views
+    from aosplan.units import positive
+
+    found = found_request(plan, options)
+    views = read_views(os.fspath(positions), on_earth=found.request.has_place)
+    reviewed = reviews.review(
+        found.request,
+        views,
+        tolerance_m=None if tolerance_m is None else positive(tolerance_m, "tolerance_m", "m"),
+        folder=found.folder,
+        progress=progress,
+    )
+    return Review(*(getattr(reviewed, field.name) for field in fields(reviewed)))
+
+
+class Thinning(Summarized, thinnings.Thinning):
+    """The views of a recording that share the fewest occluders.
+
+    Attributes are those of `aosplan.postflight.thin.Thinning`: `chosen` (places among all views),
+    `every`, `kept` and `bound` (predictions).
+    """
+
+    __slots__ = ()
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        headline = f"{len(self.chosen)} of {len(self.views)} views"
+        facts = {
+            "All": _shown(self.every),
+            "Kept": _shown(self.kept),
+            "If independent": _shown(self.bound),
+        }
+        return headline, facts | warnings_text(self.warnings)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The kept views as columns: place among all views, name, place [m]."""
+        return {
+            "index": list(self.chosen),
+            "name": [self.views.name(index) for index in self.chosen],
+            "east_m": [self.east_m[index] for index in self.chosen],
+            "north_m": [self.north_m[index] for index in self.chosen],
+        }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw where all views and the kept ones were taken.
+
+        Parameters
+        ----------
+        ax
+            Axes to draw on; a new figure by default.
+        """
+        from aosplan.show.figures.canvas import check_extra
+
+        check_extra()
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(figsize=(5.0, 5.0), layout="constrained")
+        kept = self.columns()
+        ax.plot(self.east_m, self.north_m, ".", color="0.6", label=f"all {len(self.views)} views")
+        ax.plot(kept["east_m"], kept["north_m"], "o", mfc="none", label=f"{len(self.chosen)} kept")
+        ax.set(xlabel="east of the origin [m]", ylabel="north of the origin [m]", aspect="equal")
+        ax.legend()
+        return ax
+
+
+def thin(
+    views: str | os.PathLike[str],
+    keep: int,
+    request: Asked | None = None,
+    *,
+    best: str = "normalized",
+    progress: Callable[[int, int], None] | None = None,
+    **options: Unpack[RequestOptions],
+) -> Thinning:
+    """Choose the best views of a recording: those that share the fewest occluders.
+
+    Parameters
+    ----------
+    views
+        A folder of photos, a mission, a CSV or a ``.geojson`` file.
+    keep
+        How many views to keep.
+    request, **options
+        Scene, altitude, camera and model, as for `aosplan.plan`.
+    best
+        What the kept views have most of: ``normalized`` (V̂) or ``visibility`` (V).
+    progress
+        Called with steps done and steps in all.
+
+    Raises
+    ------
+    RequestError
+        As for `aosplan.plan`, or if there are too few or too many views.
+    """
+    from aosplan.postflight.views import read_views
+    from aosplan.units import one_of, whole
+
+    found = found_request(request, options)
+    taken = read_views(os.fspath(views), on_earth=found.request.origin is not None)
+    thinned = thinnings.thinned(
+        found.request,
+        taken,
+        whole(keep, "keep"),
+        best=one_of(thinnings.QUANTITIES)(best, "best"),
+        folder=found.folder,
+        progress=progress,
+    )
+    return Thinning(*thinned)
+
+
+def _shown(prediction: Prediction) -> str:
+    return f"V̂ = {percent(prediction.normalized)}, V = {percent(prediction.expected)}"

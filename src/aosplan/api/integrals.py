@@ -1,0 +1,142 @@
+"""Integral images in Python."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from aosplan.api.summarized import Summarized, warnings_text
+from aosplan.postflight.integral import integral as integrals
+from aosplan.units import percent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from matplotlib.axes import Axes
+
+    from aosplan.messages import Message
+
+
+@dataclass(frozen=True, repr=False)
+class Integral(Summarized, integrals.Integral):
+    """An integral image.
+
+    Attributes are those of `aosplan.postflight.integral.integral.Integral`: `values` of shape (rows,
+    columns, bands), `coverage` (views that see each pixel), `raster` (extent and pixel in metres).
+    """
+
+    warnings: tuple[Message, ...] = ()
+    """What the user should know."""
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        rows, columns, bands = self.values.shape
+        headline = f"Integral of {self.views} views, {columns} x {rows} pixels"
+        west, south, east, north = self.raster.extent_m
+        facts = {
+            "Pixel": f"{100.0 * self.raster.gsd_m:.3g} cm",
+            "Extent": f"{east - west:.4g} x {north - south:.4g} m",
+            "Bands": str(bands),
+            "Seen": f"{percent(float((self.coverage > 0.0).mean()))} of the pixels by some view",
+        }
+        return headline, facts | warnings_text(self.warnings)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the image on the focal plane, in metres.
+
+        Parameters
+        ----------
+        ax
+            Axes to draw on; a new figure by default.
+        """
+        from aosplan.show.figures.canvas import check_extra
+
+        check_extra()
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(figsize=(5.5, 5.0), layout="constrained")
+        west, south, east, north = self.raster.extent_m
+        grey = self.values.shape[2] == 1
+        shown = self.values[:, :, 0] if grey else self.values / (255.0 if self.is_byte else 1.0)
+        look: dict[str, Any] = {"cmap": "gray"} if grey else {}
+        ax.imshow(shown, extent=(west, east, south, north), **look)
+        ax.set(xlabel="x [m]", ylabel="y [m]")
+        return ax
+
+
+def integrate(
+    photos: str | os.PathLike[str],
+    images: str | os.PathLike[str] | None = None,
+    *,
+    focal_height_m: float = 0.0,
+    up: str | None = None,
+    camera: str | os.PathLike[str] | None = None,
+    fov_deg: float | None = None,
+    band: str | None = None,
+    plan: str | os.PathLike[str] | None = None,
+    altitude_m: float | None = None,
+    heading_deg: float | None = None,
+    extent: str | Sequence[float] = "centre",
+    gsd_m: float | None = None,
+    views: str | None = None,
+    aperture_m: float | None = None,
+    pitch_m: float | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Integral:
+    """Average recorded images on a focal plane.
+
+    Parameters
+    ----------
+    photos
+        A folder of photos with EXIF and XMP, a file of poses, or a COLMAP folder.
+    images
+        The folder of the images, if `photos` has the poses.
+    focal_height_m
+        Height of the focal plane along the world's upward axis.
+    up
+        ``z``, ``-z``, ``y`` or ``-y``; z or -z by default, as the cameras look.
+    camera, fov_deg
+        The camera, if the poses have none: a preset or file, or a horizontal field of view.
+    band, plan, altitude_m, heading_deg
+        For a folder of photos: which band, the file of the plan, and what the photos do not say: the
+        height of the cameras above the take-off, and the direction of the top of the photos.
+    extent
+        ``centre``, ``all``, or (x from, y from, x to, y to) [m] on the plane.
+    gsd_m
+        Pixel of the integral image; by default that of the images.
+    views, aperture_m, pitch_m
+        Which views: numbers from 1, ranges and names; those within a square of this side; those at
+        least this far apart.
+    progress
+        Called with the number of views done.
+
+    Raises
+    ------
+    RequestError
+        If the poses or images are wrong, or no camera is known.
+    """
+    from aosplan.postflight.integral.camera_pose import named_camera
+    from aosplan.postflight.integral.integral_warnings import integral_warnings
+    from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
+    from aosplan.postflight.integral.recording import Recording, least_views
+    from aosplan.postflight.integral.view_subset import ViewSubset
+    from aosplan.units import positive
+
+    recording = Recording(
+        os.fspath(photos),
+        None if images is None else os.fspath(images),
+        focal_height_m=focal_height_m,
+        up=up,
+        camera=named_camera(None if camera is None else os.fspath(camera), fov_deg),
+        photos=PhotoOptions(
+            check_band(band), None if plan is None else os.fspath(plan), altitude_m, heading_deg
+        ),
+    )
+    raster = recording.raster(extent, None if gsd_m is None else positive(gsd_m, "gsd_m", "m"))
+    found = recording.integrate(ViewSubset(pitch_m, aperture_m, views), raster, progress=progress)
+    return Integral(
+        **{field.name: getattr(found, field.name) for field in fields(found)},
+        warnings=tuple(integral_warnings(recording, found, least_views("10%", found.views))),
+    )

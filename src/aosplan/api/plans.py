@@ -1,0 +1,270 @@
+"""Plans in Python: `plan`, its trade-off, and files of plans that were saved."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.api.request import found_request
+from aosplan.api.summarized import Summarized, columns_of, warnings_text
+from aosplan.errors import RequestError
+from aosplan.planning import planner, result
+from aosplan.units import duration, percent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Unpack
+
+    from matplotlib.axes import Axes
+
+    from aosplan.api.request import Asked, Found
+    from aosplan.api.request_options import RequestOptions
+    from aosplan.solver.tradeoff import Row
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Summarized, result.Plan):
+    """What to fly, and what it will show.
+
+    `waypoints` are the sites in flight order, `solution` has the baseline and the prediction,
+    `document()` everything that ``aosplan plan --json`` prints.  The other attributes are those of
+    `aosplan.planning.plan_data.PlanData`.
+    """
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        solution, route = self.solution, self.route
+        survey = self.layout.survey
+        samples = solution.pattern.samples
+        photos = len(self.waypoints) if survey is not None else samples
+        apart = f", {solution.baseline_m:,.2f} m apart" if samples > 1 else ""
+        headline = (
+            f"{photos:,} photo{'s' if photos > 1 else ''}{apart}, from {self.altitude_m:.4g} m above "
+            "the focal plane"
+        )
+        shown = solution.prediction
+        x, y = self.extent_m
+        seen = (
+            f"V̂ = {percent(shown.normalized)}, V = {percent(shown.expected)}"
+            if shown.density > 0.0
+            else "V = 100 %: nothing is hidden"
+        )
+        place = "no location" if self.origin is None else "{:.5f}, {:.5f}".format(*self.origin)
+        facts = {
+            "Scene": f"{self.scene.name} ({self.model} model); camera {self.camera.name}",
+            "Visibility": seen,
+            "Grid": f"{self.grid.name}, {x:,.1f} x {y:,.1f} m, heading {self.heading_deg:g}°; {place}",
+            "Flight": f"{route.length_m:,.0f} m, {duration(route.time_s)}",
+        }
+        if self.detection is not None:
+            facts["Detection"] = percent(self.detection.probability)
+        return headline, facts | warnings_text(self.warnings)
+
+    @property
+    def __geo_interface__(self) -> dict[str, Any]:
+        """The waypoints and the path as a GeoJSON FeatureCollection, for GeoPandas and others.
+
+        Raises
+        ------
+        RequestError
+            If the plan has no location.
+        """
+        if self.waypoints.latitude is None:
+            raise RequestError(
+                "a plan without a location has no geometry on earth",
+                "give origin=(LAT, LON) or area=FILE, or use plan.waypoints.east_m and north_m",
+            )
+        import json
+
+        from aosplan.mission.formats.geojson import render
+
+        found: dict[str, Any] = json.loads(render(self.mission()))
+        return found
+
+    def plot(self, ax: Axes | None = None, *, kind: str = "grid") -> Any:
+        """Draw the plan with Matplotlib.
+
+        Parameters
+        ----------
+        ax
+            Axes to draw on; a new figure by default.
+        kind
+            ``grid`` (the waypoints on the ground), ``visibility`` or ``tradeoff``; the last two
+            have four panels, and always make a figure of their own.
+
+        Returns
+        -------
+        ax
+            The axes that were drawn on; an array of them for figures of several panels.
+
+        Raises
+        ------
+        RequestError
+            If the kind is unknown, or has several panels and `ax` is given.
+        MissingExtraError
+            If Matplotlib is not installed.
+        """
+        from aosplan.show.figures.axes import plotted
+        from aosplan.show.figures.draw import KINDS
+        from aosplan.show.figures.sources import shown_of_plan
+        from aosplan.units import one_of
+
+        kinds = [name for name, each in KINDS.items() if each.source == "plan"]
+        chosen = KINDS[one_of(kinds)(kind, "kind")]
+        return plotted(chosen, shown_of_plan(chosen, self), ax)
+
+
+def plan(
+    request: Asked | None = None,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    **options: Unpack[RequestOptions],
+) -> Plan:
+    """Solve a request: how many photos, how far apart, and where.
+
+    Parameters
+    ----------
+    request
+        A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
+    progress
+        Called with points read and points in all while a point cloud is read.
+    **options
+        The options of ``aosplan plan`` with underscores, the fields of `PlanRequest`.  They override
+        those of `request`.  `scene` may also be what `aosplan.read_scene` returned, `origin` is a
+        pair (latitude, longitude).
+
+    Raises
+    ------
+    RequestError
+        If names, files or numbers are wrong, alone or together: an altitude below the canopy.
+    InfeasibleError
+        If no grid meets the target.
+
+    Examples
+    --------
+    >>> import aosplan
+    >>> grid = aosplan.plan(altitude=40, vhat=0.98)
+    >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
+    (50, 2.8)
+    """
+    return solved(found_request(request, options), progress=progress)
+
+
+def solved(found: Found, *, progress: Callable[[int, int], None] | None = None) -> Plan:
+    """The plan of a request that was found."""
+    plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
+    return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
+
+
+class _Rows(NamedTuple):
+    plan: Plan
+    rows: tuple[Row, ...]
+
+
+class Tradeoff(Summarized, _Rows):
+    """What each number of photos takes and gives, a row each; the plan's own row is marked `chosen`.
+
+    Attributes
+    ----------
+    plan
+        The plan.
+    rows
+        `aosplan.solver.tradeoff.Row` values, in rising order of samples within each kind of grid.
+    """
+
+    __slots__ = ()
+
+    def document(self) -> dict[str, Any]:
+        """The rows as plain values: what ``aosplan tradeoff --json`` prints."""
+        return self.plan.tradeoff_document(self.rows)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """The rows as columns, as pandas and polars take them."""
+        return columns_of(self.document()["rows"])
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        front = [row for row in self.rows if row.front]
+        facts = {}
+        for row in front[:: max(-(-len(front) // 3), 1)]:
+            facts[f"{row.pattern.samples} photos"] = (
+                f"{row.baseline_m:.2f} m apart, {duration(row.time_s)}, "
+                f"V̂ = {percent(row.prediction.normalized)}"
+            )
+        return f"{len(self.rows)} rows, {len(front)} that no other is better than", facts
+
+    def plot(self) -> Any:
+        """Draw baseline, extent and time of each number of photos; an array of four axes."""
+        return self.plan.plot(kind="tradeoff")
+
+
+def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) -> Tradeoff:
+    """What each number of photos takes and gives: baseline, extent, time, visibility.
+
+    Parameters
+    ----------
+    request, **options
+        As for `aosplan.plan`; an earlier plan is not solved again.
+
+    Raises
+    ------
+    RequestError
+        As for `aosplan.plan`, or if nothing stands above the focal plane.
+
+    Examples
+    --------
+    >>> import aosplan
+    >>> table = aosplan.tradeoff(altitude=40, vhat=0.9, max_samples=12)
+    >>> table.columns()["samples"][-1]
+    12
+    """
+    chosen = request if isinstance(request, Plan) and not options else plan(request, **options)
+    return Tradeoff(chosen, tuple(chosen.tradeoff()))
+
+
+def export(
+    plan: Plan | str | os.PathLike[str],
+    path: str | os.PathLike[str],
+    *,
+    format: str | None = None,  # noqa: A002 (the option's name)
+    force: bool = False,
+) -> list[str]:
+    """Write the waypoints of a plan, or of a plan or mission file, whole or not at all.
+
+    Parameters
+    ----------
+    plan
+        A plan, what ``aosplan plan --json`` printed, or a mission (``.waypoints``, ``.plan``,
+        ``.kmz``, ``.mavlink``, ``.csv``).
+    path
+        The extension decides the format, or a name before a colon: ``litchi:grid.csv``.
+    format
+        Name of the format, whatever the extension.
+    force
+        Whether an existing file is overwritten.
+
+    Returns
+    -------
+    paths
+        What was written: `path`, or numbered files if one does not hold all waypoints.
+
+    Raises
+    ------
+    RequestError
+        If the format is unknown or needs a location, or the file exists.
+    SurroundingsError
+        If the file cannot be written.
+    """
+    from aosplan.files import write_all
+    from aosplan.mission.export import choose, files
+    from aosplan.postflight.saved_missions import read_saved_missions
+
+    chosen, target = choose(os.fspath(path), format)
+    if isinstance(plan, (str, os.PathLike)):
+        missions = read_saved_missions(os.fspath(plan), [chosen])
+    else:
+        missions = plan.missions()
+    contents = files(missions, chosen, target)
+    write_all(contents, force=force)
+    return list(contents)

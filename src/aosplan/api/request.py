@@ -1,0 +1,73 @@
+"""One request, from whatever says what to plan."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.planning.loaded_scene import LoadedScene
+from aosplan.planning.plan_data import PlanData
+from aosplan.planning.request import PlanRequest, request_from
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from aosplan.api.scenes import Stand
+
+    Asked = PlanRequest | PlanData | str | os.PathLike[str]
+    """What says what to plan: a request, an earlier plan, or a request file or saved plan."""
+
+
+class Found(NamedTuple):
+    """A request, the folder of its file, and its scene if it has been read before."""
+
+    request: PlanRequest
+    folder: str = ""
+    loaded: LoadedScene | None = None
+
+
+def found_request(asked: Asked | None, options: Mapping[str, Any]) -> Found:
+    """The request that a function of `aosplan` is called with; options override it.
+
+    Parameters
+    ----------
+    asked
+        A request, an earlier plan, a request file or a saved plan (TOML or JSON); None: the options
+        alone.
+    options
+        Keyword arguments, named as the fields of `PlanRequest`.  `scene` may also be what
+        `aosplan.read_scene` returned.
+
+    Raises
+    ------
+    RequestError
+        If a name is unknown, a value is wrong, or options contradict each other.
+    """
+    given = {name: _plain(value) for name, value in options.items()}
+    stand = given.get("scene")
+    if isinstance(stand, LoadedScene):
+        read_by: Stand = stand  # type: ignore[assignment]  # read_scene alone returns one
+        given |= {"scene": None, **read_by.options}
+    else:
+        stand = None
+    if isinstance(asked, PlanData):
+        asked = asked.request
+    if isinstance(asked, PlanRequest):
+        if not given:
+            return Found(asked)
+        return Found(request_from(asked.document(), overrides=given), loaded=stand)
+    if asked is None:
+        return Found(request_from({}, overrides=given), loaded=stand)
+    path = os.fspath(asked)
+    if not isinstance(path, str):
+        raise RequestError(f"request {path!r} is not a path", "give a PlanRequest or options")
+    from aosplan.planning.request_file import read_request
+
+    request = request_from(read_request(path), overrides=given, where=path)
+    return Found(request, os.path.dirname(path), stand)
+
+
+def _plain(value: Any) -> Any:
+    """A path as text; other values as they are."""
+    return os.fspath(value) if isinstance(value, os.PathLike) else value

@@ -1,0 +1,142 @@
+"""Simulations in Python."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from aosplan.api.plans import Plan, solved
+from aosplan.api.request import found_request
+from aosplan.api.summarized import Summarized
+from aosplan.planning.loaded_scene import without_simulated_view
+from aosplan.simulation import compare
+
+if TYPE_CHECKING:
+    from typing import Unpack
+
+    from matplotlib.axes import Axes
+
+    from aosplan.api.request import Asked
+    from aosplan.api.request_options import RequestOptions
+
+
+class Simulation(Summarized, compare.Simulation):
+    """A plan's prediction beside what a simulated forest shows.
+
+    Attributes are those of `aosplan.simulation.compare.Simulation`: `predicted`, `simulated` (with
+    standard errors), `agree`, `differences`.
+    """
+
+    __slots__ = ()
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        verdict = "agree" if self.agree else "disagree"
+        headline = (
+            f"Prediction and simulation {verdict}: {self.views} views of {self.targets} targets"
+        )
+        facts = {}
+        for name, symbol in SYMBOLS.items():
+            error = getattr(self.simulated, f"{name}_standard_error")
+            facts[symbol] = (
+                f"predicted {getattr(self.predicted, name):.4f}, simulated "
+                f"{getattr(self.simulated, name):.4f} ± {error:.4f}"
+            )
+        facts["Forest"] = f"{self.settings.forest}, seed {self.settings.seed}"
+        return headline, facts
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Predicted and simulated density, V and V̂ with standard errors, as columns."""
+        return {
+            "quantity": list(SYMBOLS),
+            "predicted": [getattr(self.predicted, name) for name in SYMBOLS],
+            "simulated": [getattr(self.simulated, name) for name in SYMBOLS],
+            "standard_error": [
+                getattr(self.simulated, f"{name}_standard_error") for name in SYMBOLS
+            ],
+        }
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw predicted and simulated p, V and V̂, with two standard errors.
+
+        Parameters
+        ----------
+        ax
+            Axes to draw on; a new figure by default.
+        """
+        from aosplan.show.figures.canvas import check_extra
+
+        check_extra()
+        import matplotlib.pyplot as plt
+
+        if ax is None:
+            _, ax = plt.subplots(figsize=(4.5, 3.2), layout="constrained")
+        table, places = self.columns(), range(len(SYMBOLS))
+        errors = [2.0 * error for error in table["standard_error"]]
+        ax.errorbar(
+            places, table["simulated"], errors, fmt="o", capsize=4, label="simulated ± 2 s.e."
+        )
+        ax.plot(places, table["predicted"], "_", ms=22, label="predicted")
+        ax.set(xticks=list(places), xlim=(-0.5, 2.5), ylim=(0.0, 1.02), ylabel="share")
+        ax.set_xticklabels([r"density $p$", r"visibility $V$", r"normalised $\hat{V}$"])
+        ax.legend(loc="lower right")
+        return ax
+
+
+SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
+
+
+def simulate(
+    request: Asked | None = None,
+    *,
+    seed: int = 1,
+    precision: float = 0.005,
+    forest: str | None = None,
+    max_targets: int = compare.MOST_TARGETS,
+    **options: Unpack[RequestOptions],
+) -> Simulation:
+    """Fly a plan over a simulated forest, and compare what is seen with the prediction.
+
+    Parameters
+    ----------
+    request
+        As for `aosplan.plan`; an earlier plan is not solved again.
+    seed
+        Random seed, from 0.
+    precision
+        Standard error of V and V̂ at which the simulation ends.
+    forest
+        ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the one that the
+        scene describes.
+    max_targets
+        Most targets, whatever the precision.
+    **options
+        As for `aosplan.plan`.
+
+    Raises
+    ------
+    RequestError
+        As for `aosplan.plan`, or if the forest does not go with the scene.
+
+    Examples
+    --------
+    >>> import aosplan
+    >>> found = aosplan.simulate(altitude=40, vhat=0.9, forest="noise", precision=0.02)
+    >>> found.agree
+    True
+    """
+    from aosplan.units import index, one_of, positive, whole
+
+    settings = compare.Settings(
+        seed=index(seed, "seed"),
+        precision=positive(precision, "precision"),
+        forest=None if forest is None else one_of(compare.FORESTS)(forest, "forest"),
+        most_targets=whole(max_targets, "max_targets"),
+    )
+    if isinstance(request, Plan) and not options:
+        planned, view = request, request.request.view
+    else:
+        found = found_request(request, options)
+        view = found.request.view
+        planned = solved(found._replace(request=without_simulated_view(found.request)))
+    given: Any = view or "perspective"  # the request has checked it
+    return Simulation(*compare.simulate(planned, settings._replace(view=given)))

@@ -1,0 +1,67 @@
+"""Results as a few lines of text, and as a table for notebooks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from aosplan.messages import Message
+
+
+class Summarized:
+    """A result that is shown by a headline and a few named values.
+
+    ``repr`` gives them as text, notebooks show them as a table.
+    """
+
+    __slots__ = ()
+
+    def summary(self) -> tuple[str, dict[str, str]]:
+        """The headline and the named values, for people."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        from unicodedata import combining
+
+        headline, facts = self.summary()
+        # A hat over a letter takes no room of its own.
+        widths = {name: len(name) - sum(map(bool, map(combining, name))) for name in facts}
+        widest = max(widths.values(), default=0)
+        return "\n".join(
+            [
+                headline,
+                *(
+                    f"  {name}{' ' * (widest + 2 - widths[name])}{text}"
+                    for name, text in facts.items()
+                ),
+            ]
+        )
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """The headline and a table, as notebooks show them."""
+        from html import escape
+
+        headline, facts = self.summary()
+        rows = "".join(
+            f'<tr><th scope="row" style="text-align:left">{escape(name)}</th>'
+            f'<td style="text-align:left">{escape(text)}</td></tr>'
+            for name, text in facts.items()
+        )
+        return f"<table><caption>{escape(headline)}</caption><tbody>{rows}</tbody></table>"
+
+
+def warnings_text(warnings: Iterable[Message]) -> dict[str, str]:
+    """The codes of warnings as a row of a summary; no row without any."""
+    codes = list(dict.fromkeys(warning.code for warning in warnings))
+    return {"Warnings": ", ".join(codes)} if codes else {}
+
+
+def columns_of(documents: Sequence[dict[str, object]]) -> dict[str, list[object]]:
+    """Rows of the same names as columns."""
+    if not documents:
+        return {}
+    return {name: [document[name] for document in documents] for name in documents[0]}

@@ -1,0 +1,51 @@
+"""Warnings of an integral image: images that are missing, views and heights that look wrong."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.messages import Message
+
+if TYPE_CHECKING:
+    from aosplan.postflight.integral.integral import Integral
+    from aosplan.postflight.integral.recording import Recording
+
+
+def integral_warnings(recording: Recording, integral: Integral, least: int) -> list[Message]:
+    """What the user should know of an integral image.
+
+    Parameters
+    ----------
+    recording, integral
+        The recording, and the image of some of its views.
+    least
+        Views that must see a pixel for it to be shown.
+    """
+    found = [(message.code, message.message) for message in recording.messages]
+    if recording.missing:
+        count = len(recording.missing)
+        found.append(
+            (
+                "missing_images",
+                f"{count} of {count + len(recording.views)} poses have no image in the folder and "
+                f"are left out: {', '.join(recording.missing[:3])}{' ...' * (count > 3)}",
+            )
+        )
+    if integral.blind:
+        found.append(
+            ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")
+        )
+    if not integral.seen(least).any():
+        found.append(
+            ("coverage", f"no pixel is seen by {least} views, so nothing shows: --min-views")
+        )
+    heights = recording.heights_m
+    if heights.max() > 3.0 * heights.min():
+        found.append(
+            (
+                "heights",
+                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal plane: "
+                "is take-off among them, or --focal-height off?",
+            )
+        )
+    return [Message(code, message) for code, message in found]

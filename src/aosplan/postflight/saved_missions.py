@@ -1,0 +1,47 @@
+"""Missions of a saved plan, or the sites of a mission file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from aosplan.mission.format import Format
+    from aosplan.mission.mission import Mission
+
+MISSION_ENDINGS = (".waypoints", ".plan", ".kmz", ".mavlink", ".csv")
+"""Extensions of mission files; of ``.csv`` Litchi's, or any with latitudes and longitudes."""
+
+
+def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, ...]:
+    """The missions of a saved plan; of a mission file its sites, for files that are not flown.
+
+    Parameters
+    ----------
+    path
+        What ``aosplan plan --json`` printed, or a mission file (`MISSION_ENDINGS`).
+    chosen
+        The formats that are to be written.
+
+    Raises
+    ------
+    RequestError
+        If the file is neither, or it is a mission file and a format is one that is flown.
+    """
+    if not path.lower().endswith(MISSION_ENDINGS):
+        from aosplan.planning.saved_plan import read_missions
+
+        return read_missions(path)
+    from aosplan.postflight.mission_file import read_mission_file
+
+    flown = [form.title for form in chosen if form.flown_by]
+    if flown:
+        raise RequestError(
+            f"'{path}' is a mission file, of which the sites are read alone: {flown[0]} needs speeds "
+            "and the camera too",
+            "write .csv, .geojson or .kml, or export the plan.json that the mission is from",
+        )
+    return (read_mission_file(path),)

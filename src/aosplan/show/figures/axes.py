@@ -1,0 +1,67 @@
+"""Figures on axes of Matplotlib: the caller's, or those of a new figure of pyplot."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from aosplan.errors import RequestError
+from aosplan.show.figures.canvas import INCH_MM, Look, check_extra
+from aosplan.show.figures.style import rules
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from aosplan.show.figures.draw import Kind, Shown
+
+
+def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
+    """Draw on axes.
+
+    Parameters
+    ----------
+    kind, shown
+        What is drawn.
+    ax
+        Axes to draw on, with the settings of their figure; None for a new figure of pyplot in the
+        style of ``aosplan plot``.
+
+    Returns
+    -------
+    ax
+        The axes, or an array of them if the figure has several.
+
+    Raises
+    ------
+    RequestError
+        If the kind has several panels and `ax` is given.
+    MissingExtraError
+        If Matplotlib is not installed.
+    """
+    check_extra()
+    if ax is not None:
+        draw_panel = getattr(
+            import_module(f"aosplan.show.figures.{kind.module}"), "draw_panel", None
+        )
+        if draw_panel is None:
+            raise RequestError(
+                f"a figure of kind '{kind.name}' has several panels and does not fit into one axes",
+                "leave ax out",
+            )
+        handles = draw_panel(ax, shown, Look().theme)
+        if handles:
+            ax.legend(handles=handles, fontsize="small")
+        ax.set_title(shown.title, fontsize="medium")
+        return ax
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    look = Look()
+    width = look.width_mm / INCH_MM
+    settings: Any = rules(look.theme)
+    with plt.rc_context(settings):
+        figure = plt.figure(figsize=(width, width * kind.height), layout="constrained")
+        kind.draw(figure, shown, look.theme)
+        figure.draw_without_rendering()  # ticks take their settings when they are first drawn
+    panels = [panel for panel in figure.axes if panel.get_label() != "<colorbar>"]
+    return panels[0] if len(panels) == 1 else np.array(panels)

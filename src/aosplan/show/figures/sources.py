@@ -1,0 +1,58 @@
+"""From a plan or a scene to the numbers of a figure of some kind."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.planning.result import Plan
+    from aosplan.show.figures.draw import Kind, Shown
+
+
+def shown_of_plan(kind: Kind, plan: Plan) -> Shown:
+    """The numbers of a figure of a plan."""
+    if kind.name == "visibility":
+        from aosplan.show.figures.visibility import visibility_of
+
+        return visibility_of(plan)
+    if kind.name == "tradeoff":
+        from aosplan.show.figures.tradeoff import tradeoff_of
+
+        return tradeoff_of(plan)
+    from aosplan.show.figures.grid import grid_of
+
+    return grid_of(plan, plan.layout.area)
+
+
+def shown_of_scene(
+    kind: Kind,
+    loaded: LoadedScene,
+    *,
+    focal_height_m: float = 0.0,
+    coverage: float = 0.98,
+    altitude_m: float | None = None,
+) -> Shown:
+    """The numbers of a figure of a scene.
+
+    Parameters
+    ----------
+    kind
+        A kind of figure with the source ``scene``.
+    loaded
+        The scene.
+    focal_height_m, coverage, altitude_m
+        Of the baseline curve: the height of the focal plane, the share of occluders that is wanted,
+        and the altitude for an axis of baselines.
+    """
+    if kind.name == "density":
+        from aosplan.show.figures.density import density_of
+
+        return density_of(loaded)
+    if kind.name == "correlogram":
+        from aosplan.show.figures.correlogram import correlations_of
+
+        return correlations_of(loaded)
+    from aosplan.show.figures.coverage_curve import curve_of
+
+    return curve_of(loaded.scene.above(focal_height_m), coverage, altitude_m)
