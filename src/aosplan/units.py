@@ -1,8 +1,8 @@
 """Quantities read and shown: text or numbers in, floats in metres, degrees and seconds out.
 
 Every value a user writes, on the command line, in a file or in Python, comes through one of
-these functions, so the same mistakes get the same answers: feet, percent taken for a
-fraction, text in a number, infinities.
+these functions, so the same units are converted (feet, knots), and the same mistakes get the same
+answers: percent taken for a fraction, text in a number, infinities.
 """
 
 from __future__ import annotations
@@ -31,19 +31,28 @@ _FOREIGN = {
     "in": (0.0254, "m"),
     "mph": (0.44704, "m/s"),
     "km/h": (1 / 3.6, "m/s"),
-    "kn": (0.514444, "m/s"),
+    "kn": (1852.0 / 3600.0, "m/s"),
     "ms": (0.001, "s"),
     "min": (60.0, "s"),
 }
 
 
 def number(value: Any, name: str, unit: str = "") -> float:
-    """A finite number, in a unit that may be written behind it.
+    """A finite number, in a unit that may be written behind it: ``"40m"``, ``"130ft"``.
+
+    Parameters
+    ----------
+    value
+        A number in `unit`, or text that may end in `unit` or in a unit that is converted to it.
+    name
+        What messages call it.
+    unit
+        The unit of the result.
 
     Raises
     ------
     RequestError
-        Where it is not a finite number, or is written in another unit; the hint converts.
+        If it is not a finite number, or has a unit of another quantity.
     """
     if isinstance(value, str):
         return _from_text(value.strip(), name, unit)
@@ -225,12 +234,10 @@ def _from_text(text: str, name: str, unit: str) -> float:
         result = math.nan
     if math.isfinite(result) and suffix in ("", unit):
         return result
-    hint = _unit_hint(unit)
-    if math.isfinite(result) and suffix.lower() in _FOREIGN:
-        factor, own = _FOREIGN[suffix.lower()]
-        if own == unit:
-            hint = f"{text} is {result * factor:.6g} {own}"
-    raise RequestError(f"{name} {shown(text)} is not a finite number", hint)
+    factor, own = _FOREIGN.get(suffix.lower(), (math.nan, ""))
+    if math.isfinite(result * factor) and own == unit:
+        return result * factor
+    raise RequestError(f"{name} {shown(text)} is not a finite number", _unit_hint(unit))
 
 
 def _unit_hint(unit: str) -> str:

@@ -17,7 +17,7 @@ plan --altitude nan
 plan --altitude inf
 plan --altitude 1e400
 plan --altitude forty
-plan --altitude 131ft
+plan --altitude 131parsecs
 plan --altitude ''
 plan --altitude 1_000
 plan --altitude 20
@@ -100,7 +100,7 @@ plan --altitude 40 --max-blur 1
 plan --altitude 40 --exposure-time 0.01
 plan --altitude 40 --trigger distance --max-blur 0
 plan --altitude 40 --trigger distance --acceleration 1e-9
-plan --altitude 40 --trigger distance --exposure-time 5ms
+plan --altitude 40 --trigger distance --exposure-time 5m
 plan --altitude 40 --trigger distance --photo-interval -1
 plan --altitude 40 --wind-speed 5
 plan --altitude 40 --wind-from 90
@@ -211,7 +211,7 @@ def test_errors_name_the_offending_value_and_where_it_stands(command, line, valu
     ("line", "hint"),
     [
         ("plan --altitude 40 --vhat 98", "98%"),
-        ("plan --altitude 131ft", "39.9288 m"),
+        ("plan --altitude 131s", "a number of metres"),
         ("plan --altitude 40 --scene paper-forrest", "did you mean paper-forest?"),
         ("plan --altitude 40 --camera dji-m3t-termal", "did you mean dji-m3t-thermal?"),
         ("plan --altitude 40 --model layerd", "did you mean layered?"),

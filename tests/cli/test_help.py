@@ -16,6 +16,7 @@ from support.recorded import sites, write_recording
 import aosplan
 from aosplan import PlanRequest, plan
 from aosplan.cli.app import COMMANDS, run
+from aosplan.cli.options import COMMON
 from aosplan.planning.options import OPTIONS
 
 
@@ -103,9 +104,30 @@ def test_examples_run(folder, things, command, name, example):
 
 
 def test_help_of_plan_names_every_option_once(command):
-    _, out, _ = command("plan", "--help")
+    _, out, _ = command("plan", "--help-all")
     for option in OPTIONS:
         assert len(re.findall(rf"^  {option.flag} ", out, re.MULTILINE)) == 1
+
+
+def test_short_help_of_plan_fits_on_two_screens_and_says_how_to_see_the_rest(command):
+    _, short, _ = command("plan", "--help")
+    _, whole, _ = command("plan", "--help-all")
+    assert len(short.splitlines()) < 75 < len(whole.splitlines())
+    shown = [option for option in OPTIONS if re.search(rf"^  {option.flag} ", short, re.MULTILINE)]
+    assert {option.name for option in shown} == COMMON
+    assert f"Show the other {len(OPTIONS) - len(COMMON)} options" in " ".join(short.split())
+    assert set(short.split()) <= set(whole.split())
+
+
+@pytest.mark.parametrize("name", ["review", "thin", "plot"])
+def test_commands_that_take_a_saved_plan_show_their_own_options_alone(command, name):
+    _, short, _ = command(name, "--help")
+    flags = {option.flag for option in OPTIONS}
+    own = set(re.findall(r"^  (--[\w-]+)", short, re.MULTILINE))
+    assert not own & (flags - {"--samples"})
+    assert "--out" in own
+    _, whole, _ = command(name, "--help-all")
+    assert "--scene" in whole
 
 
 def test_version(command):

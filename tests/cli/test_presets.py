@@ -33,3 +33,27 @@ def test_every_camera_and_scene_plans(document):
         assert document("plan", "--altitude=90", f"--camera={camera}")["camera"]["name"] == camera
     for scene in SCENES:
         assert document("plan", "--altitude=90", f"--scene={scene}")["scene"]["name"] == scene
+
+
+@pytest.mark.parametrize(
+    ("word", "names"),
+    [
+        ("spruce", {"conifer-forest", "dense-forest"}),
+        ("Picea", {"conifer-forest", "dense-forest"}),
+        ("beech", {"broadleaf-forest", "broadleaf-leafless"}),
+        ("winter", {"broadleaf-leafless"}),
+        ("rainforest", {"tropical-forest"}),
+        ("pine", {"open-woodland", "boreal-pine", "plantation", "mixed-forest"}),
+    ],
+)
+def test_scenes_are_found_by_species_and_kind(document, command, word, names):
+    assert {scene["name"] for scene in document("scenes", word)} == names
+    status, _, err = command("plan", "--altitude", "60", "--scene", word)
+    assert status == 2
+    assert names & set(err.splitlines()[1].rstrip("?").split())
+
+
+def test_words_that_no_scene_is_about_are_an_error(command):
+    status, out, err = command("scenes", "desert")
+    assert (status, out) == (2, "")
+    assert "no scene is about 'desert'" in err

@@ -5,20 +5,64 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperArgument, TyperCommand, TyperOption
+from typer.exceptions import Exit
 
-from aosplan.planning.options import OPTIONS, Option
+from aosplan.planning.options import BY_NAME, OPTIONS, Option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+COMMON = frozenset(
+    {
+        "altitude",
+        "gsd",
+        "vhat",
+        "visibility",
+        "find",
+        "scene",
+        "density",
+        "occluder_size",
+        "volume_height",
+        "camera",
+        "optimize",
+        "within",
+        "max_samples",
+        "grid",
+        "origin",
+        "heading",
+        "area",
+        "no_fly",
+        "drone",
+        "speed",
+        "terrain",
+    }
+)
+"""Options of a plan that ``--help`` shows; ``--help-all`` shows every option."""
+
+ALL = "aosplan.help_all"
+"""Key of a context whose help shows every option."""
+
+
 class PanelCommand(TyperCommand):
-    """A command whose help groups its options and ends with examples."""
+    """A command whose help groups its options and ends with examples.
+
+    Its short help leaves out the options of a plan that are not in `common`.
+    """
+
+    common: frozenset[str] | None = None
+
+    def is_hidden(self, parameter: Any) -> bool:
+        """Whether the short help leaves out a parameter."""
+        common = self.common
+        return common is not None and parameter.name in BY_NAME and parameter.name not in common
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the options, panel by panel."""
         panels: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
+            if not ctx.meta.get(ALL) and self.is_hidden(parameter):
+                continue
             record = parameter.get_help_record(ctx)
             if record is not None:
                 panel = getattr(parameter, "rich_help_panel", None) or "Options"
@@ -42,9 +86,18 @@ def command(
     summary: str,
     examples: str,
     parameters: list[Any],
+    common: frozenset[str] | None = None,
 ) -> PanelCommand:
-    """A command from its function and its parameters."""
-    return PanelCommand(
+    """A command from its function and its parameters.
+
+    Parameters
+    ----------
+    name, callback, summary, examples, parameters
+        The command.
+    common
+        Options of a plan that its short help shows; None: all options, and no ``--help-all``.
+    """
+    made = PanelCommand(
         name,
         callback=callback,
         help=summary,
@@ -52,6 +105,30 @@ def command(
         params=parameters,
         rich_markup_mode=None,
     )
+    if common is not None:
+        made.common = common
+        hidden = sum(map(made.is_hidden, parameters))
+        made.params.append(_help_all(hidden))
+    return made
+
+
+def _help_all(hidden: int) -> TyperOption:
+    """``--help-all``."""
+    return TyperOption(
+        param_decls=["--help-all"],
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=_show_all,
+        help=f"Show the other {hidden} options of a plan, too.",
+    )
+
+
+def _show_all(ctx: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
+    if value:
+        ctx.meta[ALL] = True
+        print(ctx.get_help())
+        raise Exit(0)
 
 
 def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:

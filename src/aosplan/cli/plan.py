@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from aosplan import units as q
 from aosplan.cli.options import (
+    COMMON,
     command,
     defaults_option,
     file_argument,
@@ -178,6 +179,7 @@ COMMAND = command(
         "aosplan plan --altitude 50 --scene stand.laz --model uniform \\\n"
         "    --origin 48.3358,14.3261 --heading 30 --out plan.geojson --out plan.csv"
     ),
+    common=COMMON,
     parameters=[
         file_argument(
             "request",

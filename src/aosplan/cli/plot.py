@@ -194,6 +194,7 @@ COMMAND = command(
         "aosplan plot visibility --altitude 40 --out visibility.png\n"
         "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
     ),
+    common=frozenset(),
     parameters=[
         file_argument("kind", "; ".join(f"{k.name}: {k.summary}" for k in KINDS.values()) + "."),
         file_argument(

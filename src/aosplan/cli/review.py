@@ -135,6 +135,7 @@ COMMAND = command(
         "aosplan review photos/ plan.json --out topup.waypoints\n"
         "aosplan review flown.csv request.toml --tolerance 1 --json"
     ),
+    common=frozenset(),
     parameters=[
         file_argument(
             "positions",

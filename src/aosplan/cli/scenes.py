@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from aosplan.cli.options import command, json_option
+from aosplan.cli.options import command, file_argument, json_option
 from aosplan.cli.output import print_json
-from aosplan.scenes.presets import SCENES
+from aosplan.errors import RequestError
+from aosplan.scenes.presets import SCENES, scenes_by_word
 
 
-def run(*, as_json: bool) -> None:
-    """List the scenes."""
+def run(*, word: str | None, as_json: bool) -> None:
+    """List the scenes, or those that a word is about."""
+    found = SCENES
+    if word is not None:
+        found = {name: SCENES[name] for name in scenes_by_word(word)}
+        if not found:
+            raise RequestError(f"no scene is about '{word}'", "aosplan scenes lists all of them")
     if as_json:
-        print_json([{"name": name, **preset._asdict()} for name, preset in SCENES.items()])
+        print_json([{"name": name, **preset._asdict()} for name, preset in found.items()])
         return
     from aosplan.show.text.tables import print_rows
 
@@ -22,7 +28,7 @@ def run(*, as_json: bool) -> None:
             f"{preset.volume_base_m:.1f} to {preset.volume_base_m + preset.volume_height_m:.1f}",
             f"{preset.occluder_size_m:.2f}",
         )
-        for name, preset in SCENES.items()
+        for name, preset in found.items()
     ]
     print_rows(("name", "stand", "p", "heights [m]", "o [m]"), rows)
     print("\nSources and assumptions: aosplan scenes --json")
@@ -32,6 +38,11 @@ COMMAND = command(
     "scenes",
     run,
     summary="List the built-in scenes; --json adds their sources and what is assumed.",
-    examples="aosplan scenes\naosplan scenes --json",
-    parameters=[json_option()],
+    examples="aosplan scenes\naosplan scenes spruce --json",
+    parameters=[
+        file_argument(
+            "word", "Only scenes of this species or kind: spruce, oak, winter.", required=False
+        ),
+        json_option(),
+    ],
 )

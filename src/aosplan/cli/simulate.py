@@ -181,6 +181,7 @@ COMMAND = command(
         "aosplan simulate --altitude 40\n"
         "aosplan simulate plan.json --forest clumped --seed 7 --picture forest.png"
     ),
+    common=frozenset({"altitude", "vhat", "scene"}),
     parameters=[
         file_argument(
             "request",

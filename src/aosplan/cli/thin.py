@@ -89,6 +89,7 @@ COMMAND = command(
         "aosplan thin views.csv plan.json --samples 50 --out kept.csv\n"
         "aosplan thin photos/ --samples 25 --altitude 35 --scene stand.laz --json"
     ),
+    common=frozenset(),
     parameters=[
         file_argument(
             "positions",

@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from aosplan.cli.options import (
+    COMMON,
     command,
     defaults_option,
     file_argument,
@@ -117,6 +118,7 @@ COMMAND = command(
         "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 \\\n"
         "    --grid best --json"
     ),
+    common=COMMON,
     parameters=[
         file_argument(
             "request",

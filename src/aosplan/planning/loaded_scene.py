@@ -10,9 +10,8 @@ from aosplan.errors import RequestError
 from aosplan.files import is_file_name, is_pattern, located
 from aosplan.messages import Message
 from aosplan.planning.options import READING
-from aosplan.scenes.presets import find_preset_scene
+from aosplan.scenes.presets import find_preset_scene, scene_hint
 from aosplan.scenes.scene import Scene, UniformScene
-from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -126,11 +125,9 @@ def load_scene(
         if file.table is None or request.model not in (None, "measured"):
             return LoadedScene(file.scene, file.scene.kind)
         return LoadedScene(file.scene, "cloud", correlogram=file.correlogram())
-    from aosplan.scenes.presets import SCENES
-
     raise RequestError(
         f"unknown scene '{request.scene}'",
-        nearest_hint(request.scene, SCENES)
+        scene_hint(request.scene)
         or "aosplan scenes lists them; a file name ends in .toml, .json, .npz, .csv, .las, .laz or .tif",
     )
 

@@ -329,6 +329,43 @@ SCENES: dict[str, ScenePreset] = {
 }
 
 
+WORDS = {
+    "savanna": "savannah eucalyptus bush",
+    "open-woodland": "ponderosa pine pinus park conifer sparse",
+    "boreal-pine": "scots pine pinus taiga conifer",
+    "plantation": "loblolly pine pinus conifer",
+    "mixed-forest": "oak quercus maple acer hemlock tsuga pine temperate",
+    "conifer-forest": "norway spruce picea fir abies coniferous needle mature",
+    "broadleaf-forest": "broadleaved deciduous maple acer basswood lime tilia ash fraxinus beech fagus "
+    "oak birch hardwood summer leaf-on",
+    "broadleaf-leafless": "broadleaved deciduous beech oak birch winter leaf-off bare",
+    "tropical-forest": "rainforest jungle amazon",
+    "dense-forest": "young spruce picea thicket coniferous",
+}
+"""What people call stands like these: species, genera and kinds of forest."""
+
+
+def scenes_by_word(word: str) -> list[str]:
+    """Names of the presets whose name, title or other words contain a word."""
+    wanted = word.lower().strip()
+    texts = {
+        name: f"{name} {preset.title.lower()} {WORDS.get(name, '')}"
+        for name, preset in SCENES.items()
+    }
+    return [name for name, text in texts.items() if wanted and wanted in text]
+
+
+def scene_hint(name: str) -> str:
+    """The hint that names the presets that a word may mean, or nothing."""
+    words = {word for part in [name, *name.split("-")] for word in part.split() if len(word) > 2}
+    best: list[str] = scenes_by_word(name)
+    for word in sorted(words, key=len, reverse=True) if not best else ():
+        best = best or scenes_by_word(word)
+    from aosplan.units import nearest_hint
+
+    return f"did you mean {' or '.join(best[:4])}?" if best else nearest_hint(name, SCENES)
+
+
 def find_preset_scene(name: str) -> UniformScene | None:
     """A scene by its preset's name, or None."""
     from aosplan.scenes.presets import SCENES
