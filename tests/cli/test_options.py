@@ -355,6 +355,7 @@ CLOUD_ONLY = (
     "trajectory",
     "crown_base",
     "view",
+    "edges",
 )
 TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
 """Tested where there is a terrain, in test_terrain.py."""

@@ -126,7 +126,7 @@ def stand(tmp_path_factory):
 
 
 def test_a_measured_plan_states_its_errors_and_its_edges(stand):
-    result = plan(PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9))
+    result = plan(PlanRequest(altitude=60, scene=stand, baseline=1.5, samples=9, edges="wrapped"))
     visibility = result.document()["visibility"]
     model = MeasuredModel(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5), 60.0)
     expected = of_targets(model.hidden_share(Pattern(3, 3), 1.5), 4)
@@ -203,7 +203,7 @@ def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
         given = {"bounds": (dense, thin), "opacity": PULSES, "voxel_m": 0.25, "slice_m": 0.25}
     path = tmp_path / "s.npz"
     path.write_bytes(stand_npz(Stand.of(VoxelVolume(middle, **given))))
-    request = PlanRequest(altitude=40, scene=str(path), samples=9, baseline=2)
+    request = PlanRequest(altitude=40, scene=str(path), samples=9, baseline=2, edges="wrapped")
     solved = plan(request)
     if source == "pulses":
         pair = (VoxelVolume(each, 0.25, slice_m=0.25) for each in (dense, thin))

@@ -121,6 +121,7 @@ VALUES = {
     "scene": Values(_scenes, SCENE),
     "signature": Values(_of("models.signatures", "SIGNATURES")),
     "terrain": Values(endings=(".tif", ".tiff")),
+    "edges": Values(_of("planning.options", "EDGES")),
     "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
     "view": Values(_of("planning.options", "VIEWS")),
 }

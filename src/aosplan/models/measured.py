@@ -15,7 +15,9 @@ maximum at a finite aperture, and is not monotonic in the baseline; nor is V̂, 
 less than 1/N: two views can also hide less of the same than chance would have it, and views that
 hide unlike shares of the plot spread less than their mean.
 
-**Edges.**  The plot wraps: its copies stand all around it, so every target has a canopy.
+**Edges.**  The plot wraps: its copies stand all around it, so every target has a canopy.  But a plot that
+was clipped out of a cloud is thin at its rim, and wrapping carries the rim into the middle: with ``edges``
+other than ``wrapped`` those targets alone count from which every ray stays on the plot.
 
 **Noise.**  Positions that miss their sites by chance make V and p̄ chances, too.  Their expectations
 are means over whole flights, drawn from a seed: as many as take `REALISED_VIEWS` views, with their
@@ -32,10 +34,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
-from aosplan.scenes.occlusion import Occlusion, Tally, joint_counts
+from aosplan.scenes.occlusion import Occlusion, Tally, Window, joint_counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -47,6 +50,9 @@ if TYPE_CHECKING:
     from aosplan.models.memo import Known
     from aosplan.scenes.occlusion import ViewKind, Words
     from aosplan.scenes.voxels import VoxelVolume
+
+LEAST_INTERIOR = 0.25
+"""Share of a plot's targets from which on those alone count whose rays stay on the plot."""
 
 CACHE_OCTETS = 1 << 28
 """Memory for views that a later prediction may use again."""
@@ -89,6 +95,10 @@ class MeasuredModel:
         Height of the focal plane above the ground.
     hold_error_m
         Standard deviation of the positions about their sites, east and north alike.
+    edges
+        Which targets count: ``wrapped``, all, as the plot's copies stand around it; ``interior``, those
+        from which every ray stays on the plot; ``auto``, these if they are at least a quarter of the
+        plot, and otherwise all.
 
     Raises
     ------
@@ -110,8 +120,10 @@ class MeasuredModel:
         targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
         hold_error_m: float = 0.0,
+        edges: str = "wrapped",
     ) -> None:
         self.view = view
+        self.edges = edges
         self.heading_deg = heading_deg
         self.hold_error_m = hold_error_m
         self.occlusion = Occlusion(
@@ -137,6 +149,7 @@ class MeasuredModel:
             heading_deg=self.heading_deg,
             view=self.view,
             focal_height_m=focal_height_m,
+            edges=self.edges,
         )
 
     def beside_the_middle(self, most_targets: int) -> MeasuredModel:
@@ -150,7 +163,74 @@ class MeasuredModel:
             heading_deg=self.heading_deg,
             targets_per_voxel=1 if self.occlusion.targets > most_targets else None,
             focal_height_m=focal_height_m,
+            edges=self.edges,
         )
+
+    def wrapped(self) -> MeasuredModel:
+        """The same model of all targets of the plot, which wraps; both share their views."""
+        return self._with_edges("wrapped")
+
+    def _with_edges(self, edges: str) -> MeasuredModel:
+        other = copy(self)
+        other.edges = edges
+        other._predictions = {}  # noqa: SLF001 (its own)
+        return other
+
+    def interior_prediction(self, pattern: Sites, baseline_m: float) -> Prediction | None:
+        """The prediction of those targets whose rays stay on the plot; None if there is none."""
+        try:
+            return self._with_edges("interior").predict(pattern, baseline_m)
+        except RequestError:
+            return None
+
+    def interior(self, positions_m: ArrayLike) -> Window | None:
+        """Targets from which all rays to positions stay on the plot; None if all count, on and off.
+
+        Raises
+        ------
+        RequestError
+            If ``edges`` is ``interior`` and there is none.
+        """
+        if self.edges == "wrapped":
+            return None
+        first, last = self._margins(positions_m)
+        if not first.any() and not last.any():
+            return None
+        occlusion = self.occlusion
+        columns, rows = (np.array([occlusion.columns, occlusion.rows]) - first - last).tolist()
+        found = columns * rows if min(columns, rows) > 0 else 0
+        if self.edges == "interior" and not found:
+            raise RequestError(
+                "--edges interior: from every place of the plot some ray of this grid leaves it",
+                "measure a larger plot, keep the aperture smaller, or give --edges wrapped",
+            )
+        if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
+            return None
+        return Window(int(first[1]), int(first[0]), rows, columns)
+
+    def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Targets at the low and the high ends of x and y from which some ray leaves the plot."""
+        positions = np.asarray(positions_m, dtype=np.float64)
+        volume, altitude_m, focal_height_m = self._stand
+        rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
+        low, high = -positions.min(axis=0), positions.max(axis=0)
+        if self.view == "perspective":
+            # A ray between two places above the plot stays above it.
+            half = 0.5 * np.array(volume.size_m)
+            low, high, rise = low - half, high - half, rise / (1.0 - rise)
+        # Whole voxels, so that the targets of each are taken together.
+        first, last = (
+            np.ceil(np.maximum(side, 0.0) * rise / volume.voxel_m).astype(np.intp)
+            * self.occlusion.targets_per_voxel
+            for side in (low, high)
+        )
+        return first, last
+
+    def edges_of(self, pattern: Sites, baseline_m: float) -> str:
+        """Which targets count for a pattern: ``interior``, or ``wrapped`` as rays leave the plot."""
+        sites = self.sites_m(pattern, baseline_m)
+        stays = not any(margin.any() for margin in self._margins(sites))
+        return "interior" if stays or self.interior(sites) is not None else "wrapped"
 
     @property
     def volume(self) -> VoxelVolume:
@@ -222,7 +302,8 @@ class MeasuredModel:
         """Expected prediction of a pattern that is flown with noise."""
         flights = list(self.flights_m(pattern, baseline_m))
         views = self._views(np.concatenate(flights))  # together: they share most of the work
-        found = [self._predict(islice(views, pattern.samples)) for _ in flights]
+        window = self.interior(np.concatenate(flights))
+        found = [self._predict(islice(views, pattern.samples), window) for _ in flights]
         density, expected = (
             np.array([getattr(each, name) for each in found]) for name in ("density", "expected")
         )
@@ -255,7 +336,7 @@ class MeasuredModel:
             Its density is the mean over the views.  Where nothing or everything is hidden, views
             count as independent: the shortfall is 1/N.
         """
-        return self._predict(self._views(positions_m))
+        return self._predict(self._views(positions_m), self.interior(positions_m))
 
     def hidden_at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """p of views at known positions as the stand's correlogram has it, shape (N,).
@@ -284,12 +365,13 @@ class MeasuredModel:
         volume, altitude_m, focal_height_m = self._stand
         return CorrelogramModel(correlogram(volume, focal_height_m=focal_height_m), altitude_m)
 
-    def _predict(self, views: Iterable[Words]) -> Prediction:
+    def _predict(self, views: Iterable[Words], window: Window | None) -> Prediction:
         tally = Tally(self.occlusion.words)
+        inside = None if window is None else self.occlusion.mask_of(window)
         for mask in views:
-            tally.add(mask)
+            tally.add(mask if inside is None else mask & inside)
         hidden, squares = tally.moments()
-        targets = self.occlusion.targets
+        targets = self.occlusion.targets if window is None else window.rows * window.columns
         rays = tally.views * targets
         clear = rays - hidden
         shortfall = (
@@ -300,7 +382,7 @@ class MeasuredModel:
         return Prediction(hidden / rays, clear / rays, shortfall)
 
     def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
-        """Share of a pattern's views that do not see each target, shape (rows, columns).
+        """Share of a pattern's views that do not see each target that counts, shape (rows, columns).
 
         Under noise, of the views of the first flight.
         """
@@ -316,6 +398,10 @@ class MeasuredModel:
         hidden = np.zeros((self.occlusion.rows, self.occlusion.columns))
         for digit, plane in enumerate(tally.planes):
             hidden += self.occlusion.unpack(plane[np.newaxis])[0] * float(1 << digit)
+        window = self.interior(at)
+        if window is not None:
+            rows = slice(window.row, window.row + window.rows)
+            hidden = hidden[rows, window.column : window.column + window.columns]
         return hidden / tally.views
 
     def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
@@ -329,7 +415,10 @@ class MeasuredModel:
         positions_m
             Shape (N, 2): east and north of the middle.
         """
-        return joint_counts(np.stack(list(self._views(positions_m)))) / self.occlusion.targets
+        views, window = np.stack(list(self._views(positions_m))), self.interior(positions_m)
+        if window is None:
+            return joint_counts(views) / self.occlusion.targets
+        return joint_counts(views & self.occlusion.mask_of(window)) / (window.rows * window.columns)
 
     def _views(self, positions_m: ArrayLike) -> Iterator[Words]:
         """Masks of the views, computed where they are not kept from an earlier call."""

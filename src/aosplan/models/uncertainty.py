@@ -93,16 +93,25 @@ def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
 def with_opacity(
     errors: Uncertainty, one: Prediction, other: Prediction, share: float
 ) -> Uncertainty:
-    """Add the doubt about opacity to standard errors, as an independent error.
+    """Add the doubt about opacity to standard errors, as of `with_doubt`."""
+    return with_doubt(errors, one, other, share, "opacity")
+
+
+def with_doubt(
+    errors: Uncertainty, one: Prediction, other: Prediction, share: float, name: str
+) -> Uncertainty:
+    """Add a doubt to standard errors, as an independent error.
 
     Parameters
     ----------
     errors
         Standard errors for the finite plot.
     one, other
-        Predictions for two opacities of the same stand.
+        Predictions between which the truth may lie: for two opacities, say.
     share
         Standard error as a share of their difference.
+    name
+        What the doubt is about.
     """
 
     def both(error: float, difference: float) -> float:
@@ -115,7 +124,7 @@ def with_opacity(
         both(errors.density, one.density - other.density),
         both(errors.expected, one.expected - other.expected),
         normalized,
-        f"{errors.method}, and opacity",
+        f"{errors.method}, and {name}",
     )
 
 

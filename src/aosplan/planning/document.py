@@ -50,7 +50,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             "one_photo": plan.one_photo,
             "reading": plan.reading,
             "ground": None if plan.ground is None else plan.ground.document(),
-            "edges": "wrapped" if plan.model == "measured" else None,
+            "edges": plan.edges,
             "uncertainty": None if plan.uncertainty is None else plan.uncertainty._asdict(),
             "uncertainty_reason": plan.uncertainty_reason or None,
             "noise": None if plan.flown is None else _noise_document(plan.flown),

@@ -66,6 +66,7 @@ def measured_at(
 
     if isinstance(model, MeasuredModel):
         model = model.beside_the_middle(MOST_TARGETS)
+    more_p = more_v = 0.0
     heading_deg = model.heading_deg or 0.0
     heading = math.radians(heading_deg)
     sine, cosine = math.sin(heading), math.cos(heading)
@@ -74,6 +75,11 @@ def measured_at(
     def at(x: float, y: float) -> tuple[float, float]:
         east, north = x * sine + y * cosine, x * cosine - y * sine
         found: Prediction = model.predict_positions([(e - east, n - north) for e, n in sites])
-        return found.density, found.expected
+        return found.density + more_p, found.expected + more_v
 
+    if isinstance(model, MeasuredModel) and model.edges != "wrapped":
+        # Other places count at every offset; so the slant's effect is that on the wrapped plot.
+        alone, model = model.predict(pattern, baseline_m), model.wrapped()
+        p, v = at(0.0, 0.0)
+        more_p, more_v = alone.density - p, alone.expected - v
     return at

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 VIEWS = ("telecentric", "perspective")
 """Targets of the measured model: each below its own aperture, or all below one."""
 
+EDGES = ("auto", "interior", "wrapped")
+"""Targets of the measured model: those whose rays stay on the plot, or all, as the plot wraps."""
+
 GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
@@ -332,6 +335,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "text",
             "KIND",
             f"Measured model: {' or '.join(VIEWS)}.  [telecentric]",
+        ),
+        (
+            "edges",
+            q.one_of(EDGES),
+            "text",
+            "HOW",
+            f"Measured model: targets that count: {', '.join(EDGES)}.  [auto]",
         ),
         (
             "rays",

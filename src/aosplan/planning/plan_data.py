@@ -125,6 +125,17 @@ class PlanData:
         return "slices" if model.counts_slices(*grid) else "rule"
 
     @property
+    def edges(self) -> str | None:
+        """Which targets of a plot count: ``interior``, whose rays stay on it, or all: ``wrapped``."""
+        if self.model != "measured":
+            return None
+        of_model = getattr(self.problem and self.problem.model, "edges_of", None)
+        if of_model is None:  # nothing is hidden, or a correlogram
+            return "wrapped"
+        edges: str = of_model(self.solution.pattern, self.solution.baseline_m)
+        return edges
+
+    @property
     def requirement(self) -> Requirement:
         """The target."""
         return self.inputs.requirement

@@ -103,7 +103,7 @@ class TargetVisibilityDocument(VisibilityDocument):
     reading: Literal["rule", "slices"] | None = None
     ground: GroundVisibilityDocument | None = None
     rays: str | None = None
-    edges: Literal["wrapped"] | None = None
+    edges: Literal["interior", "wrapped"] | None = None
     uncertainty: UncertaintyDocument | None = None
     uncertainty_reason: str | None = None
     noise: NoiseDocument | None = None

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 SCENE_NEARBY_M = 50_000.0
 """A scene that was measured farther from the plan is named: either place may be a mistake."""
 
+EDGES_MATTER = 0.02
+"""Difference of V or V̂ between the places whose rays stay on a plot and all of it that is worth a word."""
+
 SATURATED = 0.98
 """Mean share of the ground that views hide, from which on a prediction hangs on few gaps."""
 
@@ -190,6 +193,37 @@ def _detection(solved: SolvedPlan) -> tuple[Detection, tuple[Message, ...]]:
     return found, tuple(detection_warnings(found, inputs.asked, solution.pattern.samples, gsd_m))
 
 
+def _edges(solved: SolvedPlan) -> Iterator[Message]:
+    """Yield what wrapping a plot does to a prediction, if it is not what was asked for."""
+    from aosplan.models.measured import MeasuredModel
+
+    problem, solution = solved.problem, solved.solution
+    assert problem is not None  # the caller has checked
+    model, grid = problem.model, (solution.pattern, solution.baseline_m)
+    if solved.inputs.asked.edges == "wrapped" or not isinstance(model, MeasuredModel):
+        return
+    if model.edges_of(*grid) != "wrapped":
+        return
+    inside = model.interior_prediction(*grid)
+    if inside is None:
+        yield Message(
+            "edges_wrapped",
+            "from every place of the plot some ray of this grid leaves it, so the plot is taken to repeat "
+            "itself: a rim that was clipped thin counts as much as the stand; measure a larger plot, or "
+            "keep the aperture smaller",
+        )
+    elif abs(inside.normalized - solution.prediction.normalized) > EDGES_MATTER or (
+        abs(inside.expected - solution.prediction.expected) > EDGES_MATTER
+    ):
+        yield Message(
+            "edges_wrapped",
+            "rays of this grid leave the plot, which is taken to repeat itself, and its rim differs from its "
+            f"middle: the places whose rays stay on the plot have V̂ = {inside.normalized:.3g} and V = "
+            f"{inside.expected:.3g}, against {solution.prediction.normalized:.3g} and "
+            f"{solution.prediction.expected:.3g}; --edges interior plans with those alone",
+        )
+
+
 def _measured_notices(solved: SolvedPlan, *, compares_headings: bool) -> Iterator[Message]:
     """Yield what a reader of a measured prediction should know."""
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
@@ -201,6 +235,7 @@ def _measured_notices(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
             "predicted from the scene's correlogram, an approximation (of V̂, mostly within 0.02); "
             "the voxels in a .npz give the exact prediction",
         )
+    yield from _edges(solved)
     density = solution.prediction.density
     if density > SATURATED and "saturated" not in {code for code, _ in inputs.loaded.warnings}:
         yield Message(

@@ -97,6 +97,7 @@ class PlanRequest:
     coverage: float = 0.98
     model: str | None = None
     view: str | None = None
+    edges: str | None = None
     rays: str | None = None
     optimize: str = "samples"
     within: float | None = None

@@ -118,6 +118,8 @@ class PlanInputs:
     def request(self) -> PlanRequest:
         """The request with the defaults that depend on its scene: what documents show."""
         filled: dict[str, Any] = {"model": self.model, "view": self.view, "rays": self.rays}
+        if self.model == "measured":
+            filled["edges"] = self.asked.edges or "auto"
         return replace(self.asked, **(filled | dict(self.loaded.reading)))
 
     @property
@@ -360,6 +362,8 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
             "--model measured needs the voxels of a point cloud",
             "give --scene FILE.laz, FILE.npz or what scene --save wrote, or another --model",
         )
+    if request.edges is not None and name != "measured":
+        raise RequestError(f"--edges {request.edges} with --model {name}", "it goes with measured")
     if request.view is not None and name != "measured":
         raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
     if request.rays is not None and name == "measured":

@@ -236,7 +236,7 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
         return Confidence(uncertainty_reason="nothing is hidden")
     changes = tuple(changes_of(solved)) if solved.inputs.wants_sensitivity else ()
     if solved.inputs.model == "measured":
-        known, flown = _measured(solved.problem, solved.solution)
+        known, flown = _measured(solved.problem, solved.solution, solved.inputs.asked.edges)
     else:
         known, flown = _of_statistics(solved.inputs, solved.solution), None
     if isinstance(known, str):
@@ -244,15 +244,21 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
     return Confidence(known, "", flown, changes)
 
 
-def _measured(problem: Problem, solution: Solution) -> tuple[Uncertainty | str, Flown | None]:
+def _measured(
+    problem: Problem, solution: Solution, edges: str | None
+) -> tuple[Uncertainty | str, Flown | None]:
     from aosplan.models.measured import MeasuredModel
-    from aosplan.models.uncertainty import of_targets
+    from aosplan.models.uncertainty import UNIFORM, of_targets, with_doubt
 
     model, plan = problem.model, (solution.pattern, solution.baseline_m)
     if not isinstance(model, MeasuredModel):
         return "the saved scene holds no parts of the plot to compare", None
     errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
     errors = _with_opacity(errors, model, solution)
+    if edges != "wrapped" and model.edges_of(*plan) == "wrapped":
+        inside = model.interior_prediction(*plan)
+        if inside is not None:
+            errors = with_doubt(errors, solution.prediction, inside, UNIFORM, "edges")
     return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
 
 

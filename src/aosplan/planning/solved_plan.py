@@ -195,11 +195,14 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
             )
         return memo(CorrelogramModel, table, altitude, **common), None
     seen: dict[str, Any] = {"view": inputs.view, "focal_height_m": focal_height, **common}
-    model = memo(MeasuredModel, volume, altitude, **seen)
-    bounds = inputs.bounds
+    bounds, edges = inputs.bounds, inputs.asked.edges or "auto"
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
-        return model, None  # nothing is searched
-    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
+        return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
+    # A search compares all grids by the same targets, which under auto are those of the whole plot.
+    seen["edges"] = "interior" if edges == "interior" else "wrapped"
+    model = memo(MeasuredModel, volume, altitude, **seen)
+    if model.view == "perspective" or edges == "interior":
+        # The correlogram is telecentric, of the wrapped plot; fewer targets do instead.
         sparse = memo(MeasuredModel, volume, altitude, targets_per_voxel=1, **seen)
         return model, sparse
     if table is None or focal_height > 0.0:

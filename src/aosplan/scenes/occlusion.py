@@ -243,6 +243,14 @@ class Occlusion:
         masks &= np.packbits(ends, axis=1, bitorder="little")
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
 
+    def mask_of(self, window: Window) -> Words:
+        """The targets of a window as a mask, shape (words,)."""
+        inside = np.zeros((self.rows, 8 * self._width), dtype=np.bool_)
+        rows = slice(window.row, window.row + window.rows)
+        inside[rows, window.column : window.column + window.columns] = True
+        octets = np.packbits(inside, axis=1, bitorder="little").T
+        return np.ascontiguousarray(octets).reshape(-1).view(np.uint64)
+
     def unpack(self, masks: Words) -> NDArray[np.bool_]:
         """Masks as arrays: shape (N, rows, columns), true where the target is hidden."""
         octets = masks.view(np.uint8).reshape(-1, self._width, self.rows)

@@ -127,7 +127,11 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
     rule = f", {100 * inputs.coverage:.4g} % of the occluders with d̂ ≥ 1"
     near = f", approximated by its {plan.approximation}" if plan.approximation else ""
-    measured = f"{near}, on a plot that wraps around at its edges"
+    targets = {
+        "interior": ", of targets whose rays stay on the plot",
+        "wrapped": ", on a plot that wraps around at its edges",
+    }
+    measured = f"{near}{targets.get(plan.edges or '', '')}"
     if plan.reading == "slices":
         rule = ", as slices one occluder thick: b is below that of the coverage rule"
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
