@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from typer.core import TyperOption
+
 from aosplan.cli.options import (
     command,
     defaults_option,
@@ -14,6 +16,7 @@ from aosplan.cli.options import (
     text_option,
 )
 from aosplan.cli.output import (
+    check_apart,
     chosen_outputs,
     print_json,
     print_warnings,
@@ -25,6 +28,7 @@ from aosplan.cli.output import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from aosplan.maps.coverage_map import CoverageMap
     from aosplan.postflight.review import Review
 
 MOST_NAMED = 20
@@ -41,6 +45,7 @@ def run(
     force: bool,
     quiet: bool,
     as_json: bool,
+    coverage_map: list[str] | None,
     defaults: str | None,
     **flags: Any,
 ) -> None:
@@ -51,7 +56,9 @@ def run(
     wanted = request_of(plan, flags, defaults=defaults)
     within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
     chosen = chosen_outputs(out or [], format, force=force)
-    writes_stdout((path for _, path in chosen), as_json=as_json)
+    maps = coverage_map or []
+    _check_maps(maps, [path for _, path in chosen], area=wanted.area is not None, force=force)
+    writes_stdout([*(path for _, path in chosen), *maps], as_json=as_json)
     from aosplan.postflight.review import review
     from aosplan.postflight.views import read_views
 
@@ -66,13 +73,57 @@ def run(
             on_trial=bar.on_trial,
         )
     print_warnings(found.warnings, quiet=quiet)
-    written = []
-    if found.topup is not None:
-        written = write_outputs(found.topup.missions, chosen, force=force, quiet=quiet)
+    pages = {path: _map_file(found, path) for path in maps}
+    flown = chosen if found.topup is not None else []
+    written = write_outputs(
+        found.topup.missions if found.topup else tuple, flown, pages, force=force, quiet=quiet
+    )
     if as_json:
         print_json(found.document())
     elif not (quiet or "-" in written):
         _show(found, written)
+
+
+MAP_SUFFIXES = (".tif", ".tiff", ".geojson", ".svg")
+"""Endings of a coverage map: the raster, the gaps, and a picture."""
+
+
+def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool) -> None:
+    """Refuse coverage maps before any work is done for them."""
+    if not paths:
+        return
+    from importlib.util import find_spec
+
+    from aosplan.errors import MissingExtraError, RequestError
+    from aosplan.files import check_output
+
+    for path in paths:
+        if not path.lower().endswith(MAP_SUFFIXES):
+            raise RequestError(
+                f"coverage map '{path}' does not end in .tif, .geojson or .svg",
+                "a raster ends in .tif, the gaps in .geojson, a picture in .svg",
+            )
+        check_output(path, force=force)
+    check_apart([*paths, *others])
+    if not area:
+        raise RequestError("--coverage-map needs a plan over an --area")
+    if any(path.lower().endswith((".tif", ".tiff")) for path in paths) and not find_spec(
+        "rasterio"
+    ):
+        raise MissingExtraError("a coverage map", "raster")
+
+
+def _map_file(found: Review, path: str) -> bytes:
+    """A coverage map in the form that a file's ending asks for."""
+    assert found.coverage is not None  # a plan over an area has one
+    ending = os.path.splitext(path)[1].lower()
+    if ending == ".geojson":
+        return found.coverage.geojson()
+    if ending == ".svg":
+        from aosplan.show.page.search_map import coverage_picture
+
+        return coverage_picture(found.coverage)
+    return found.coverage.geotiff()
 
 
 def _show(found: Review, written: Sequence[str]) -> None:
@@ -91,8 +142,8 @@ def _show(found: Review, written: Sequence[str]) -> None:
         print_predictions(columns)
     next_step = "Next: --out topup.waypoints writes a mission for the missing sites."
     if found.topup is None:
-        next_step = "Nothing is missing: there is nothing to write."
-    elif written:
+        next_step = "Nothing remains to be flown: there is no mission to write."
+    if written:
         next_step = wrote(written)
     show(one_line(""), one_line(next_step))
 
@@ -113,6 +164,8 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
         shares = [f"{share:.0%} {name}" for name, share in named_shares if share is not None]
         yield "Detection", ", ".join(shares)
     yield "Sites", f"{total - len(found.missing)} of {total} have a photo"
+    if found.coverage is not None:
+        yield from _coverage_rows(found.coverage)
     if found.topup is None:
         return
     named = ", ".join(map(str, found.missing[:MOST_NAMED]))
@@ -120,10 +173,34 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
     yield "Missing", f"waypoints {named}{more} (from 0)"
     route = found.topup.route
     flights = f", {len(route.flights)} flights" if len(route.flights) > 1 else ""
+    photos = sum(found.topup.waypoints.photo or [True] * len(found.topup.waypoints))
     yield (
         "Top-up",
-        f"{len(found.missing)} photos, {route.length_m:.0f} m, {route.total_time_s / 60.0:.1f} min "
+        f"{photos} photos, {route.length_m:.0f} m, {route.total_time_s / 60.0:.1f} min "
         f"with take-off and return{flights}",
+    )
+
+
+def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
+    """What of an area remains."""
+    known = coverage.document()
+    yield (
+        "Area",
+        f"{known['area_m2'] / 1e4:.3g} ha; a place is in {known['flown_photos']:.3g} photos, "
+        f"{known['planned_photos']:.3g} were planned",
+    )
+    if known["gap_share"] == 0.0:
+        yield "Gaps", "none: every place is as was planned"
+        return
+    why = (
+        "seen from fewer sites than was planned"
+        if known["rule"] == "photos"
+        else "detection falls short of the plan's by more than 5 %"
+    )
+    yield (
+        "Gaps",
+        f"{known['gap_share']:.1%} of the area, {known['gap_m2']:,.0f} m² in {known['gaps']} "
+        f"part{'s' if known['gaps'] > 1 else ''}: {why}",
     )
 
 
@@ -154,5 +231,13 @@ COMMAND = command(
         *request_options(lambda option: option.name not in ("resume_at", "sensitivity")),
         defaults_option(),
         *output_options(),
+        TyperOption(
+            param_decls=["--coverage-map"],
+            type=str,
+            multiple=True,
+            metavar="COV.tif",
+            help="Write what an area's places show: .tif, the gaps .geojson, a picture .svg.  Repeatable.",
+            rich_help_panel="Output",
+        ),
     ],
 )

@@ -6,5 +6,6 @@
 - `aosplan.maps.place_detection`: how likely a target is found there.
 - `aosplan.maps.detection_map`: all of it for a plan.
 - `aosplan.maps.prior`: where the target is expected, and the probability of success.
+- `aosplan.maps.coverage_map`: what was shown by a flight, what remains, and which sites close it.
 - `aosplan.maps.geotiff`: rasters as files.
 """

@@ -76,6 +76,20 @@ class FlownDetectionDocument(OpenDocument):
     completed: Finite | None
 
 
+class AreaCoverageDocument(OpenDocument):
+    """What the photos show of an area, place by place (`aosplan.maps.coverage_map`)."""
+
+    area_m2: Finite
+    cell_m: Finite
+    planned_photos: Finite
+    flown_photos: Finite
+    unseen_share: Finite
+    gap_share: Finite
+    gap_m2: Finite
+    gaps: int
+    rule: Literal["photos", "detection"]
+
+
 class ReviewDocument(OpenDocument):
     """What `aosplan review --json` prints.
 
@@ -98,6 +112,7 @@ class ReviewDocument(OpenDocument):
     flown: VisibilityDocument | None
     completed: VisibilityDocument | None
     detection: FlownDetectionDocument | None = None
+    coverage: AreaCoverageDocument | None = None
     missing: list[WaypointDocument]
     strays: list[StrayDocument]
     topup: FlightDocument | None

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.maps.coverage_map import CoverageMap
     from aosplan.models.model import Prediction
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.result import Plan
@@ -79,12 +80,16 @@ class Review:
     counted
         Photos that the prediction counts.
     topup
-        The plan with the way to just the missing sites; None where there are none.
+        The plan with the way to just the missing sites, over an area to those that close its gaps; None
+        where there are none.
     warnings
         What the user should know.
     detection
-        How likely what the plan looks for is found; None where it looks for nothing, or no single
+        How likely what the plan looks for is found, over an area on average; None where it looks for
+        nothing, or no single
         prediction says it.
+    coverage
+        What the photos show of an area, place by place; None without one.
     """
 
     plan: Plan
@@ -102,6 +107,7 @@ class Review:
     topup: Plan | None
     warnings: tuple[Message, ...]
     detection: FlownDetection | None = None
+    coverage: CoverageMap | None = None
 
     @property
     def strays(self) -> list[int]:
@@ -136,6 +142,7 @@ class Review:
             "flown": None if self.flown is None else prediction_document(self.flown),
             **({} if self.detection is None else {"detection": self.detection._asdict()}),
             "completed": None if self.completed is None else prediction_document(self.completed),
+            **({} if self.coverage is None else {"coverage": self.coverage.document()}),
             "missing": [
                 {
                     name: value
@@ -219,6 +226,11 @@ def review(
     warnings += _of_distances(near, off_m, tolerance_m)
     warnings += _of_altitudes(planned, views)
     counted = points_m[near | _sees_middle(planned, points_m)]
+    chosen, coverage, area_detection = missing, None, None
+    if planned.layout.survey is not None:
+        places = _AreaReview(planned, points_m, sites_m, there, site_of, near)
+        chosen = [missing[place] for place in places.chosen]
+        coverage, area_detection = places.coverage, places.detection
     reason = _unpredictable(planned, len(sites), len(counted) + len(missing))
     flown = completed = detection = None
     if reason is not None:
@@ -227,7 +239,7 @@ def review(
         flown, completed = _predictions(planned, counted, sites_m[~there])
         detection = _detections(planned, counted, sites_m[~there])
         warnings += _of_blind(len(points_m) - len(counted))
-    topup = _topup(planned, missing) if missing else None
+    topup = _quickest_topup(planned, chosen) if chosen else None
     if topup is not None:
         warnings += topup.notices
     return Review(
@@ -245,8 +257,84 @@ def review(
         len(counted),
         topup,
         tuple(warnings),
-        detection,
+        area_detection or detection,
+        coverage,
     )
+
+
+class _AreaReview:
+    """What photos show of an area by place, and the missing sites that close its gaps."""
+
+    def __init__(
+        self,
+        planned: Plan,
+        points_m: NDArray[np.float64],
+        sites_m: NDArray[np.float64],
+        there: NDArray[np.bool_],
+        site_of: NDArray[np.intp],
+        near: NDArray[np.bool_],
+    ) -> None:
+        from aosplan.maps.coverage_map import Coverage
+
+        ground = Coverage(planned)
+        # Photos of a site count as the site, and count once.
+        sites = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
+        self.coverage = ground.of(points_m, sites)
+        self.chosen = ground.closing(points_m, sites, sites_m[~there]).tolist()
+        self.detection: FlownDetection | None = None
+        if self.coverage.planned_detection is not None:
+            more = sites_m[~there][self.chosen]
+            after = ground.of(np.vstack([points_m, more]), np.vstack([sites, more]))
+            inside = self.coverage.inside
+            self.detection = FlownDetection(
+                *(
+                    float(each[inside].mean())
+                    for each in (
+                        self.coverage.planned_detection,
+                        self.coverage.flown_detection,
+                        after.flown_detection,
+                    )
+                    if each is not None
+                )
+            )
+
+
+def _quickest_topup(planned: Plan, sites: list[int]) -> Plan:
+    """The way to some sites: in the order of the plan, or of a tour of their own, if that is quicker."""
+    usual = _topup(planned, sites)
+    survey = planned.layout.survey
+    if survey is None or len(sites) < 3:
+        return usual
+    own = _topup(planned, _toured(planned, sites, survey.pitch_m))
+    return min(usual, own, key=lambda topup: topup.route.total_time_s)
+
+
+def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> list[int]:
+    """Sites of a lattice in the order of a tour."""
+    import shapely
+
+    from aosplan.areas.no_fly import NoFlyZones
+    from aosplan.areas.tour import tour_of
+
+    ways, heading = planned.waypoints, planned.heading_deg
+    points = along_heading(
+        [ways.east_m[index] for index in sites], [ways.north_m[index] for index in sites], heading
+    )
+    column, row = np.rint((points - points.min(axis=0)) / pitch_m).astype(np.int64).T
+    stride = int(column.max()) + 2
+    order = np.argsort(row * stride + column)
+    assert planned.layout.area is not None  # a survey has one
+    zones = shapely.transform(
+        planned.layout.area.keep_out, lambda each: along_heading(each[:, 0], each[:, 1], heading)
+    )
+    tour = tour_of(
+        (row * stride + column)[order],
+        stride,
+        points[order],
+        planned.route.timing,
+        NoFlyZones(zones),
+    )
+    return [sites[place] for place in order[tour.order].tolist()]
 
 
 def _detections(

@@ -12,6 +12,7 @@ from aosplan.show.text.search_map_rows import sentences
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from aosplan.maps.coverage_map import CoverageMap
     from aosplan.maps.detection_map import DetectionMap, Success
 
 WIDTH = 640.0
@@ -87,6 +88,71 @@ def search_map(found: DetectionMap | None, success: Success | None) -> SearchMap
         ],
         bar=(round(unit * bar_m / cells.cell_m, 1), f"{bar_m:g} m"),
         swatches=[(380.0 + 24.0 * number, shade) for number, shade in enumerate(COLOURS)],
+    )
+
+
+def coverage_picture(coverage: CoverageMap) -> bytes:
+    """The share of the planned photos that see each place, and the gaps outlined, as SVG."""
+    cells = coverage.cells
+    rows, columns = cells.inside.shape
+    unit = min(WIDTH / columns, TALLEST / rows)
+    left = 0.5 * (WIDTH - unit * columns)
+    share = coverage.flown / np.maximum(coverage.planned, 1)
+    colour = np.minimum((10.0 * share).astype(np.int64), 9)
+    colour[coverage.flown == 0] = 10
+    colour = np.where(cells.inside, colour.reshape(rows, columns), -1)
+    gaps = coverage.gaps.reshape(rows, columns)
+    height = unit * rows + LEGEND
+    known = coverage.document()
+    title = (
+        f"Photos that see each place, of those planned: {known['flown_photos']:.3g} of "
+        f"{known['planned_photos']:.3g} on average; {known['gap_share']:.1%} of the area are gaps"
+    )
+    bar_m = nice_length_m(max(rows, columns) * cells.cell_m)
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH:g} {height:.1f}" role="img">',
+        f"<title>{title}</title>",
+        f'<rect width="{WIDTH:g}" height="{height:.1f}" fill="#ffffff"/>',
+        '<g shape-rendering="crispEdges">',
+    ]
+    for number, shade in enumerate((*COLOURS, UNSEEN)):
+        outline = _outline(colour == number, unit, left)
+        if outline:
+            parts.append(f'<path fill="{shade}" d="{outline}"/>')
+    parts.append("</g>")
+    parts.append(
+        f'<path fill="none" stroke="#d00000" stroke-width="2" d="{_rim(gaps, unit, left)}"/>'
+    )
+    low = height - 12.0
+    parts.append('<g font-family="sans-serif" font-size="15">')
+    parts.append(
+        f'<rect x="0" y="{height - 38:.1f}" width="{unit * bar_m / cells.cell_m:.1f}" height="3"/>'
+        f'<text x="0" y="{low:.1f}">{bar_m:g} m</text>'
+        f'<text x="150" y="{low:.1f}" fill="#d00000">red: gaps</text>'
+    )
+    parts += [
+        f'<rect x="{380 + 24 * number}" y="{height - 44:.1f}" width="24" height="14" fill="{shade}"/>'
+        for number, shade in enumerate(COLOURS)
+    ]
+    parts.append(
+        f'<text x="380" y="{low:.1f}">0 %</text><text x="620" y="{low:.1f}" text-anchor="end">'
+        "100 % of the planned photos</text></g></svg>"
+    )
+    return "\n".join(parts).encode() + b"\n"
+
+
+def _rim(cells: NDArray[np.bool_], unit: float, left: float) -> str:
+    """The sides between cells that are marked and those that are not, as a path."""
+    wide = np.pad(cells, 1)
+    line, column = np.nonzero(wide[1:, 1:-1] != wide[:-1, 1:-1])
+    level = "".join(
+        f"M{left + unit * x:.6g} {unit * y:.6g}h{unit:.6g}"
+        for y, x in zip(line.tolist(), column.tolist(), strict=True)
+    )
+    line, column = np.nonzero(wide[1:-1, 1:] != wide[1:-1, :-1])
+    return level + "".join(
+        f"M{left + unit * x:.6g} {unit * y:.6g}v{unit:.6g}"
+        for y, x in zip(line.tolist(), column.tolist(), strict=True)
     )
 
 

@@ -1,0 +1,306 @@
+"""After a flight over an area: what of it photos have shown, place by place, and what remains.
+
+A plan that looks for something promises a probability of detection; a place remains where the photos
+fall short of it by more than `SHORT`.  Any other plan promises N sites in the rectangle around each
+place under canopy (`aosplan.areas.coverage`), and one photo of clear ground; a place remains where
+fewer were flown than were planned, and fewer than that.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from aosplan.geodesy import local_crs, to_wgs84
+from aosplan.maps.detection_map import canopy_over, ground_of, photos_of, relative_depth
+from aosplan.maps.geotiff import geotiff_bytes
+from aosplan.maps.photo_sets import PhotoSets, photo_sets
+from aosplan.maps.place_detection import PlaceDetection
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.maps.ground_cells import GroundCells
+    from aosplan.planning.plan_data import PlanData
+
+    Floats = NDArray[np.float64]
+    Whole = NDArray[np.int64]
+
+SHORT = 0.05
+"""Probability of detection by which a place may fall short of what was planned."""
+
+AROUND = 3
+"""Cells along a square over which it is averaged before."""
+
+SHARES = (0.5, 0.7, 0.8, 0.9, 0.95)
+"""Shares of the planned photos that gaps are tried with, until detection there is as good as can be."""
+
+NEAR = 0.01
+"""Detection in the gaps by which fewer sites may fall short of all that are missing."""
+
+
+class CoverageMap(NamedTuple):
+    """What photos show of the ground of a plan.
+
+    Attributes
+    ----------
+    cells
+        The ground.
+    origin
+        Latitude and longitude from which cells count.
+    planned, flown
+        How many photos see each cell, shape (cells,).
+    gaps
+        Cells of which something remains to be shown.
+    planned_detection, flown_detection
+        Probability of detection in each cell; None for a plan that looks for nothing.
+    """
+
+    cells: GroundCells
+    origin: tuple[float, float]
+    planned: Whole
+    flown: Whole
+    gaps: NDArray[np.bool_]
+    planned_detection: Floats | None
+    flown_detection: Floats | None
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Cells that the map is about, shape (cells,)."""
+        return self.cells.inside.ravel()
+
+    @property
+    def gap_share(self) -> float:
+        """Share of the ground that remains."""
+        return float(self.gaps[self.inside].mean())
+
+    def document(self) -> dict[str, Any]:
+        """``coverage`` of a review's JSON."""
+        planned, flown = self.planned[self.inside], self.flown[self.inside]
+        return {
+            "area_m2": self.cells.area_m2,
+            "cell_m": self.cells.cell_m,
+            "planned_photos": float(planned.mean()),
+            "flown_photos": float(flown.mean()),
+            "unseen_share": float((flown == 0).mean()),
+            "gap_share": self.gap_share,
+            "gap_m2": self.gap_share * self.cells.area_m2,
+            "gaps": len(self.gap_polygons()),
+            "rule": "photos" if self.planned_detection is None else "detection",
+        }
+
+    def geotiff(self) -> bytes:
+        """Bands: photos, photos that are missing, gaps, and the probability of detection.
+
+        Raises
+        ------
+        MissingExtraError
+            If rasterio is not installed.
+        """
+        bands: list[Any] = [self.flown, np.maximum(self.planned - self.flown, 0), self.gaps]
+        names = ["photos", "photos missing", "gap"]
+        if self.planned_detection is not None:
+            bands += [self.flown_detection, self.planned_detection]
+            names += ["probability of detection", "probability of detection as planned"]
+        return geotiff_bytes(
+            np.stack([self.cells.raster(band) for band in bands]),
+            (self.cells.left_m, self.cells.top_m),
+            self.cells.cell_m,
+            local_crs(*self.origin),
+            names,
+        )
+
+    def gap_polygons(self) -> list[Any]:
+        """The gaps as polygons in metres east and north, the largest first."""
+        import shapely
+
+        rows, columns = np.nonzero(self.gaps.reshape(self.cells.inside.shape) & self.cells.inside)
+        west = self.cells.left_m + columns * self.cells.cell_m
+        north = self.cells.top_m - rows * self.cells.cell_m
+        side = self.cells.cell_m
+        whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
+        parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
+        return sorted(parts, key=lambda part: -part.area)
+
+    def geojson(self) -> bytes:
+        """The gaps as GeoJSON (RFC 7946), a feature each, with its area."""
+        import json
+
+        import shapely
+
+        features = []
+        for number, part in enumerate(self.gap_polygons()):
+            # Outer rings run against the clock, inner ones with it.
+            polygon = shapely.orient_polygons(part)
+            rings = []
+            for ring in (polygon.exterior, *polygon.interiors):
+                east, north = np.array(ring.coords).T
+                latitude, longitude = to_wgs84(self.origin, east.tolist(), north.tolist())
+                rings.append(
+                    [[round(x, 8), round(y, 8)] for x, y in zip(longitude, latitude, strict=True)]
+                )
+            features.append(
+                {
+                    "type": "Feature",
+                    "properties": {"gap": number, "area_m2": round(part.area, 1)},
+                    "geometry": {"type": "Polygon", "coordinates": rings},
+                }
+            )
+        return json.dumps({"type": "FeatureCollection", "features": features}).encode() + b"\n"
+
+
+class Coverage:
+    """The ground of a plan, and what any photos show of it.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    """
+
+    def __init__(self, plan: PlanData) -> None:
+        assert plan.origin is not None  # reviews of what has no place have no map
+        self._plan, self._origin = plan, plan.origin
+        self.cells, _ = ground_of(plan)
+        self._places = self.cells.middles_m
+        self._sites = photos_of(plan)
+        self._inside = self.cells.inside.ravel()
+        survey, area = plan.layout.survey, plan.layout.area
+        footprint = plan.inputs.footprint_m
+        self._window_m = footprint if survey is None else survey.rectangle_m
+        self._clear = np.zeros(len(self._places), np.bool_)
+        if area is not None and not area.clear.is_empty:
+            import shapely
+
+            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags behind
+                self._clear = shapely.contains_xy(area.clear, *self._places.T)
+        self._planned_sets = self._sets(self._sites)
+        self._predict = self._depth = None
+        self._planned_detection: Floats | None = None
+        if plan.detection is not None:
+            self._predict = PlaceDetection(plan)
+            self._depth = relative_depth(canopy_over(plan, self.cells))
+            self._planned_detection = self._detection(self._sites)
+
+    def of(self, points_m: Floats, counted_m: Floats) -> CoverageMap:
+        """What photos show.
+
+        Parameters
+        ----------
+        points_m
+            East and north of the photos, shape (N, 2).
+        counted_m
+            The same, but photos that belong to a site at their site: sites are counted.
+        """
+        sets = self._sets(points_m)
+        detection = self._detection(points_m) if self._predict is not None else None
+        if self._planned_detection is not None and detection is not None:
+            gaps = self._around(self._planned_detection - detection) > SHORT
+        else:
+            gaps = self._counts(counted_m) < self._needed
+        return CoverageMap(
+            self.cells,
+            self._origin,
+            self._planned_sets.looks,
+            sets.looks,
+            gaps & self._inside,
+            self._planned_detection,
+            detection,
+        )
+
+    def closing(self, points_m: Floats, counted_m: Floats, missing_m: Floats) -> NDArray[np.intp]:
+        """Few of the missing sites that close the gaps, as far as all of them do; rising.
+
+        Sites are taken greedily, the one that helps the most places first.
+        """
+        found = self.of(points_m, counted_m)
+        gaps = np.flatnonzero(found.gaps)
+        if not len(gaps):
+            return np.zeros(0, np.intp)
+        if self._predict is None:
+            wide = self._sets_by(missing_m, self._window_m)
+            own = self._sets(missing_m)
+            rows = [(own if self._clear[k] else wide).of(k) for k in gaps.tolist()]
+            return covering(rows, (self._needed - self._counts(counted_m))[gaps], len(missing_m))
+        rows = list(map(self._sets(missing_m).of, gaps.tolist()))
+
+        def detected(more_m: Floats) -> float:
+            """Mean probability of detection in the gaps, with more photos."""
+            points = np.vstack([points_m, more_m])
+            return float(self._detection(points, gaps).mean())
+
+        enough = detected(missing_m) - NEAR
+        for share in SHARES:
+            wanted = np.ceil(share * found.planned[gaps]).astype(np.int64) - found.flown[gaps]
+            fewer = covering(rows, wanted, len(missing_m))
+            if detected(missing_m[fewer]) >= enough:
+                return fewer
+        return np.arange(len(missing_m))
+
+    @property
+    def _needed(self) -> Whole:
+        """Photos that each place was planned to have, and has to have."""
+        most = np.where(self._clear, 1, self._plan.solution.pattern.samples)
+        needed: Whole = np.minimum(self._counts(self._sites), most)
+        return needed
+
+    def _counts(self, points_m: Floats) -> Whole:
+        """Sites in the rectangle around each place, or, of clear ground, photos that see it."""
+        wide = self._sets_by(points_m, self._window_m).looks
+        return np.where(self._clear, self._sets(points_m).looks, wide)
+
+    def _sets(self, points_m: Floats) -> PhotoSets:
+        return self._sets_by(points_m, self._plan.inputs.footprint_m)
+
+    def _sets_by(self, points_m: Floats, size_m: tuple[float, float]) -> PhotoSets:
+        return photo_sets(self._places, points_m, size_m, self._plan.heading_deg)
+
+    def _around(self, values: Floats) -> Floats:
+        """Values averaged over the cells around each, those of the ground: noise is no gap."""
+        from scipy.ndimage import uniform_filter
+
+        shape, inside = self.cells.inside.shape, self.cells.inside.astype(np.float64)
+        total = uniform_filter(values.reshape(shape) * inside, AROUND, mode="constant")
+        share = uniform_filter(inside, AROUND, mode="constant")
+        return (total / np.maximum(share, 1e-9)).ravel()
+
+    def _detection(self, points_m: Floats, some: Whole | None = None) -> Floats:
+        """Probability of detection at all places, or at some of them."""
+        assert self._predict is not None
+        some = np.arange(len(self._places)) if some is None else some
+        places, depth = self._places[some], None if self._depth is None else self._depth[some]
+        plan = self._plan
+        sets = photo_sets(places, points_m, plan.inputs.footprint_m, plan.heading_deg)
+        return self._predict.probabilities(sets, places, points_m, depth)
+
+
+def covering(rows: list[Whole], wanted: Whole, sites: int) -> NDArray[np.intp]:
+    """Few sites such that each place is seen by as many as it wants, or by all that see it.
+
+    Parameters
+    ----------
+    rows
+        Of each place, the sites that see it.
+    wanted
+        How many of them it wants.
+    sites
+        How many there are.
+    """
+    from scipy.sparse import csr_matrix
+
+    lengths = np.array([len(row) for row in rows])
+    left = np.minimum(wanted, lengths)
+    sees = csr_matrix(
+        (np.ones(lengths.sum()), np.concatenate(rows), np.concatenate([[0], np.cumsum(lengths)])),
+        shape=(len(rows), sites),
+    )
+    seen_by = sees.T.tocsr()
+    chosen = np.zeros(sites, np.bool_)
+    while (left > 0).any():
+        gain = seen_by @ (left > 0).astype(np.float64)
+        gain[chosen] = -1.0
+        best = int(np.argmax(gain))
+        chosen[best] = True
+        left[seen_by.indices[seen_by.indptr[best] : seen_by.indptr[best + 1]]] -= 1
+    return np.flatnonzero(chosen)
