@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from aosplan import __version__
 from aosplan.cli.integrate_options import integrate_options
+from aosplan.cli.integrate_outputs import (
+    Looks,
+    check_figure,
+    check_outputs,
+    contents_of,
+    figure_bytes,
+)
 from aosplan.cli.integrate_summary import described, doubts_of, show_summary
 from aosplan.cli.options import command
 from aosplan.cli.output import drawn, print_json
@@ -20,11 +27,10 @@ from aosplan.units import number, positive
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from aosplan.postflight.integral.focal_plane import Raster
     from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
-
-ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
 
 def run(
@@ -36,6 +42,9 @@ def run(
     focus: str | None,
     align: str | None,
     focus_figure: str | None,
+    focal_surface: str | None,
+    slope: str | None,
+    stack: str | None,
     up: str | None,
     gsd: str | None,
     extent: str | None,
@@ -50,42 +59,54 @@ def run(
     aperture: str | None,
     min_views: str | None,
     stretch: bool,
+    local: str | None,
+    scale: bool,
+    equalize: bool,
+    feather: bool,
+    anomalies: str | None,
+    hot_spots: str | None,
     compare: str | None,
     force: bool,
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Average recorded images on a focal plane, and compare choices of them."""
-    from aosplan.files import check_output, write_all
+    """Average recorded images on a focal surface, and compare choices of them."""
+    from aosplan.files import write_all
     from aosplan.postflight.integral.camera_pose import named_camera
     from aosplan.postflight.integral.integral_warnings import integral_warnings
     from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
     from aosplan.postflight.integral.recording import Recording, least_views
+    from aosplan.postflight.integral.seeing import together
+    from aosplan.postflight.integral.surface import read_slope, read_stack
     from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
 
-    _check_outputs(out, force=force)
+    others = [path for path in (anomalies, hot_spots, focus_figure) if path is not None]
+    check_outputs(out, others, stacked=stack is not None, force=force)
     choice = view_subset_of(pitch, aperture, views)
     reference = None if compare is None else read_view_subset(compare, "--compare")
-    if not out and reference is None:
+    if not (out or anomalies or hot_spots) and reference is None:
         raise RequestError(
             "nothing to do with the integral image", "--out integral.png, or --compare all"
         )
-    corners = _extent(extent)
-    heights = None if focus is None else _heights(focus, focal_height)
-    if isinstance(heights, float):
-        focal_height, heights = str(heights), None
-    elif focus is None and (align is not None or focus_figure is not None):
+    heights, focal_height = _heights(focus, focal_height, focal_surface)
+    if focus is None and (align is not None or focus_figure is not None):
         raise RequestError("--align and --focus-figure go with --focus", "--focus auto")
     if focus_figure is not None:
-        from aosplan.show.figures.canvas import check_extra, form_of
-
-        form_of(focus_figure)
-        check_output(focus_figure, force=force)
-        check_extra()
+        check_figure(focus_figure)
+    looks = Looks(
+        stretch=stretch,
+        local_m=None if local is None else positive(local, "--local", "m"),
+        scale=scale,
+        heights_m=None if stack is None else read_stack(stack),
+        anomalies=anomalies,
+        hot_spots=hot_spots,
+    )
+    corners = _extent(extent)
     recording = Recording(
         photos,
         images,
         focal_height_m=0.0 if focal_height is None else _place(focal_height, "--focal-height"),
+        slope=(0.0, 0.0) if slope is None else read_slope(slope),
         up=up,
         camera=named_camera(camera, None if fov is None else number(fov, "--fov", "deg")),
         photos=PhotoOptions(
@@ -101,26 +122,25 @@ def run(
     least = least_views("10%" if min_views is None else min_views, len(indices))
     other = None if reference is None else recording.choose(reference)
     with _bar(len(indices) + (0 if other is None else len(other)), quiet=quiet) as advance:
-        integral = recording.integrate(choice, raster, progress=advance)
-        comparison: dict[str, Any] | None = None
+        steps = _steps(recording, indices, raster, equalize=equalize, feather=feather)
+        averaged = partial(
+            recording.integrate, raster=raster, surface=focal_surface, adjust=together(steps)
+        )
+        integral = averaged(choice, progress=advance)
+        comparison = None
         if reference is not None and other is not None:
-            from aosplan.simulation.ssim import similarity
-
-            against = recording.integrate(
-                reference, raster, progress=lambda done: advance(len(indices) + done)
-            )
+            against = averaged(reference, progress=lambda done: advance(len(indices) + done))
             least_other = least_views("10%" if min_views is None else min_views, len(other))
-            found = similarity(
-                integral.values,
-                against.values,
-                integral.seen(least) & against.seen(least_other),
-                255.0 if against.is_byte else None,
-            )
-            comparison = {"choice": compare, "views": len(other), **found._asdict()}
-    limits = _limits(integral, least, stretch=stretch)
-    contents = {path: _bytes(path, recording, integral, least, limits) for path in out}
+            comparison = {
+                "choice": compare,
+                "views": len(other),
+                **_similarity(integral, against, least, least_other),
+            }
+        contents, limits = contents_of(
+            out, recording, integral, least, looks, partial(averaged, choice)
+        )
     if focus_figure is not None and found_focus is not None:
-        contents[focus_figure] = _figure(focus_figure, found_focus)
+        contents[focus_figure] = figure_bytes(focus_figure, found_focus)
     write_all(contents, force=force)
     document = {
         "schema": SCHEMA,
@@ -143,29 +163,39 @@ def run(
         show_summary(document, tuple(contents))
 
 
-def _check_outputs(out: tuple[str, ...], *, force: bool) -> None:
-    from aosplan.files import check_output
+def _similarity(
+    integral: Integral, against: Integral, least: int, least_other: int
+) -> dict[str, Any]:
+    from aosplan.simulation.ssim import similarity
 
-    for path in out:
-        if not path.lower().endswith(ENDINGS):
-            raise RequestError(
-                f"--out '{path}' does not end in {', '.join(ENDINGS)}",
-                ".png to look at, .tif with the values, .npz with everything",
-            )
-    for index, path in enumerate(out):
-        check_output(path, force=force)
-        if os.path.realpath(path) in map(os.path.realpath, out[:index]):
-            raise RequestError(f"output '{path}' is given twice")
+    found = similarity(
+        integral.values,
+        against.values,
+        integral.seen(least) & against.seen(least_other),
+        255.0 if against.is_byte else None,
+    )
+    return found._asdict()
 
 
-def _heights(focus: str, focal_height: str | None) -> tuple[float, float] | float | str:
-    """Heights to search, by the text of --focus: ``auto`` as it is."""
+def _heights(
+    focus: str | None, focal_height: str | None, surface: str | None
+) -> tuple[tuple[float, float] | str | None, str | None]:
+    """Heights to search, ``auto`` as it is, and the height of the plane."""
     from aosplan.postflight.integral.focus import read_heights
 
+    if focus is None:
+        return None, focal_height
     found = read_heights(focus)
-    if isinstance(found, float) and focal_height is not None:
-        raise RequestError("--focus H and --focal-height both give the height", "leave one out")
-    return "auto" if found is None else found
+    if isinstance(found, float):
+        if focal_height is not None:
+            raise RequestError("--focus H and --focal-height both give the height", "leave one out")
+        return None, repr(found)
+    if surface is not None:
+        raise RequestError(
+            f"--focus {focus} looks for a plane, and --focal-surface gives the surface",
+            "--focal-height M raises the surface",
+        )
+    return "auto" if found is None else found, focal_height
 
 
 def _focused(
@@ -201,13 +231,19 @@ def _focused(
     return found
 
 
-def _figure(path: str, found: Focus) -> bytes:
-    from aosplan.show.figures.canvas import form_of, rendered
-    from aosplan.show.figures.draw import Kind
-    from aosplan.show.figures.focus_curve import FocusCurve
+def _steps(
+    recording: Recording, indices: Any, raster: Raster, *, equalize: bool, feather: bool
+) -> list[Any]:
+    """Adjustments of each photo, in their order."""
+    from aosplan.postflight.integral.seeing import equalized, faded
 
-    kind = Kind("focus", "how well halves of the views agree", "recording", "focus_curve", 0.55)
-    return rendered(kind, FocusCurve.of(found.document()), form_of(path))
+    steps: list[Any] = []
+    if equalize:
+        chosen = [recording.sources[index] for index in indices]
+        steps.append(equalized(chosen, recording.plane, raster))
+    if feather:
+        steps.append(faded)
+    return steps
 
 
 def _extent(text: str | None) -> str | list[float]:
@@ -231,55 +267,6 @@ def _place(text: str, name: str) -> float:
     if abs(place) > FARTHEST_M:
         raise RequestError(f"{name} {place:g} is farther than {FARTHEST_M:g} m")
     return place
-
-
-def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, float]:
-    """Values that a PNG shows as black and white."""
-    import numpy as np
-
-    if integral.is_byte and not stretch:
-        return 0.0, 255.0
-    seen = integral.values[integral.seen(least)]
-    if not seen.size:
-        return 0.0, 1.0
-    low, high = np.percentile(seen, [1.0, 99.0])
-    return float(low), float(high)
-
-
-def _bytes(
-    path: str,
-    recording: Recording,
-    integral: Integral,
-    least: int,
-    limits: tuple[float, float],
-) -> bytes:
-    import numpy as np
-
-    from aosplan.postflight.integral.images import png_bytes, tiff_bytes
-
-    seen = integral.seen(least)
-    suffix = path.lower().rpartition(".")[2]
-    if suffix == "png":
-        return png_bytes(integral.values, seen, limits)
-    if suffix == "npz":
-        import io
-
-        buffer = io.BytesIO()
-        raster = integral.raster
-        np.savez_compressed(
-            buffer,
-            values=integral.values.astype(np.float32),
-            coverage=integral.coverage.astype(np.float32),
-            extent_m=np.array(raster.extent_m),
-            gsd_m=np.array(raster.gsd_m),
-        )
-        return buffer.getvalue()
-    if recording.georeference is None and integral.values.shape[2] == 1:
-        return tiff_bytes(integral.values, seen)
-    from aosplan.postflight.integral.geotiff import geotiff_bytes
-
-    shown = np.where(seen[..., None], integral.values, np.nan)
-    return geotiff_bytes(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
 
 
 @contextlib.contextmanager

@@ -23,6 +23,19 @@ def integrate_options() -> list[Any]:
             "--focal-height", "M", "Height of the plane along the world's upward axis [0].", plane
         ),
         text_option(
+            "--focal-surface",
+            "DEM",
+            "GeoTIFF of ground heights: focus on the ground wherever it is high.",
+            plane,
+        ),
+        text_option("--slope", "X,Y", "Rise of the plane by east and north: 5%,-3%.", plane),
+        text_option(
+            "--stack",
+            "HEIGHTS",
+            "Several planes, 0..20:2: --out a.tif (pages) or a.gif (film).",
+            plane,
+        ),
+        text_option(
             "--focus",
             "H",
             "Find the height of the ground: auto, or between H1..H2; a number is --focal-height.",
@@ -92,6 +105,22 @@ def integrate_options() -> list[Any]:
             rich_help_panel="Output",
         ),
         flag_option("--stretch", "PNG from the 1st to the 99th percentile, for 8 bits too."),
+        text_option("--local", "M", "PNG of local contrast, within this distance.", "Output"),
+        flag_option("--scale", "PNG with a scale bar and an arrow to the north."),
+        flag_option("--equalize", "Bring the photos to one exposure first."),
+        flag_option("--feather", "Weigh photos less towards their edges: no seams."),
+        text_option(
+            "--anomalies",
+            "PATH",
+            "Share of photos in which each place stands out (RX): .tif, .png.",
+            "Output",
+        ),
+        text_option(
+            "--hot-spots",
+            "PATH",
+            "Places that stand out, as .geojson with size and contrast.",
+            "Output",
+        ),
         flag_option("--force", "Overwrite existing files."),
         flag_option("--quiet", "No table, no warnings."),
         json_option(),

@@ -128,16 +128,18 @@ def integrate(
         before it, where a camera is below the plane, or no view sees the raster.
     """
     sums: NDArray[np.float64] | None = None
+    bands: int | None = None
     coverage = np.zeros((raster.rows, raster.columns))
     done = blind = 0
     is_byte = True
     for source in sources:
-        picture = read_source(source, None if sums is None else len(sums))
+        picture = read_source(source, bands)
+        bands = len(picture.bands)
+        if adjust is not None:
+            picture = adjust(source, picture)
         if sums is None:
             sums = np.zeros((len(picture.bands), raster.rows, raster.columns))
         is_byte = is_byte and picture.is_byte
-        if adjust is not None:
-            picture = adjust(source, picture)
         blind += not add_view(picture, source, plane, raster, sums, coverage, relief_m)
         done += 1
         if progress is not None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
+    from aosplan.postflight.integral.images import Picture
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.view_subset import ViewSubset
 
@@ -170,11 +171,20 @@ class Recording:
         choice: ViewSubset,
         raster: Raster,
         *,
+        surface: str | None = None,
+        adjust: Callable[[Source, Picture], Picture] | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Integral:
         """The integral image of a choice of views (`aosplan.postflight.integral.integral.integrate`)."""
         sources = (self.sources[index] for index in self.choose(choice))
-        return integrate(sources, self.plane, raster, progress=progress)
+        relief = None
+        if surface is not None:
+            from aosplan.postflight.integral.surface import relief_of
+
+            relief = relief_of(surface, self, raster)
+        return integrate(
+            sources, self.plane, raster, relief_m=relief, adjust=adjust, progress=progress
+        )
 
     def extent_m(self, indices: NDArray[np.intp]) -> tuple[float, float]:
         """Extent of the sites of some views along the plane's x and y [m]."""

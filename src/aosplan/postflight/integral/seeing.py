@@ -1,0 +1,177 @@
+"""What helps to see: exposure, edges of photos, local contrast, a scale and north."""
+
+from __future__ import annotations
+
+import io
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.focal_plane import Plane, Raster
+    from aosplan.postflight.integral.images import Picture
+    from aosplan.postflight.integral.integral import Integral, Source
+
+    Adjust = Callable[[Source, Picture], Picture]
+
+RIM = 0.15
+"""Share of a photo's side over which its weight falls to nothing at the edge."""
+
+EXPOSURE_PX = 96
+"""Longer side of the integral in which exposures are compared."""
+
+
+def together(steps: Sequence[Adjust]) -> Adjust | None:
+    """One adjustment after another; None if there is none."""
+    if not steps:
+        return None
+
+    def adjust(source: Source, picture: Picture) -> Picture:
+        for step in steps:
+            picture = step(source, picture)
+        return picture
+
+    return adjust
+
+
+def faded(_source: Source, picture: Picture) -> Picture:
+    """A picture whose weight falls towards its edges, so that no seam shows where photos end."""
+    from PIL import Image
+
+    width, height = picture.size
+    x, y = ((np.arange(side) + 0.5) / side for side in (width, height))
+    ramps = [np.clip(np.minimum(line, 1.0 - line) / RIM, 0.0, 1.0) for line in (x, y)]
+    weight = np.outer(ramps[1], ramps[0]).astype(np.float32)
+    if picture.weight is not None:
+        weight = weight * np.asarray(picture.weight)
+    return picture._replace(weight=Image.fromarray(weight))
+
+
+def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust:
+    """Adjustment of each photo to the exposure of all, where they see the same ground.
+
+    Bytes are multiplied, as exposure does; other values, such as temperatures, are shifted, as the
+    drift of a thermal camera does.
+    """
+    from PIL import Image
+
+    from aosplan.postflight.integral.focal_plane import Raster
+    from aosplan.postflight.integral.integral import add_view, read_source
+
+    coarse = max(raster.gsd_m, raster.gsd_m * max(raster.columns, raster.rows) / EXPOSURE_PX)
+    small = Raster.over(raster.extent_m, coarse)
+    shape = (small.rows, small.columns)
+    images = []
+    is_byte = True
+    for source in sources:
+        picture = read_source(source, None)
+        is_byte = is_byte and picture.is_byte
+        sums, seen = np.zeros((len(picture.bands), *shape)), np.zeros(shape)
+        add_view(picture, source, plane, small, sums, seen)
+        grey = sums.mean(axis=0)
+        images.append(np.where(seen > 0.5, grey / np.maximum(seen, 1e-9), np.nan))
+    stack = np.stack(images)
+    change = np.full(len(stack), 1.0 if is_byte else 0.0)
+    for _ in range(3):
+        corrected = stack * change[:, None, None] if is_byte else stack + change[:, None, None]
+        count = np.maximum(np.isfinite(corrected).sum(axis=0), 1)
+        mean = np.nansum(corrected, axis=0) / count
+        for index, image in enumerate(corrected):
+            there = np.isfinite(image) & (count > 1)
+            if not there.any():
+                continue
+            if is_byte:
+                change[index] *= float(mean[there].mean() / max(image[there].mean(), 1e-6))
+            else:
+                change[index] += float(mean[there].mean() - image[there].mean())
+    # The photos as a whole stay as bright as they were.
+    change = change / np.exp(np.log(change).mean()) if is_byte else change - change.mean()
+    by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
+
+    def adjust(source: Source, picture: Picture) -> Picture:
+        value = by_name.get(source.path, 1.0 if is_byte else 0.0)
+        bands = tuple(
+            Image.fromarray(
+                np.asarray(band) * np.float32(value)
+                if is_byte
+                else np.asarray(band) + np.float32(value)
+            )
+            for band in picture.bands
+        )
+        return picture._replace(bands=bands)
+
+    return adjust
+
+
+def local_contrast(
+    values: NDArray[np.float64], seen: NDArray[np.bool_], window_px: float
+) -> NDArray[np.float64]:
+    """Values less their local mean, over their local spread: the canopy's uneven veil goes.
+
+    Parameters
+    ----------
+    values
+        Shape (rows, columns, bands).
+    seen
+        Where values count.
+    window_px
+        Standard deviation of the window.
+
+    Returns
+    -------
+    ndarray
+        In local standard deviations, nan where nothing is seen.
+    """
+    from scipy.ndimage import gaussian_filter
+
+    def smooth(image: NDArray[np.float64]) -> NDArray[np.float64]:
+        blurred: NDArray[np.float64] = gaussian_filter(np.where(seen, image, 0.0), window_px)
+        return blurred / np.maximum(gaussian_filter(seen.astype(float), window_px), 1e-9)
+
+    bands = []
+    for each in np.moveaxis(values, -1, 0):
+        band = np.where(seen, each, 0.0)
+        mean = smooth(band)
+        spread = np.sqrt(np.maximum(smooth((band - mean) ** 2), 0.0))
+        floor = 0.1 * float(np.median(spread[seen])) if seen.any() else 1.0
+        bands.append(np.where(seen, (band - mean) / np.maximum(spread, max(floor, 1e-9)), np.nan))
+    return np.stack(bands, axis=-1)
+
+
+def with_scale(png: bytes, integral: Integral) -> bytes:
+    """A PNG with a bar of a round length and an arrow to the north below it."""
+    from PIL import Image, ImageDraw
+
+    from aosplan.postflight.integral.layers import label
+
+    with Image.open(io.BytesIO(png)) as opened:
+        image = opened.convert("RGBA")
+    strip = max(round(0.08 * max(image.size)), 28)
+    canvas = Image.new("RGBA", (max(image.width, 160), image.height + strip), "white")
+    canvas.paste(image, (0, 0), image)
+    pen = ImageDraw.Draw(canvas)
+    length_m = _round(0.3 * canvas.width * integral.raster.gsd_m)
+    length = length_m / integral.raster.gsd_m
+    middle, text = image.height + strip // 2, max(strip // 2, 12)
+    pen.rectangle([10, middle - 2, 10 + length, middle + 2], fill="black")
+    label(pen, (16 + length, middle - text // 2), f"{length_m:g} m", text)
+    x, half = canvas.width - strip // 2 - 6, strip // 2 - 4
+    pen.polygon([(x, middle - half), (x - half // 2, middle + half), (x, middle + half // 2),
+                 (x + half // 2, middle + half)], fill="black")  # fmt: skip
+    label(pen, (x - strip, middle - text // 2), "N", text)
+    buffer = io.BytesIO()
+    canvas.save(buffer, "PNG")
+    return buffer.getvalue()
+
+
+def _round(length: float) -> float:
+    """The largest 1, 2 or 5 times a power of ten that is not longer."""
+    power = 10.0 ** math.floor(math.log10(length))
+    return float(
+        max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1 + 1e-9))
+    )

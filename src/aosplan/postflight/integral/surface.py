@@ -1,0 +1,117 @@
+"""Focal surfaces from elevation models: the height of the ground at every pixel of the integral."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.errors import RequestError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.postflight.integral.focal_plane import Raster
+    from aosplan.postflight.integral.recording import Recording
+
+MOST_NODES = 300
+"""Places along each side of the raster at which the elevation model is read; between them heights are
+interpolated."""
+
+
+def read_slope(text: str) -> tuple[float, float]:
+    """Rise of a plane by each metre of x and y, as numbers or percentages.
+
+    Raises
+    ------
+    RequestError
+        If it is not two numbers between -2 and 2.
+    """
+    from aosplan.units import number
+
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise RequestError(
+            f"--slope '{text}' is not X,Y", "0.05,-0.03 or 5%,-3%: rise by east and north"
+        )
+    found = [
+        number(part.rstrip("% "), "--slope") / (100.0 if part.strip().endswith("%") else 1.0)
+        for part in parts
+    ]
+    if max(map(abs, found)) > 2.0:
+        raise RequestError(f"--slope '{text}' is steeper than 2", "5% is 0.05")
+    return found[0], found[1]
+
+
+def relief_of(path: str, recording: Recording, raster: Raster) -> NDArray[np.float64]:
+    """Heights of an elevation model above the take-off at the pixels of a raster, shape (rows, columns).
+
+    The take-off is taken to be below the first photo; the recording's focal height adds to it.
+
+    Raises
+    ------
+    RequestError
+        If the recording is not on earth, or the model does not cover it.
+    """
+    from aosplan.flight.terrain import Terrain
+
+    if recording.georeference is None:
+        raise RequestError(
+            "--focal-surface needs photos with positions: these poses do not say where on earth they are",
+            "--slope X,Y tilts the plane",
+        )
+    rows = np.linspace(0.5, raster.rows - 0.5, min(raster.rows, MOST_NODES))
+    columns = np.linspace(0.5, raster.columns - 0.5, min(raster.columns, MOST_NODES))
+    x, y = np.meshgrid(raster.left_m + raster.gsd_m * columns, raster.top_m - raster.gsd_m * rows)
+    x, y = (
+        np.append(x.ravel(), recording.positions_m[0, 0]),
+        np.append(y.ravel(), recording.positions_m[0, 1]),
+    )
+    latitude, longitude = recording.georeference.places(x, y)
+    with Terrain(path) as terrain:
+        heights = terrain.heights_m(latitude.tolist(), longitude.tolist())
+    takeoff = float(heights[-1])
+    nodes = heights[:-1].reshape(len(rows), len(columns)) - takeoff
+    return _between(nodes, rows, columns, raster)
+
+
+def _between(
+    nodes: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    raster: Raster,
+) -> NDArray[np.float64]:
+    """Heights at all pixels, bilinear between nodes."""
+    wide = np.stack([np.interp(np.arange(raster.columns) + 0.5, columns, line) for line in nodes])
+    at = np.arange(raster.rows) + 0.5
+    low = np.clip(np.searchsorted(rows, at) - 1, 0, max(len(rows) - 2, 0))
+    high = np.minimum(low + 1, len(rows) - 1)
+    span = np.maximum(rows[high] - rows[low], 1e-12)
+    part = np.clip((at - rows[low]) / span, 0.0, 1.0)[:, None]
+    found: NDArray[np.float64] = wide[low] * (1.0 - part) + wide[high] * part
+    return found
+
+
+def read_stack(text: str) -> list[float]:
+    """Heights of a stack: ``H1..H2:STEP``, or heights with commas.
+
+    Raises
+    ------
+    RequestError
+        If it is neither, or has more than 500 heights.
+    """
+    from aosplan.units import number, positive
+
+    if ".." not in text:
+        return [number(part, "--stack", "m") for part in text.split(",")]
+    ends, colon, step = text.partition(":")
+    low, _, high = ends.partition("..")
+    first, last = number(low, "--stack", "m"), number(high, "--stack", "m")
+    pitch = positive(step, "--stack", "m") if colon else 1.0
+    if not first < last:
+        raise RequestError(f"--stack '{text}' is empty", "the lower height comes first: 0..20:2")
+    count = math.floor((last - first) / pitch + 1e-9) + 1
+    if count > 500:
+        raise RequestError(f"--stack '{text}' has {count} heights, more than 500", "a larger step")
+    return [first + index * pitch for index in range(count)]
