@@ -220,11 +220,12 @@ def test_a_picture_may_have_a_scale_and_north(command, folder):
     command("photos", "--out", "a.png", "--extent=-6,-6,6,6", "--gsd", "0.05")
     command("photos", "--out", "b.png", "--scale", "--extent=-6,-6,6,6", "--gsd", "0.05")
     with Image.open("a.png") as plain, Image.open("b.png") as scaled:
-        assert scaled.width == plain.width
-        strip = np.asarray(scaled.convert("L"))[plain.height + 2 :]
+        zoom = scaled.width // plain.width
+        assert scaled.width == 2 * plain.width
+        strip = np.asarray(scaled.convert("L"))[2 * plain.height + 2 :]
         bar = strip[len(strip) // 2] < 50
     run = np.diff(np.flatnonzero(np.diff(bar.astype(int))))[0]
-    assert run * 0.05 == pytest.approx(2.0, abs=0.1)  # 2 m
+    assert run * 0.05 / zoom == pytest.approx(2.0, abs=0.1)  # 2 m
 
 
 @pytest.mark.parametrize(

@@ -181,7 +181,7 @@ class Recording:
         if surface is not None:
             from aosplan.postflight.integral.surface import relief_of
 
-            relief = relief_of(surface, self, raster)
+            relief = relief_of(surface, self.georeference, self.positions_m[0], raster)
         return integrate(
             sources, self.plane, raster, relief_m=relief, adjust=adjust, progress=progress
         )

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 RIM = 0.15
 """Share of a photo's side over which its weight falls to nothing at the edge."""
 
+SHOWN_PX = 600
+"""A picture with a scale is enlarged to about this size."""
+
 EXPOSURE_PX = 96
 """Longer side of the integral in which exposures are compared."""
 
@@ -144,19 +147,23 @@ def local_contrast(
 
 
 def with_scale(png: bytes, integral: Integral) -> bytes:
-    """A PNG with a bar of a round length and an arrow to the north below it."""
+    """A PNG with a bar of a round length and an arrow to the north below it; small ones enlarged."""
     from PIL import Image, ImageDraw
 
     from aosplan.postflight.integral.layers import label
 
     with Image.open(io.BytesIO(png)) as opened:
-        image = opened.convert("RGBA")
+        zoom = max(SHOWN_PX // max(opened.size), 1)
+        image = opened.convert("RGBA").resize(
+            (opened.width * zoom, opened.height * zoom), Image.Resampling.NEAREST
+        )
     strip = max(round(0.08 * max(image.size)), 28)
     canvas = Image.new("RGBA", (max(image.width, 160), image.height + strip), "white")
     canvas.paste(image, (0, 0), image)
     pen = ImageDraw.Draw(canvas)
-    length_m = _round(0.3 * canvas.width * integral.raster.gsd_m)
-    length = length_m / integral.raster.gsd_m
+    pixel_m = integral.raster.gsd_m / zoom
+    length_m = _round(0.3 * canvas.width * pixel_m)
+    length = length_m / pixel_m
     middle, text = image.height + strip // 2, max(strip // 2, 12)
     pen.rectangle([10, middle - 2, 10 + length, middle + 2], fill="black")
     label(pen, (16 + length, middle - text // 2), f"{length_m:g} m", text)

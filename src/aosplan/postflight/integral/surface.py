@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.postflight.integral.focal_plane import Raster
-    from aosplan.postflight.integral.recording import Recording
+    from aosplan.postflight.integral.georeference import Georeference
 
 MOST_NODES = 300
 """Places along each side of the raster at which the elevation model is read; between them heights are
@@ -44,10 +44,15 @@ def read_slope(text: str) -> tuple[float, float]:
     return found[0], found[1]
 
 
-def relief_of(path: str, recording: Recording, raster: Raster) -> NDArray[np.float64]:
+def relief_of(
+    path: str,
+    georeference: Georeference | None,
+    first_m: NDArray[np.float64],
+    raster: Raster,
+) -> NDArray[np.float64]:
     """Heights of an elevation model above the take-off at the pixels of a raster, shape (rows, columns).
 
-    The take-off is taken to be below the first photo; the recording's focal height adds to it.
+    The take-off is taken to be below the first photo, at `first_m` along x and y.
 
     Raises
     ------
@@ -56,7 +61,7 @@ def relief_of(path: str, recording: Recording, raster: Raster) -> NDArray[np.flo
     """
     from aosplan.flight.terrain import Terrain
 
-    if recording.georeference is None:
+    if georeference is None:
         raise RequestError(
             "--focal-surface needs photos with positions: these poses do not say where on earth they are",
             "--slope X,Y tilts the plane",
@@ -65,10 +70,10 @@ def relief_of(path: str, recording: Recording, raster: Raster) -> NDArray[np.flo
     columns = np.linspace(0.5, raster.columns - 0.5, min(raster.columns, MOST_NODES))
     x, y = np.meshgrid(raster.left_m + raster.gsd_m * columns, raster.top_m - raster.gsd_m * rows)
     x, y = (
-        np.append(x.ravel(), recording.positions_m[0, 0]),
-        np.append(y.ravel(), recording.positions_m[0, 1]),
+        np.append(x.ravel(), first_m[0]),
+        np.append(y.ravel(), first_m[1]),
     )
-    latitude, longitude = recording.georeference.places(x, y)
+    latitude, longitude = georeference.places(x, y)
     with Terrain(path) as terrain:
         heights = terrain.heights_m(latitude.tolist(), longitude.tolist())
     takeoff = float(heights[-1])
