@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import fields
 
 import pytest
@@ -9,7 +10,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from aosplan.errors import RequestError
+from aosplan.planning.options import DEFAULTS
 from aosplan.planning.request import ALTERNATIVES, BY_NAME, OPTIONS, PlanRequest, request_from
+from aosplan.scenes.files.canopy_raster import CROWN_BASE
+from aosplan.scenes.pulses.realise import LEAF_M
 
 UNIFORM = {"density": 0.01, "occluder_size": 0.2, "volume_height": 18}
 LENS = {"focal_length": 9.1, "sensor_width": 7.68, "image_width": 640, "image_height": 512}
@@ -505,3 +509,14 @@ def test_a_request_is_the_same_from_flags_and_from_a_file(values):
         assert isinstance(typed, RequestError)
     else:
         assert typed == file
+
+
+def test_help_shows_the_defaults_that_a_request_takes():
+    shown = {option.name: option.help for option in OPTIONS}
+    for name, value in DEFAULTS.items():
+        if name != "altitude_frame":  # the first of its words
+            text = value if isinstance(value, str) else f"{value:g}"
+            assert re.search(rf"\[{text}[],;]", shown[name]), name
+    assert shown["leaf_size"].endswith(f"[{LEAF_M:g}]")
+    assert shown["crown_base"].endswith(f"[{CROWN_BASE:g}]")
+    assert not [name for name, text in shown.items() if "[default" in text]

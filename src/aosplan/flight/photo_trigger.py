@@ -22,12 +22,6 @@ if TYPE_CHECKING:
 TRIGGERS = ("stop", "distance")
 """How photos are taken: standing still, or each so many metres."""
 
-EXPOSURE_S = 0.01
-"""Exposure unless given: the time constant of a microbolometer, about 10 ms."""
-
-BLUR_PX = 1.0
-"""Motion blur allowed unless given."""
-
 
 class Bound(NamedTuple):
     """A bound on the speed, and why."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import RequestError
 from aosplan.files import is_file_name, is_pattern, located
 from aosplan.messages import Message
-from aosplan.planning.options import READING
+from aosplan.planning.options import DEFAULTS, READING
 from aosplan.scenes.presets import find_preset_scene, scene_hint
 from aosplan.scenes.scene import Scene, UniformScene
 
@@ -223,9 +223,9 @@ def _cloud(
     _check_unread(request, ("crown_base",))
     reading: dict[str, Any] = {
         "voxel": request.voxel,
-        "ground": request.ground or "auto",
-        "min_height": 2.0 if request.min_height is None else request.min_height,
-        "opacity": request.opacity or "auto",
+        "ground": request.ground or DEFAULTS["ground"],
+        "min_height": _min_height_m(request),
+        "opacity": request.opacity or DEFAULTS["opacity"],
     }
     if request.units is not None:
         reading["units"] = request.units
@@ -278,7 +278,7 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
 
     _check_unread(request, ("ground", "crop", *OPACITY))
     reading = {
-        "min_height": 2.0 if request.min_height is None else request.min_height,
+        "min_height": _min_height_m(request),
         "crown_base": CROWN_BASE if request.crown_base is None else request.crown_base,
     }
     volume = read_canopy(
@@ -290,6 +290,12 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
     )
     loaded = _of_stand(Stand.of(volume), os.path.basename(name), request)
     return replace(loaded, reading=reading | {"voxel": volume.voxel_m})
+
+
+def _min_height_m(request: PlanRequest) -> float:
+    """Height below which vegetation is left out."""
+    given = request.min_height
+    return float(DEFAULTS["min_height"] if given is None else given)
 
 
 def _of_stand(stand: Stand, name: str, request: PlanRequest) -> LoadedScene:

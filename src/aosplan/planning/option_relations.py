@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.planning.find import PERSON
-from aosplan.planning.options import BY_NAME, READING
+from aosplan.planning.options import BY_NAME, DEFAULTS, READING
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -109,14 +109,10 @@ NEEDS = (
 )
 """Options that need another one."""
 
-LANE_DEFAULTS: dict[str, Any] = {"lanes": 3, "lane_pitch": 4.0}
-"""Defaults of the options of lanes."""
+OF_LANES = ("lanes", "lane_pitch")
+"""Options of lanes."""
 
-LANE_OPTIONS = {
-    "lanes": ("lanes", "lane_pitch"),
-    "spiral": ("lane_pitch",),
-    "best": ("lanes", "lane_pitch"),
-}
+LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
 """Which of them each kind of grid takes."""
 
 BROUGHT_BY_DRONE = (
@@ -137,8 +133,8 @@ BROUGHT_BY_DRONE = (
 BEST = ("visibility", "contrast", "detection")
 """Objectives that a search makes as large as the time allows, without a target."""
 
-OPEN_OTHERWISE = {"grid": "trimmed", "heading": 0.0, "trigger": "stop"}
-"""Options that are open in a search, and their values otherwise."""
+LEFT_OPEN = ("grid", "heading", "trigger")
+"""Options that a search leaves open."""
 
 NOT_SEARCHED = {
     "resume_at": "a resumed mission has its sites already",
@@ -191,11 +187,11 @@ def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
     if "scene" in upper and "scene" not in lower:
         dropped.add("occluder_size")  # it belonged to the uniform scene below
     if "grid" in upper:
-        dropped |= {*LANE_DEFAULTS} - {*LANE_OPTIONS.get(upper["grid"], ())}
+        dropped |= {*OF_LANES} - {*LANE_OPTIONS.get(upper["grid"], ())}
     if upper.get("trigger") == "stop":
         dropped |= {"max_blur", "exposure_time"}
     elif upper.get("trigger") == "distance" and lower.get("grid") == "spiral":
-        dropped |= {"grid", *LANE_DEFAULTS}
+        dropped |= {"grid", *OF_LANES}
     elif upper.get("grid") == "spiral" and lower.get("trigger") == "distance":
         dropped |= {"trigger", "max_blur", "exposure_time"}
     if "drone" in upper:
@@ -210,7 +206,7 @@ def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
         name for need in NEEDS if need.waits and not need.is_met(together) for name in need.options
     }
     if together.get("grid") != "lanes":
-        unpaired |= set(LANE_DEFAULTS)
+        unpaired |= set(OF_LANES)
     left = {name: value for name, value in own.items() if name not in unpaired}
     # An option that is left out may have been the partner of another.
     return left if len(left) == len(own) else fitting(left, asked)
@@ -220,22 +216,22 @@ def is_search(values: Mapping[str, Any]) -> bool:
     """Whether a request is answered by a search over flights."""
     if values["within"] is not None:
         return True
-    names = (*OPEN_OTHERWISE, "baseline", "samples")
+    names = (*LEFT_OPEN, "baseline", "samples")
     has_open = any(values[name] in (None, OPEN) for name in names)
     return values["optimize"] == "detection" and has_open
 
 
 def default_target(values: Mapping[str, Any]) -> float:
     """V̂ that is asked for unless another target is given; 0 if it is made as large as it can be."""
-    return 0.0 if is_search(values) and values["optimize"] in BEST else 0.98
+    return 0.0 if is_search(values) and values["optimize"] in BEST else DEFAULTS["vhat"]
 
 
 def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
     """Values of the options that were not given: open in a search, else their defaults."""
     found: dict[str, Any] = {}
-    for name, default in OPEN_OTHERWISE.items():
+    for name in LEFT_OPEN:
         if values[name] is None:
-            found[name] = "best" if is_search(values) else default
+            found[name] = "best" if is_search(values) else DEFAULTS[name]
     if values["optimize"] == "detection" and values["find"] is None:
         found["find"] = PERSON
     return found

@@ -15,7 +15,7 @@ from aosplan.flight.photo_trigger import TRIGGERS
 from aosplan.grid.patterns import GRIDS
 from aosplan.mission.mission import FRAMES
 from aosplan.models.model import MODELS, RAYS
-from aosplan.models.signatures import SIGNATURES
+from aosplan.models.signatures import FALSE_ALARMS, SIGNATURES
 from aosplan.planning.find import SEARCH, contrast, false_alarms, radiance, target_name
 from aosplan.solver.problem import OBJECTIVES
 
@@ -42,7 +42,6 @@ OPACITY = ("auto", "pulses", "voxels")
 
 AUTOPILOTS = ("px4", "ardupilot")
 """Flight controllers that take QGroundControl's plans."""
-
 
 CAMERA_CONTROLS = ("mavlink", "outputs")
 """How PX4 triggers a camera: by MAVLink's camera protocol, or by its own outputs."""
@@ -83,6 +82,40 @@ def payload(value: Any, name: str) -> str:
     from aosplan.mission.dji_models import PAYLOADS
 
     return q.one_of(PAYLOADS)(value, name)
+
+
+DEFAULTS: dict[str, Any] = {
+    "focal_height": 0.0,
+    "vhat": 0.98,
+    "false_alarms": FALSE_ALARMS,
+    "scene": "paper-forest",
+    "volume_base": 2.0,
+    "ground": "auto",
+    "min_height": 2.0,
+    "opacity": "auto",
+    "camera": "dji-m3t-thermal",
+    "coverage": 0.98,
+    "optimize": "samples",
+    "grid": "trimmed",
+    "lanes": 3,
+    "lane_pitch": 4.0,
+    "heading": 0.0,
+    "buffer": 5.0,
+    "max_sites": 10_000,
+    "speed": 5.0,
+    "acceleration": 2.0,
+    "climb": 3.0,
+    "hold": 1.0,
+    "hold_error": 0.0,
+    "trigger": "stop",
+    "max_blur": 1.0,
+    "exposure_time": 0.01,
+    "airspeed": 15.0,
+    "clearance": 2.0,
+    "terrain_tolerance": 3.0,
+    "altitude_frame": "takeoff",
+}
+"""Values of options that are not given, for the request and for the columns of a sweep."""
 
 
 class Option(NamedTuple):
@@ -180,7 +213,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _height,
             "number",
             "M",
-            "Height of the focal plane above ground.  [0]",
+            "Height of the focal plane above ground.  [default]",
         ),
     ),
     "Target": (
@@ -189,7 +222,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             target_share,
             "share",
             "X",
-            "Target normalised visibility: 0.98 or 98%.  [0.98]",
+            "Target normalised visibility: 0.98 or 98%.  [default]",
         ),
         (
             "visibility",
@@ -203,7 +236,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("contrast", contrast, "number", "C", "Target over ground, in spreads of the canopy."),
         ("canopy_offset", radiance, "number", "M", "Canopy over ground, likewise."),
         ("crown_share", q.share, "share", "X", "Share of that spread's square of whole crowns."),
-        ("false_alarms", false_alarms, "number", "N", "False alarms a hectare, for --find.  [1]"),
+        (
+            "false_alarms",
+            false_alarms,
+            "number",
+            "N",
+            "False alarms a hectare, for --find.  [default]",
+        ),
     ),
     "Scene": (
         (
@@ -211,7 +250,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.word,
             "text",
             "NAME|FILE",
-            "Preset, scene file, point cloud (also a folder, or '*.laz'), or height raster.  [paper-forest]",
+            "Preset, scene file, point cloud (also a folder, or '*.laz'), or height raster.  [default]",
         ),
         (
             "density",
@@ -229,7 +268,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
         ("occluder_size", _length, "number", "M", "Edge length of an occluder."),
         ("volume_height", _length, "number", "M", "Thickness of the volume of occluders."),
-        ("volume_base", _height, "number", "M", "Its lower end above ground.  [2]"),
+        ("volume_base", _height, "number", "M", "Its lower end above ground.  [default]"),
         ("stems_per_hectare", _positive, "number", "N", "Trees of an inventory, instead."),
         ("crown_diameter", _length, "number", "M", "Width of their crowns."),
         ("leaf_area_index", _index, "number", "L", "Leaf area over ground area."),
@@ -239,14 +278,14 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of(GROUND),
             "text",
             "HOW",
-            f"Ground of a point cloud: {', '.join(GROUND)}.  [auto]",
+            f"Ground of a point cloud: {', '.join(GROUND)}.  [default]",
         ),
         (
             "min_height",
             _height,
             "number",
             "M",
-            "Lower vegetation of a point cloud is left out.  [2]",
+            "Lower vegetation of a point cloud is left out.  [default]",
         ),
         (
             "units",
@@ -269,7 +308,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of(OPACITY),
             "text",
             "HOW",
-            f"Opacity of a point cloud: {', '.join(OPACITY)}.  [auto]",
+            f"Opacity of a point cloud: {', '.join(OPACITY)}.  [default]",
         ),
         (
             "leaf_size",
@@ -294,7 +333,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ),
     ),
     "Camera": (
-        ("camera", q.word, "text", "NAME|FILE", "Preset or camera file.  [dji-m3t-thermal]"),
+        ("camera", q.word, "text", "NAME|FILE", "Preset or camera file.  [default]"),
         ("focal_length", _positive, "number", "MM", "Physical focal length."),
         (
             "sensor_width",
@@ -320,7 +359,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.share_above_zero,
             "share",
             "X",
-            "Share of occluders that must reach d̂ ≥ 1.  [0.98]",
+            "Share of occluders that must reach d̂ ≥ 1.  [default]",
         ),
         (
             "model",
@@ -355,7 +394,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of(OBJECTIVES),
             "text",
             "WHAT",
-            f"Objective: {', '.join(OBJECTIVES)}.  [samples]",
+            f"Objective: {', '.join(OBJECTIVES)}.  [default]",
         ),
         (
             "within",
@@ -389,14 +428,14 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of((*GRIDS, "best")),
             "text",
             "KIND",
-            f"Kind of grid: {', '.join(GRIDS)}, or best.  [trimmed]",
+            f"Kind of grid: {', '.join(GRIDS)}, or best.  [default]",
         ),
         (
             "lanes",
             q.or_best(q.whole),
             "whole",
             "K",
-            "Number of lanes, for --grid lanes, or best.  [3]",
+            "Number of lanes, for --grid lanes, or best.  [default]",
         ),
         (
             "lane_pitch",
@@ -404,7 +443,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             "number",
             "X",
             "Pitch of lanes, turns of a spiral, or lines over an area, over the spacing along "
-            "them, or best.  [4]",
+            "them, or best.  [default]",
         ),
         ("origin", q.latitude_longitude, "pair", "LAT,LON", "Centre of the grid on earth."),
         (
@@ -412,7 +451,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             heading_or_auto,
             "number",
             "DEG",
-            "Flight lines, clockwise from true north, or best; auto: along an area.  [0]",
+            "Flight lines, clockwise from true north, or best; auto: along an area.  [default]",
         ),
         (
             "line_length",
@@ -426,8 +465,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("area", q.word, "text", "FILE", "Area to cover (GeoJSON, KML, KMZ), for --origin."),
         ("clear", q.word, "text", "FILE", "Parts without canopy, where one look is enough."),
         ("no_fly", q.word, "text", "FILE", "Zones that sites and legs keep out of."),
-        ("buffer", _height, "number", "M", "Distance to keep from them.  [5]"),
-        ("max_sites", q.whole, "whole", "N", "Refuse areas that need more sites.  [10000]"),
+        ("buffer", _height, "number", "M", "Distance to keep from them.  [default]"),
+        ("max_sites", q.whole, "whole", "N", "Refuse areas that need more sites.  [default]"),
     ),
     "Flight": (
         ("drone", q.word, "text", "NAME|FILE", "Drone: its camera, speeds and limits."),
@@ -436,24 +475,30 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _speed,
             "number",
             "M/S",
-            "Speed over ground between photos.  [5, or the drone's]",
+            "Speed over ground between photos.  [default, or the drone's]",
         ),
         ("transit_speed", _speed, "number", "M/S", "To, from and between lines.  [the drone's]"),
-        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [2, or the drone's]"),
-        ("climb", _speed, "number", "M/S", "Vertical speed, up and down.  [3, or the drone's]"),
+        ("acceleration", _positive, "number", "M/S²", "Acceleration.  [default, or the drone's]"),
+        (
+            "climb",
+            _speed,
+            "number",
+            "M/S",
+            "Vertical speed, up and down.  [default, or the drone's]",
+        ),
         (
             "hold",
             partial(bounded, q.at_least_zero, unit="s"),
             "number",
             "S",
-            "Stop at each site.  [1]",
+            "Stop at each site.  [default]",
         ),
         (
             "hold_error",
             _height,
             "number",
             "M",
-            "Standard deviation of the position at each site, along either axis.  [0]",
+            "Standard deviation of the position at each site, along either axis.  [default]",
         ),
         (
             "autopilot",
@@ -475,16 +520,16 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             q.one_of((*TRIGGERS, "best")),
             "text",
             "HOW",
-            "Photos at each stop, or in passing by distance: stop or distance.  [stop; best with --within]",
+            "Photos at each stop, or in passing by distance: stop or distance.  [default; best with --within]",
         ),
         (
             "max_blur",
             _positive,
             "number",
             "PX",
-            "Motion blur allowed in passing.  [1]",
+            "Motion blur allowed in passing.  [default]",
         ),
-        ("exposure_time", _seconds, "number", "S", "Exposure in passing.  [0.01]"),
+        ("exposure_time", _seconds, "number", "S", "Exposure in passing.  [default]"),
         (
             "photo_interval",
             _seconds,
@@ -505,7 +550,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _speed,
             "number",
             "M/S",
-            "Fastest through the air: wind lowers the speed beyond it.  [15, or the drone's]",
+            "Fastest through the air: wind lowers the speed beyond it.  [default, or the drone's]",
         ),
         (
             "takeoff",
@@ -542,7 +587,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _height,
             "number",
             "M",
-            "Least height above the canopy's top.  [2]",
+            "Least height above the canopy's top.  [default]",
         ),
         ("terrain", q.word, "text", "DEM.tif", "Ground heights to follow (GeoTIFF)."),
         (
@@ -557,7 +602,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
             _length,
             "number",
             "M",
-            "How much nearer to the ground the way between two sites may come.  [3]",
+            "How much nearer to the ground the way between two sites may come.  [default]",
         ),
         (
             "altitude_frame",
@@ -569,8 +614,15 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
     ),
 }
 
+
+def _shown(name: str) -> str:
+    """The default of an option as its help shows it."""
+    value = DEFAULTS.get(name)
+    return value if isinstance(value, str) else "" if value is None else f"{value:g}"
+
+
 OPTIONS = tuple(
-    Option(name, parse, kind, metavar, text, panel)
+    Option(name, parse, kind, metavar, text.replace("[default", f"[{_shown(name)}"), panel)
     for panel, rows in _PANELS.items()
     for name, parse, kind, metavar, text in rows
 )

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any, cast
 from aosplan import units as q
 from aosplan.errors import RequestError
 from aosplan.flight.find import find_drone
-from aosplan.flight.photo_trigger import BLUR_PX, EXPOSURE_S
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled
 from aosplan.planning.find import completed
 from aosplan.planning.option_relations import (
     ALTERNATIVES,
-    LANE_DEFAULTS,
     LANE_OPTIONS,
+    OF_LANES,
     beneath,
     check_alternatives,
     check_needs,
@@ -30,7 +29,8 @@ from aosplan.planning.option_relations import (
     is_search,
     left_open,
 )
-from aosplan.planning.options import BY_NAME, OPTIONS
+from aosplan.planning.options import BY_NAME, DEFAULTS, OPTIONS
+from aosplan.solver import refusals
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -60,7 +60,7 @@ class PlanRequest:
     gsd: float | None = None
     target_size: float | None = None
     target_pixels: float | None = None
-    focal_height: float = 0.0
+    focal_height: float = DEFAULTS["focal_height"]
     vhat: float | str | None = None
     visibility: float | str | None = None
     find: str | None = None
@@ -94,12 +94,12 @@ class PlanRequest:
     fov: float | None = None
     image_width: int | None = None
     image_height: int | None = None
-    coverage: float = 0.98
+    coverage: float = DEFAULTS["coverage"]
     model: str | None = None
     view: str | None = None
     edges: str | None = None
     rays: str | None = None
-    optimize: str = "samples"
+    optimize: str = DEFAULTS["optimize"]
     within: float | None = None
     max_aperture: float | None = None
     max_samples: int | None = None
@@ -123,8 +123,8 @@ class PlanRequest:
     transit_speed: float | None = None
     acceleration: float | None = None
     climb: float | None = None
-    hold: float = 1.0
-    hold_error: float = 0.0
+    hold: float = DEFAULTS["hold"]
+    hold_error: float = DEFAULTS["hold_error"]
     autopilot: str | None = None
     camera_control: str | None = None
     payload: str | None = None
@@ -139,11 +139,11 @@ class PlanRequest:
     flight_time: float | None = None
     file_waypoints: int | None = None
     resume_at: int | None = None
-    clearance: float = 2.0
+    clearance: float = DEFAULTS["clearance"]
     terrain: str | None = None
     terrain_units: str | None = None
     terrain_tolerance: float | None = None
-    altitude_frame: str = "takeoff"
+    altitude_frame: str = DEFAULTS["altitude_frame"]
 
     def __post_init__(self) -> None:
         for name, value in left_open(vars(self)).items():
@@ -223,7 +223,7 @@ class PlanRequest:
                 )
         if needed:
             if self.volume_base is None:
-                object.__setattr__(self, "volume_base", 2.0)
+                object.__setattr__(self, "volume_base", DEFAULTS["volume_base"])
             return
         unpaired = self._given(
             ("crown_diameter", "leaf_area_index", "volume_height", "volume_base")
@@ -235,7 +235,7 @@ class PlanRequest:
                 "--scene alone",
             )
         if self.scene is None:
-            object.__setattr__(self, "scene", "paper-forest")
+            object.__setattr__(self, "scene", DEFAULTS["scene"])
 
     def _check_camera(self) -> None:
         needed: tuple[str, ...]
@@ -259,7 +259,7 @@ class PlanRequest:
                     "--focal-length MM with the size of the image",
                 )
             if self.camera is None:
-                object.__setattr__(self, "camera", "dji-m3t-thermal")
+                object.__setattr__(self, "camera", DEFAULTS["camera"])
             return
         for name in needed:
             if getattr(self, name) is None:
@@ -273,30 +273,32 @@ class PlanRequest:
         carried = None if self.payload is None else camera_of_payload(self.payload)
         own_camera = self.focal_length is not None or self.fov is not None
         for name, value in {
-            "speed": drone.speed_mps if drone else 5.0,
-            "transit_speed": drone.speed_mps if drone else max(5.0, self.speed or 0.0),
-            "acceleration": drone.acceleration_mps2 if drone else 2.0,
-            "climb": drone.climb_mps if drone else 3.0,
+            "speed": drone.speed_mps if drone else DEFAULTS["speed"],
+            "transit_speed": (
+                drone.speed_mps if drone else max(DEFAULTS["speed"], self.speed or 0.0)
+            ),
+            "acceleration": drone.acceleration_mps2 if drone else DEFAULTS["acceleration"],
+            "climb": drone.climb_mps if drone else DEFAULTS["climb"],
             "camera": None if own_camera else carried or (drone.camera if drone else None),
             "flight_time": _trusted_min(drone) if drone else None,
             "photo_interval": drone.photo_interval_s if drone else None,
-            "airspeed": drone.airspeed_mps if drone else 15.0 if self.wind_speed else None,
-            "max_blur": BLUR_PX if self.trigger == "distance" else None,
-            "exposure_time": EXPOSURE_S if self.trigger == "distance" else None,
-            "terrain_tolerance": 3.0 if self.terrain else None,
+            "airspeed": (
+                drone.airspeed_mps if drone else DEFAULTS["airspeed"] if self.wind_speed else None
+            ),
+            "max_blur": DEFAULTS["max_blur"] if self.trigger == "distance" else None,
+            "exposure_time": DEFAULTS["exposure_time"] if self.trigger == "distance" else None,
+            "terrain_tolerance": DEFAULTS["terrain_tolerance"] if self.terrain else None,
         }.items():
             if getattr(self, name) is None and value is not None:
                 object.__setattr__(self, name, value)
 
     def _check_bounds(self) -> None:
         if self.samples and self.max_samples and self.samples > self.max_samples:
-            raise RequestError(
-                f"--samples {self.samples} is more than --max-samples {self.max_samples}"
-            )
-        defaults = {name: LANE_DEFAULTS[name] for name in LANE_OPTIONS.get(self.grid, ())}
+            raise RequestError(refusals.samples_beyond_bound(self.samples, self.max_samples))
+        taken = LANE_OPTIONS.get(self.grid, ())
         if not self.searches:
-            for name, default in defaults.items():
-                object.__setattr__(self, name, getattr(self, name) or default)
+            for name in taken:
+                object.__setattr__(self, name, getattr(self, name) or DEFAULTS[name])
         if self.grid == "spiral" and self.trigger == "distance":
             raise RequestError(
                 "--grid spiral with --trigger distance: a spiral has no straight lines to fly "
@@ -310,7 +312,7 @@ class PlanRequest:
                 + (", the narrowest turns of a spiral" if self.grid == "spiral" else "")
             )
         over_area = self.grid == "line" and self.area is not None
-        unexpected = self._given(tuple(name for name in LANE_DEFAULTS if name not in defaults))
+        unexpected = self._given(tuple(name for name in OF_LANES if name not in taken))
         unexpected = ["--lanes"] * ("--lanes" in unexpected) if over_area else unexpected
         if unexpected:
             raise RequestError(
@@ -326,9 +328,11 @@ class PlanRequest:
                 raise RequestError("--line-length and --area contradict each other", "keep one")
             if self.grid == "spiral":
                 raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
-            object.__setattr__(self, "max_sites", self.max_sites or 10_000)
+            object.__setattr__(self, "max_sites", self.max_sites or DEFAULTS["max_sites"])
         if self.no_fly is not None:
-            object.__setattr__(self, "buffer", 5.0 if self.buffer is None else self.buffer)
+            object.__setattr__(
+                self, "buffer", DEFAULTS["buffer"] if self.buffer is None else self.buffer
+            )
         if self.line_length is not None and self.grid != "line":
             raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
 

@@ -19,6 +19,7 @@ from aosplan.flight.find import find_drone
 from aosplan.planning.find import target_m
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
+from aosplan.solver import refusals
 from aosplan.solver.alternatives import kinds
 from aosplan.solver.problem import Bounds, CommonGround, GridKind, Requirement
 from aosplan.units import exact_share, rounded_up
@@ -338,20 +339,18 @@ def _check_altitude(loaded: LoadedScene, altitude_m: float, request: PlanRequest
     lowest = top + request.clearance
     if altitude_m > top and altitude_m >= lowest:
         return
-    origin = "" if request.altitude is not None else ", solved from the resolution,"
-    stands = f"the canopy, whose top is {top:.6g} m above the focal plane"
+    given = request.altitude is not None
     remedy = f"fly {rounded_up(lowest)} m or higher, {request.clearance:g} m above {top:.6g} m"
     outliers = next((said for code, said in loaded.warnings if code == "points_far_above"), None)
     if outliers is not None:
         remedy = outliers
     if altitude_m <= top:
         raise RequestError(
-            f"altitude {altitude_m:.6g} m{origin} is not above {stands}",
+            refusals.within_canopy(altitude_m, top, given=given),
             remedy if request.clearance or outliers else f"fly higher than {top:.6g} m",
         )
     raise RequestError(
-        f"altitude {altitude_m:.6g} m{origin} is less than --clearance {request.clearance:g} m "
-        f"above {stands}",
+        refusals.below_clearance(altitude_m, top, request.clearance, given=given),
         f"{remedy}; or give a smaller --clearance",
     )
 

@@ -9,6 +9,7 @@ from aosplan.errors import RequestError
 from aosplan.models.model import Prediction
 from aosplan.models.uniform import UniformModel
 from aosplan.scenes.scene import UniformScene
+from aosplan.solver import refusals
 from aosplan.solver.alternatives import Alternative, solve_best, solve_best_heading
 from aosplan.solver.problem import GridKind, Problem
 from aosplan.solver.solution import Solution
@@ -123,8 +124,7 @@ def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaselin
         return None
     if above.transparency == 0.0 or density >= 1.0:
         raise RequestError(
-            f"scene '{inputs.scene_name}' has integrated density 1: no ray reaches the ground, and "
-            "no number of photos shows what lies there",
+            refusals.opaque_scene(inputs.scene_name),
             "a density below 1 is needed; for a point cloud, a smaller --voxel or a larger "
             "--min-height",
         )

@@ -1,6 +1,7 @@
-"""What is said of targets that cannot be met: each text once, for one plan and for columns of them.
+"""What is said of requests and targets that cannot be met, each text once.
 
-`symbol` is V̂ or V, `target` the value asked for.
+Single plans and the columns of a sweep share these texts.  `symbol` is V̂ or V, `target` the value
+asked for.
 """
 
 from __future__ import annotations
@@ -110,3 +111,37 @@ def beyond_aperture(
         f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples over "
         f"{extent_m:.4g} m, more than --max-aperture {max_aperture_m:g}"
     )
+
+
+def samples_beyond_bound(samples: int, most: int) -> str:
+    """The given number of samples is more than the bound on it."""
+    return f"--samples {samples} is more than --max-samples {most}"
+
+
+def within_canopy(altitude_m: float, top_m: float, *, given: bool) -> str:
+    """The altitude, given or solved from the resolution, is not above the canopy."""
+    return f"{_altitude_text(altitude_m, given=given)} is not above {_canopy_text(top_m)}"
+
+
+def below_clearance(altitude_m: float, top_m: float, clearance_m: float, *, given: bool) -> str:
+    """The altitude, given or solved from the resolution, is less than the clearance above the canopy."""
+    return (
+        f"{_altitude_text(altitude_m, given=given)} is less than --clearance {clearance_m:g} m "
+        f"above {_canopy_text(top_m)}"
+    )
+
+
+def opaque_scene(name: str) -> str:
+    """No ray reaches the ground of the scene."""
+    return (
+        f"scene '{name}' has integrated density 1: no ray reaches the ground, and no number of "
+        "photos shows what lies there"
+    )
+
+
+def _altitude_text(altitude_m: float, *, given: bool) -> str:
+    return f"altitude {altitude_m:.6g} m" + ("" if given else ", solved from the resolution,")
+
+
+def _canopy_text(top_m: float) -> str:
+    return f"the canopy, whose top is {top_m:.6g} m above the focal plane"

@@ -14,6 +14,7 @@ from aosplan.errors import RequestError
 from aosplan.files import located
 from aosplan.flight.drones import DRONES
 from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.options import DEFAULTS
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.density import integrated_density, transparency
 from aosplan.scenes.presets import find_preset_scene
@@ -162,6 +163,14 @@ def by_value(function: Callable[[Any], Any], dtype: Any, values: NDArray[Any]) -
     return np.asarray(table[places]).reshape(values.shape + table.shape[1:])
 
 
+def column(given: Columns, name: str) -> NDArray[Any]:
+    """The column of an option, or its default."""
+    if name in given:
+        return given[name]
+    value = DEFAULTS[name]
+    return np.array(value, dtype=object if isinstance(value, str) else None)
+
+
 class CameraColumns(NamedTuple):
     """Cameras; `known` where there is one of that name."""
 
@@ -188,7 +197,7 @@ def camera_columns(given: Columns, folder: str) -> CameraColumns:
     elif "drone" in given:
         found = by_value(lambda name: _camera(_carried(name), folder), np.float64, given["drone"])
     else:
-        found = np.array(_camera("dji-m3t-thermal", folder))
+        found = np.array(_camera(DEFAULTS["camera"], folder))
     focal_px, focal, width, height, known = (found[..., place] for place in range(5))
     return CameraColumns(focal_px, focal, width, height, known > 0.0)
 
@@ -248,10 +257,10 @@ def scene_columns(given: Columns, folder: str) -> SceneColumns:
     if by_slice or "integrated_density" in given:
         share = given["density" if by_slice else "integrated_density"]
         size, thickness = given["occluder_size"], given["volume_height"]
-        bottom, name = given.get("volume_base", np.array(2.0)), np.array("custom")
+        bottom, name = column(given, "volume_base"), np.array("custom")
         slices, whole = (share, None) if by_slice else (None, share)
     else:
-        name = given.get("scene", np.array("paper-forest", dtype=object))
+        name = column(given, "scene")
         found = by_value(lambda scene: uniform_scene(scene, folder), np.float64, name)
         slices, whole, size, bottom, thickness, known = (found[..., place] for place in range(6))
         known = known > 0.0
@@ -337,7 +346,7 @@ class Target(NamedTuple):
 def target_columns(given: Columns, scene: SceneColumns) -> Target:
     """The targets of a block, counted as exactly as `aosplan.solver.problem.Requirement` does."""
     if "visibility" not in given:
-        shares = given.get("vhat", np.array(0.98))
+        shares = column(given, "vhat")
         counted = by_value(_counted, np.float64, shares)
         fewest = counted[..., 2].astype(np.int64)
         return Target("V̂", counted[..., 0], counted[..., 1] * (1.0 + TOLERANCE), fewest)
@@ -393,10 +402,9 @@ def _fewest_by_density(shares: Any, allowed: Any, p: Any, t: Any) -> NDArray[np.
 
 def timing_columns(given: Columns) -> tuple[Any, Any, Any]:
     """Speed [m/s], acceleration [m/s²] and hold [s] of the flights."""
-    hold = given.get("hold", np.float64(1.0))
+    hold = column(given, "hold")
     if "drone" not in given:
-        speed, acceleration = np.float64(5.0), np.float64(2.0)
-        return given.get("speed", speed), given.get("acceleration", acceleration), hold
+        return column(given, "speed"), column(given, "acceleration"), hold
     flown = by_value(_flown, np.float64, given["drone"])
     speed = np.minimum(given.get("speed", flown[..., 0]), flown[..., 2])
     return speed, given.get("acceleration", flown[..., 1]), hold

@@ -9,6 +9,7 @@ columns do not know is left to `aosplan.sweeps.row_solver`.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from aosplan.camera.disparity import (
 from aosplan.grid.patterns import MOST_SITES
 from aosplan.models.equations import sampled_side
 from aosplan.models.model import Prediction, contrast_squared
+from aosplan.solver import refusals
 from aosplan.sweeps.row_solver import NOT_OF_CLEAR_VIEWS, RESULTS
 from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
@@ -29,6 +31,7 @@ from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
     altitude_columns,
     camera_columns,
+    column,
     scene_columns,
     target_columns,
     timing_columns,
@@ -102,7 +105,7 @@ def solve_columns(
             statuses.refuse(
                 INVALID,
                 given["samples"] > given["max_samples"],
-                "--samples {} is more than --max-samples {}".format,
+                refusals.samples_beyond_bound,
                 given["samples"],
                 given["max_samples"],
             )
@@ -112,7 +115,7 @@ def solve_columns(
         sound = ~scene.clear & np.isfinite(rule.unit_m) & (rule.unit_m > 0.0)
         statuses.defer(~sound & ~scene.clear)
         sound = np.True_ if sound.all() else sound
-        grid = given.get("grid", np.array("trimmed", dtype=object))
+        grid = column(given, "grid")
         grid = np.where(np.isin(grid.astype(str), GRIDS), grid, "trimmed").astype(object)
         target = target_columns(given, scene)
         found = answer(
@@ -164,27 +167,20 @@ def _refuse_altitudes(
     given: Columns, scene: SceneColumns, altitude: Any, statuses: RowStatuses
 ) -> None:
     """Refuse altitudes within the canopy, or nearer to it than the clearance."""
-    clearance = given.get("clearance", np.float64(2.0))
-    top = scene.canopy_top_m - given.get("focal_height", np.float64(0.0))
-    dense = ~scene.empty
-    origin = "" if "altitude" in given else ", solved from the resolution,"
+    clearance = column(given, "clearance")
+    top = scene.canopy_top_m - column(given, "focal_height")
+    dense, is_given = ~scene.empty, "altitude" in given
     statuses.refuse(
         INVALID,
         dense & ~(altitude > top),
-        lambda altitude, top: (
-            f"altitude {altitude:.6g} m{origin} is not above the canopy, whose top is {top:.6g} m "
-            "above the focal plane"
-        ),
+        partial(refusals.within_canopy, given=is_given),
         altitude,
         top,
     )
     statuses.refuse(
         INVALID,
         dense & ~(altitude >= top + clearance),
-        lambda altitude, top, clearance: (
-            f"altitude {altitude:.6g} m{origin} is less than --clearance {clearance:g} m above the "
-            f"canopy, whose top is {top:.6g} m above the focal plane"
-        ),
+        partial(refusals.below_clearance, given=is_given),
         altitude,
         top,
         clearance,
@@ -193,7 +189,7 @@ def _refuse_altitudes(
 
 def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Rule:
     """The smallest baseline at which the wanted share of the occluders has d̂ >= 1."""
-    coverage = given.get("coverage", np.float64(0.98))
+    coverage = column(given, "coverage")
     height = covered_height_m(scene.bottom_m, scene.top_m, coverage)
     return _Rule(height, unit_baseline_m(scene.occluder_size_m, height, altitude, focal, np))
 
@@ -203,17 +199,14 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: R
     statuses.refuse(
         INVALID,
         ~scene.clear & ((scene.transparency == 0.0) | (scene.density >= 1.0)),
-        lambda name: (
-            f"scene '{name}' has integrated density 1: no ray reaches the ground, and no number of "
-            "photos shows what lies there"
-        ),
+        refusals.opaque_scene,
         scene.name,
     )
     statuses.refuse(
         INFEASIBLE,
         ~scene.clear & (rule.height_m <= 0.0),
         uncovered,
-        given.get("coverage", np.float64(0.98)),
+        column(given, "coverage"),
     )
 
 
