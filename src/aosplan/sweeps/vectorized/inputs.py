@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
 from aosplan.flight.drones import DRONES
+from aosplan.mission.mission import check_hold
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.options import DEFAULTS
 from aosplan.planning.request import PlanRequest
@@ -121,11 +122,37 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     if "heading" in given and given["heading"].dtype == object:
         numeric = [isinstance(value, float) for value in given["heading"].flat]
         mask = mask & np.reshape(numeric, given["heading"].shape)
-    if "hold" in given and not given.keys().isdisjoint(("drone", "autopilot")):
-        mask = mask & (given["hold"] > 0.0)  # which some autopilots do not fly
     if "fov" in given:
         mask = mask & (given["fov"] < 180.0)
+    if "autopilot" in given and "drone" in given:
+        return None  # they may contradict each other, in some rows only
+    if "autopilot" in given or "drone" in given:
+        mask = mask & _held(given)
     return mask if mask.any() else None
+
+
+def _held(given: Columns) -> NDArray[np.bool_]:
+    """Where the autopilot stops for as long as the hold."""
+    pilots = given.get("autopilot")
+    if pilots is None:
+        pilots = np.array([_autopilot(name) for name in given["drone"].flat], dtype=object)
+        pilots = pilots.reshape(given["drone"].shape)
+    hold, held = column(given, "hold"), np.True_
+    for pilot in set(pilots.flat):
+        held = held & ((pilots != pilot) | by_value(partial(_is_held, pilot), bool, hold))
+    return np.asarray(held)
+
+
+def _autopilot(drone: str | None) -> str | None:
+    return DRONES[drone].autopilot if drone in DRONES else None
+
+
+def _is_held(autopilot: str | None, hold_s: float) -> bool:
+    try:
+        check_hold(autopilot, hold_s)
+    except RequestError:
+        return False
+    return True
 
 
 def known_share(name: str, column: NDArray[Any], folder: str) -> float:
