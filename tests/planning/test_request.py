@@ -13,6 +13,7 @@ from aosplan.errors import RequestError
 from aosplan.planning.options import DEFAULTS
 from aosplan.planning.request import ALTERNATIVES, BY_NAME, OPTIONS, PlanRequest, request_from
 from aosplan.scenes.files.canopy_raster import CROWN_BASE
+from aosplan.scenes.files.point_cloud import DEFAULT_VOXEL_M
 from aosplan.scenes.pulses.realise import LEAF_M
 
 UNIFORM = {"density": 0.01, "occluder_size": 0.2, "volume_height": 18}
@@ -517,6 +518,7 @@ def test_help_shows_the_defaults_that_a_request_takes():
         if name != "altitude_frame":  # the first of its words
             text = value if isinstance(value, str) else f"{value:g}"
             assert re.search(rf"\[{text}[],;]", shown[name]), name
+    assert shown["voxel"].endswith(f"[{DEFAULT_VOXEL_M:g}]")
     assert shown["leaf_size"].endswith(f"[{LEAF_M:g}]")
     assert shown["crown_base"].endswith(f"[{CROWN_BASE:g}]")
     assert not [name for name, text in shown.items() if "[default" in text]
