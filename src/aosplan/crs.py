@@ -13,6 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.units import shown
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
@@ -108,7 +109,7 @@ def parse_unit(value: Any, name: str) -> str:
     text = str(value).strip()
     if not unit_m(text):
         raise RequestError(
-            f"{name} '{text}' is not a unit of length that is known",
+            f"{name} {shown(text)} is not a unit of length that is known",
             "m, ft, us-ft, or a name of EPSG's such as 'Indian foot'",
         )
     return text
@@ -209,7 +210,9 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     """
     named_m = unit_m(band) if band and band.strip() else None
     if band and band.strip() and named_m is None:
-        raise RequestError(f"{what} has heights in '{band.strip()[:40]}', an unknown unit", hint)
+        raise RequestError(
+            f"{what} has heights in {shown(band.strip()[:40])}, an unknown unit", hint
+        )
     if named_m and stated.up_m and not are_same(named_m, stated.up_m):
         raise RequestError(
             f"{what} has heights in {unit_text(named_m)} by its band, and in "
