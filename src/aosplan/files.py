@@ -382,7 +382,7 @@ def _write_beside(path: str, content: bytes) -> str:
         os.chmod(temporary, stat.S_IMODE(os.stat(path).st_mode) if kept else 0o666 & ~_umask())
     except OSError as error:
         _remove(temporary)
-        raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
+        raise _refused(path, error) from None
     except BaseException:
         _remove(temporary)
         raise
@@ -408,7 +408,7 @@ def _place(temporary: str, path: str, *, force: bool) -> str | None:
         os.replace(temporary, _target(path))
     except OSError as error:
         _restore(path, earlier)
-        raise SurroundingsError(f"cannot write '{path}': {_reason(error)}") from None
+        raise _refused(path, error) from None
     return earlier
 
 
@@ -435,6 +435,16 @@ def _umask() -> int:
 
 def _reason(error: OSError) -> str:
     return (error.strerror or str(error)).lower()
+
+
+def is_locked(error: OSError) -> bool:
+    """Whether Windows refused to touch a file because a program, such as a spreadsheet, has it open."""
+    return getattr(error, "winerror", None) in (5, 32, 33)
+
+
+def _refused(path: str, error: OSError) -> SurroundingsError:
+    hint = f"close the program that has '{path}' open" if is_locked(error) else ""
+    return SurroundingsError(f"cannot write '{path}': {_reason(error)}", hint)
 
 
 def located(name: str, folder: str) -> str:

@@ -277,6 +277,37 @@ def test_fish_shows_what_candidates_mean(program, files):
     assert done.stdout.startswith("--altitude\tHeight above the synthetic focal plane.")
 
 
+# PowerShell
+
+
+@pytest.mark.parametrize(
+    ("line", "wanted"),
+    [
+        ("aosplan pl", ["plan", "plot"]),
+        ("aosplan plan ", None),
+        ("aosplan plan --scene boreal", ["boreal-pine"]),
+        ("aosplan plan --optimize ti", ["time"]),
+        ("& 'C:\\Program Files\\aosplan.exe'", None),
+        ("aosplan.exe plan --area 'C:\\no folder\\", []),
+    ],
+)
+def test_powershell_hands_over_its_line(monkeypatch, capsys, line, wanted):
+    monkeypatch.setenv("AOSPLAN_COMPLETE", "powershell")
+    monkeypatch.setenv("COMP_LINE", line)
+    assert run([]) == 0
+    found = [row.split("\t")[0] for row in capsys.readouterr().out.splitlines()]
+    assert wanted is None or found == wanted
+
+
+@pytest.mark.skipif(shutil.which("pwsh") is None, reason="no pwsh")
+def test_powershell_completes(files):
+    code = f". '{script('powershell', files)}'; (TabExpansion2 'aosplan plan --scene boreal').CompletionMatches.CompletionText"
+    found = subprocess.run(
+        ["pwsh", "-NoProfile", "-Command", code], check=True, capture_output=True, text=True
+    )
+    assert found.stdout.split() == ["boreal-pine"]
+
+
 # Installing
 
 
@@ -286,6 +317,7 @@ def test_fish_shows_what_candidates_mean(program, files):
         ("bash", "data/bash-completion/completions/aosplan"),
         ("zsh", "home/.zfunc/_aosplan"),
         ("fish", "settings/fish/completions/aosplan.fish"),
+        ("powershell", "settings/aosplan/completion.ps1"),
     ],
 )
 def test_installing_writes_where_the_shell_looks(folder, command, monkeypatch, shell, path):
@@ -307,5 +339,5 @@ def test_installing_writes_where_the_shell_looks(folder, command, monkeypatch, s
 def test_an_unknown_shell_is_refused(command, flag):
     status, out, err = command(flag, "tcsh")
     assert (status, out) == (2, "")
-    assert err == "error: unknown shell 'tcsh'\nhint: known: bash, zsh, fish\n"
+    assert err == "error: unknown shell 'tcsh'\nhint: known: bash, zsh, fish, powershell\n"
     assert run([flag]) == 2

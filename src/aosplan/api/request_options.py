@@ -54,6 +54,7 @@ class RequestOptions(TypedDict, total=False):
     coverage: float
     model: str | None
     view: str | None
+    edges: str | None
     rays: str | None
     optimize: str
     within: float | None

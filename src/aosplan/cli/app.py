@@ -102,7 +102,7 @@ GROUP = LazyGroup(
         _asked(
             "--install-completion",
             _install_completion,
-            "Complete options, presets and files: bash, zsh or fish.",
+            "Complete options, presets and files: bash, zsh, fish or powershell.",
             type=str,
             metavar="SHELL",
         ),

@@ -2,7 +2,7 @@
 
 The shell's function, printed by ``--show-completion SHELL``, runs ``aosplan`` with `VARIABLE` set
 to the shell's name and the words before the cursor as arguments; bash, which takes words apart at
-``=`` and ``:``, hands over its line instead.  The answer is a line for each candidate: the word
+``=`` and ``:``, and PowerShell, which drops empty ones, hand over their line instead.  The answer is a line for each candidate: the word
 and, behind a tab, what it means.
 """
 
@@ -152,11 +152,18 @@ def answer(group: TyperGroup) -> None:
             os.environ.get("COMP_LINE", ""), os.environ.get("COMP_WORDBREAKS", ""), group
         )
     else:
-        found = candidates(sys.argv[1:], group)
+        powershell = os.environ[VARIABLE] == "powershell"
+        found = candidates(_of_powershell() if powershell else sys.argv[1:], group)
         lines = [f"{word}\t{text}" if text else word for word, text in found]
     for line in lines:
         if "\n" not in line:  # no shell takes such a file name back
             print(line)
+
+
+def _of_powershell() -> list[str]:
+    """Words of PowerShell's line behind the program; a backslash there separates folders."""
+    line = os.environ.get("COMP_LINE", "").replace("\\", "\\\\")
+    return [word.replace("\\\\", "\\") for word in _words(line)[1:]]
 
 
 def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
@@ -317,7 +324,29 @@ end
 complete --command aosplan --no-files --arguments '(__aosplan_candidates)'
 """
 
-SCRIPTS = {"bash": BASH, "zsh": ZSH, "fish": FISH}
+POWERSHELL = """\
+Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
+    param($wordToComplete, $commandAst, $cursorPosition)
+    $line = $commandAst.Extent.Text
+    $length = $cursorPosition - $commandAst.Extent.StartOffset
+    if ($length -gt $line.Length) { $line = $line.PadRight($length) }
+    # Windows PowerShell drops empty arguments, so the line is handed over as a whole.
+    $env:AOSPLAN_COMPLETE = 'powershell'
+    $env:COMP_LINE = $line.Substring(0, $length)
+    try {
+        & $commandAst.CommandElements[0].Extent.Text 2>$null | ForEach-Object {
+            $word, $text = $_ -split "`t", 2
+            $shown = if ($word -match '[\\s&;(){}]') { "'" + $word.Replace("'", "''") + "'" } else { $word }
+            $tip = if ($text) { $text } else { $word }
+            [System.Management.Automation.CompletionResult]::new($shown, $word, 'ParameterValue', $tip)
+        }
+    } finally {
+        Remove-Item Env:AOSPLAN_COMPLETE, Env:COMP_LINE
+    }
+}
+"""
+
+SCRIPTS = {"bash": BASH, "zsh": ZSH, "fish": FISH, "powershell": POWERSHELL}
 """What each shell is to run when it starts."""
 
 
@@ -346,6 +375,10 @@ def install(shell: str) -> tuple[str, str]:
             "have in ~/.zshrc: fpath+=~/.zfunc; autoload -Uz compinit; compinit",
         ),
         "fish": (os.path.join(settings, "fish", "completions", "aosplan.fish"), ""),
+        "powershell": (
+            os.path.join(settings, "aosplan", "completion.ps1"),
+            "add to the file that $PROFILE names: . '{}'",
+        ),
     }[shell]
     os.makedirs(os.path.dirname(path), exist_ok=True)
     write_all({path: content}, force=True)

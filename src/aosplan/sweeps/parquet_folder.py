@@ -23,7 +23,8 @@ OF_A_SWEEP = re.compile(r"part-\d{5,}\.parquet(\.[0-9a-f]{32}\.tmp)?|writing-[0-
 
 def is_folder(out: str) -> bool:
     """Whether a result is a folder: one is there, or the path ends like one."""
-    return out.endswith(os.sep) or os.path.isdir(out)
+    # A slash ends a folder's name on every system, also where backslashes separate the parts.
+    return out.endswith(("/", os.sep)) or os.path.isdir(out)
 
 
 def check_folder(out: str, *, resume: bool, force: bool) -> None:

@@ -104,10 +104,15 @@ class Parts:
             try:
                 yield
             finally:
+                # Windows does not remove a file that is open.
+                if sys.platform == "win32":
+                    os.close(handle)
+                    handle = -1
                 with contextlib.suppress(OSError):
                     os.unlink(lock)
         finally:
-            os.close(handle)
+            if handle >= 0:
+                os.close(handle)
 
     def _take_up(self) -> None:
         notes = _notes(self.journal)
@@ -196,6 +201,12 @@ class Parts:
 def _is_first(handle: int, lock: str) -> bool:
     """Whether no other process holds a lock, which is this one's from now on."""
     if sys.platform == "win32":
+        import msvcrt
+
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
         return True
     import fcntl
 

@@ -20,6 +20,7 @@ from threading import Thread, current_thread, main_thread
 from typing import TYPE_CHECKING
 
 from aosplan.errors import AosplanError, SurroundingsError
+from aosplan.files import is_locked
 from aosplan.sweeps.aggregate import kept, start_gathering
 from aosplan.sweeps.parquet_folder import Partitions, is_folder
 from aosplan.sweeps.parts import Part, Parts
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
     from aosplan.sweeps.aggregate import Gathering
     from aosplan.sweeps.sweep import Sweep
+
+MOST_WINDOWS_WORKERS = 61
+"""Windows waits for at most 63 handles, and a pool of processes needs two of its own."""
 
 
 def run(
@@ -87,7 +91,7 @@ def _run(
     gathering = None
     if sweep.gather is not None:
         gathering = start_gathering(
-            sweep, f"{out.rstrip('/')}.gathered", resume=resume, force=force
+            sweep, f"{out.rstrip(f'/{os.sep}')}.gathered", resume=resume, force=force
         )
         parts.done = {index: part for index, part in parts.done.items() if index in gathering.done}
     count = sweep.scenarios.blocks
@@ -115,7 +119,12 @@ def _run(
     except OSError as error:
         raise SurroundingsError(
             f"cannot write '{error.filename or out}': {(error.strerror or str(error)).lower()}",
-            "what is done is kept: make room, then --resume",
+            "what is done is kept: "
+            + (
+                "close the program that has it open, then --resume"
+                if is_locked(error)
+                else "make room, then --resume"
+            ),
         ) from None
     parts.remove()
     return sum(part.rows for part in parts.done.values()), gathering
@@ -177,7 +186,7 @@ def _solved(
     context = get_context("spawn")
     with (
         contextlib.ExitStack() as afterwards,
-        ProcessPoolExecutor(workers, context, _take, (sweep,)) as pool,
+        ProcessPoolExecutor(workers_of(workers), context, _take, (sweep,)) as pool,
     ):
         try:
             with _interrupted_later():  # a half-started process would complain
@@ -204,6 +213,11 @@ def _solved(
                     "what is done is kept: --resume goes on with it, --workers 1 takes the least",
                 ) from None
             raise
+
+
+def workers_of(asked: int) -> int:
+    """The processes that a pool has: as many as were asked for, on Windows at most 61."""
+    return min(asked, MOST_WINDOWS_WORKERS) if sys.platform == "win32" else asked
 
 
 def _end_waits() -> None:
