@@ -69,6 +69,18 @@ def test_a_plan_without_a_point_cloud_shows_no_bar_on_a_terminal():
     assert "reading points" not in shown
 
 
+def test_a_terminal_shows_what_is_done_with_a_point_cloud(tmp_path):
+    pytest.importorskip("laspy")
+    from support.clouds import stand, write_cloud
+
+    path = write_cloud(tmp_path / "a.las", *stand())
+    shown = on_a_terminal("scene", str(path), "--save", str(tmp_path / "a.toml"), AOSPLAN_CACHE="0")
+    stages = ("finding the ground", "measuring the slices")
+    places = [shown.find(stage) for stage in (*stages, "measuring the correlogram")]
+    assert -1 not in places
+    assert places == sorted(places)
+
+
 @pytest.mark.parametrize("arguments", [["--json"], ["--out", "csv:-"]])
 def test_a_reader_that_goes_away_is_no_traceback(arguments):
     line = ["plan", "--altitude", "40", "--vhat", "0.9998", "--quiet", *arguments]

@@ -24,7 +24,9 @@ def sampled_bits(sampled, masks):
 
 @pytest.mark.parametrize("slice_m", [None, 0.4])
 @pytest.mark.parametrize("per_voxel", [1, 2, 4, 5])
-@pytest.mark.parametrize(("rows", "columns", "sample"), [(40, 70, 100), (33, 21, 400), (9, 90, 50)])
+@pytest.mark.parametrize(
+    ("rows", "columns", "sample"), [(40, 70, 100), (33, 21, 400), (9, 90, 50), (40, 50, 2000)]
+)
 def test_each_target_sees_what_it_sees_among_all(rows, columns, sample, per_voxel, slice_m):
     volume = random_volume(rows, columns, slice_m=slice_m)
     everything = Occlusion(volume, 12.0, targets_per_voxel=per_voxel, focal_height_m=1.0)
@@ -56,6 +58,9 @@ def test_all_places_within_voxels_count_alike():
         assert sorted(sampled._within[:, axis]) == [0, 1, 2, 3]
         assert len(set(sampled._first[:, axis])) == LATTICES
     assert sampled._step % 2
+    half = SampledOcclusion(Occlusion(random_volume(60, 60), 12.0), random_volume(60, 60), 3600)
+    assert half._step == 2
+    assert half.targets == 3600
 
 
 def test_only_wide_plots_are_sampled(monkeypatch):

@@ -146,6 +146,10 @@ PATIENCE_S = 1.0
 """How long a search may take before a terminal shows what it tries."""
 
 
+READING, PLACING = "reading points", "placing points"
+"""What has an end that is known."""
+
+
 class Bar:
     """What a plan is at, on a terminal's stderr: points that are read, then what a search tries.
 
@@ -159,10 +163,23 @@ class Bar:
         self._title = ""
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how many points are read."""
-        if self._live:
-            self._show("reading points")
+        """Show how many points are read, then placed, and what is done between and after that."""
+        if 2 * done < total:
+            title = READING
+        elif 2 * done == total:
+            title = "finding the ground"
+        elif done < total:
+            title = PLACING
+        else:
+            title = "measuring the slices"
+        self.doing(title)
+        if self._live and title in (READING, PLACING):
             self._shown.update(self._shown.task_ids[0], completed=done, total=total)
+
+    def doing(self, title: str) -> None:
+        """Show what is being done."""
+        if self._live:
+            self._show(title)
 
     def on_trial(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
         """Show what a search tries, once it has lasted a while."""
@@ -193,7 +210,7 @@ class Bar:
             return
         if self._shown is not None:
             self._shown.stop()
-        self._title, self._shown = title, _progress(endless=title == "searching")
+        self._title, self._shown = title, _progress(endless=title not in (READING, PLACING))
         self._shown.add_task(title, total=None)
         self._shown.start()
 

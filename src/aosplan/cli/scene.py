@@ -40,14 +40,15 @@ def run(
     request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
     with progress_bar(quiet=quiet) as bar:
         loaded = load_scene(request, progress=bar, also=more)
+        table = loaded.correlogram
+        if table is None and loaded.volume is not None and (as_json or saved):
+            from aosplan.scenes.correlogram import correlogram
+
+            bar.doing("measuring the correlogram")
+            table = correlogram(loaded.volume)
     print_warnings(loaded.warnings, quiet=quiet)
     if loaded.from_cache and not quiet:
         print_notice("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
-    table = loaded.correlogram
-    if table is None and loaded.volume is not None and (as_json or saved):
-        from aosplan.scenes.correlogram import correlogram
-
-        table = correlogram(loaded.volume)
     write_all({path: scene_bytes(loaded, table, path) for path in saved}, force=force)
     document = statistics_document(loaded.scene, loaded.warnings, loaded.volume, table)
     if as_json:

@@ -5,7 +5,7 @@ tile of 500 m has 64 million targets, and a million of them tell the same means 
 
 **Lattices.**  The sample is four lattices of targets.  Each has one target in every M-th voxel along
 either axis; they differ in the voxel at which they begin, and in the target's place within its voxel,
-so that all parts of a voxel count alike.  M is odd, so that the lattices do not keep step with trees
+so that all parts of a voxel count alike.  M is odd, or 2, so that the lattices do not keep step with trees
 that were planted in rows.  Neighbours see much the same, so lattices leave a smaller error than
 targets drawn at random would.
 
@@ -60,7 +60,8 @@ class SampledOcclusion:
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        self._step = step - 1 + step % 2
+        # Four lattices of every second voxel have all voxels.
+        self._step = step if step == 2 else step - 1 + step % 2
         order = np.arange(LATTICES)
         # Along x and y: the place within a voxel [targets], and the first voxel.
         places = np.column_stack([order, OTHER_AXIS])
