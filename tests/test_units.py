@@ -370,3 +370,11 @@ def test_a_number_rounded_up_is_not_below_it_by_more_than_its_last_digit(digits)
         shown = float(q.rounded_up(value, digits))
         assert value <= shown < value + 10.0 ** (math.floor(math.log10(value)) + 1 - digits)
     assert [q.rounded_up(value, 2) for value in (0.25, 1.01, 120.0)] == ["0.25", "1.1", "120"]
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [(0.05, "0.05 m"), (2.84, "2.8 m"), (123.4, "120 m"), (1000.0, "1 km"), (14_260.0, "14.3 km")],
+)
+def test_lengths_beyond_a_thousand_metres_are_kilometres(metres, text):
+    assert q.length(metres) == text

@@ -307,6 +307,11 @@ def duration(seconds: float) -> str:
     return " ".join(f"{value:,} {unit}" for value, unit in parts[first:])
 
 
+def length(metres: float) -> str:
+    """A length to two significant digits in metres, to three in kilometres."""
+    return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{float(f'{metres:.2g}'):g} m"
+
+
 def rounded_up(value: float, digits: int = 4) -> str:
     """A number as text of a few significant digits that is not below it."""
     text = f"{value:.{digits}g}"

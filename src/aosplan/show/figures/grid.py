@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.numerics import heading_axis, turned
 from aosplan.show.figures.style import entitle, legend_below
+from aosplan.units import length
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -368,7 +369,7 @@ def _scale_bar(panel: Axes, length_m: float, start: tuple[float, float], theme: 
     x, y = start[0] + 0.15 * length_m, start[1]
     panel.plot([x, x + length_m], [y, y], "-", color=theme.text, lw=3.0, solid_capstyle="butt")
     panel.annotate(
-        f"{length_m:g} m",
+        length(length_m),
         (x + length_m, y),
         xytext=(4, 0),
         textcoords="offset points",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.show.figures.grid import nice_length_m, window
+from aosplan.units import length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -103,7 +104,7 @@ def static_map_of(plan: Plan, grid: Grid) -> StaticMap | None:
         last=places[-1],
         takeoff=place(grid.takeoff) if grid.takeoff else (places[0][0], places[0][1] + 14.0),
         dot=min(max(0.44 * unit * plan.solution.baseline_m, 2.0), 9.0),
-        bar=(round(unit * length_m, 1), _length(length_m)),
+        bar=(round(unit * length_m, 1), length(length_m)),
         columns=list(columns),
         rows=[
             [_cell(name, value) for name, value in zip(columns, row, strict=True)]
@@ -127,10 +128,6 @@ def _line(places: Iterable[tuple[float, float]]) -> str:
 
 def _dots(places: Iterable[tuple[float, float]]) -> str:
     return "".join(f"M{x:g} {y:g}h0" for x, y in places)
-
-
-def _length(length_m: float) -> str:
-    return f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
 
 
 def _cell(name: str, value: float) -> str:

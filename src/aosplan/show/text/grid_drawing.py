@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.terminal import flowed
+from aosplan.units import length
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -66,7 +67,7 @@ def flight_picture(
     chosen = [*points[:-1:every], points[-1]]
     drawn, step = to_scale([(x, -y) for x, y in chosen], marks, width, plain=plain)
     legend = [f"{marks.first} first photo", f"{marks.last} last photo", "north is up"]
-    legend.append(f"a {'letter' if plain else 'dot'} is {_metres(step)}")
+    legend.append(f"a {'letter' if plain else 'dot'} is {length(step)}")
     return [*drawn, "", *flowed(legend, width)]
 
 
@@ -184,7 +185,3 @@ def _scale_text(pattern: Sites, step: float, *, plain: bool) -> str:
     if along == across == 1:
         return f"{dot}s are sites"
     return f"a {dot} is up to {along} x {across} sites"
-
-
-def _metres(length: float) -> str:
-    return f"{length / 1e3:.3g} km" if length >= 1e3 else f"{length:.2g} m"
