@@ -235,7 +235,7 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--out", "i.png", "--focal-height=-1e300"], "farther than 1e+09 m"),
         (["--out", "i.png", "--extent=-1e300,-1e300,1e300,1e300"], "farther than 1e+09 m"),
         (["--out", "i.png", "--out", "./i.png"], "given twice"),
-        (["--out", "i.png", "--focal-height", "9ft"], "--focal-height"),
+        (["--out", "i.png", "--focal-height", "9kg"], "--focal-height"),
         (["--out", "i.png", "--up", "x"], "--up 'x'"),
         (["--out", "i.png", "--up=-z"], "below the focal plane"),
         (["--out", "i.png", "--gsd", "0"], "--gsd"),

@@ -126,6 +126,14 @@ def test_twins_are_told_apart(command, folder):
     assert "no such photo" in command("photos", "--out", "x.png", "--band", "zoom")[2]
 
 
+def test_photos_without_a_band_beside_thermal_ones_are_visible(command, folder):
+    fly(folder / "photos", count=4, name="DJI_{:04d}.jpg")
+    fly(folder / "photos", count=4, name="DJI_{:04d}_T.jpg")
+    assert "4 thermal, 4 visible" in command("photos", "--out", "x.png")[2]
+    names = [view.name for view in read(folder / "photos", band="visible").views]
+    assert names == [f"DJI_{index:04d}.jpg" for index in range(4)]
+
+
 def test_a_band_is_named_by_the_tag_before_the_name(folder):
     write_photo(folder / "DJI_0001_V.jpg", (0, 0, 30), (0, -90, 0),
                 more='drone-dji:ImageSource="InfraredCamera"')  # fmt: skip

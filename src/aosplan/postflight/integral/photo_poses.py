@@ -179,6 +179,9 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
 def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> dict[str, PhotoTags]:
     """Photos of one camera of the drone."""
     kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
+    if "thermal" in kinds.values():
+        # Beside thermal photos, those that do not name their camera are of the other one.
+        kinds = {name: kind or "visible" for name, kind in kinds.items()}
     there = sorted({kind for kind in kinds.values() if kind is not None})
     if band is None:
         if len(there) > 1:
@@ -194,7 +197,7 @@ def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> di
                 " or ".join(f"--band {each}" for each in remedies),
             )
         return {name: tags[name] for name in kinds}
-    wanted = {"wide", "zoom", None} if band == "visible" else {band}
+    wanted = {"visible", "wide", "zoom", None} if band == "visible" else {band}
     chosen = {name: tags[name] for name, kind in kinds.items() if kind in wanted}
     if not chosen:
         raise RequestError(
