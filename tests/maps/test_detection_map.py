@@ -267,3 +267,21 @@ def test_a_signature_alone_goes_with_a_map(tmp_path, monkeypatch, capsys):
     arguments = ["--samples", "4", "--baseline", "3", "--origin", "48,14", "--signature", "colour"]
     assert run(["plan", "--altitude", "40", *arguments, "--detection-map", "p.tif"]) == 0
     assert "Search" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_below_voxels_the_planned_grid_finds_what_was_counted(tmp_path):
+    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+
+    stand = clumped_forest(STANDS["beech"])
+    (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(stand)))
+    wanted = {"scene": str(tmp_path / "stand.npz"), "baseline": 3.0, "samples": 9}
+    planned = plan(PlanRequest(**{**SEARCH, "contrast": 3.0}, **wanted, origin=(48.3, 14.3)))
+    assert planned.model == "measured"
+    counted = planned.detection.probability
+    assert 0.1 < counted < 0.9
+    found = detection_map(planned)
+    east, north = found.cells.middles_m.T
+    middle = np.hypot(east, north).argmin()
+    assert found.looks[middle] == 9
+    assert found.probability[middle] == pytest.approx(counted, abs=0.03)
