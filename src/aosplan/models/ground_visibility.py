@@ -56,7 +56,8 @@ class GroundVisibility(NamedTuple):
     def document(self) -> dict[str, Any]:
         """The numbers as plain values."""
         own = self._asdict()
-        return own | {"size_m": list(self.size_m)}
+        normalized = self.normalized if math.isfinite(self.normalized) else None
+        return own | {"size_m": list(self.size_m), "normalized": normalized}
 
 
 def over_ground(

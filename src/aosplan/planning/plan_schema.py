@@ -87,7 +87,7 @@ class GroundVisibilityDocument(OpenDocument):
     size_m: Pair
     density: Finite
     expected: Finite
-    normalized: Finite
+    normalized: Finite | None
     worst_expected: Finite
 
 
