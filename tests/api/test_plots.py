@@ -47,9 +47,9 @@ def test_other_results_are_drawn(placed, tmp_path):
     labels = [text.get_text() for text in reviewed.get_legend().get_texts()]
     assert {"photos", "no photo"} <= {*labels}
     swept = aosplan.sweep({"altitude": [30, 40], "vhat": [0.9, 0.95]})
-    assert swept.plot().get_xlabel() == "samples"
+    assert swept.plot().get_xlabel() == "samples N"
     mapped = swept.plot(x="altitude", y="vhat", value="samples")
-    assert mapped.get_ylabel() == "vhat"
+    assert mapped.get_ylabel() == "target V̂"
     assert aosplan.read_scene("paper-forest").plot(kind="baseline-curve").get_xscale() == "log"
     simulated = aosplan.simulate(placed, forest="noise", precision=0.05)
     heights = simulated.plot().get_legend_handles_labels()[1]

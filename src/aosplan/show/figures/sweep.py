@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.files import check_input
+from aosplan.planning.options import BY_NAME
 from aosplan.show.figures.style import entitle, legend_below, logarithmic, plain
 from aosplan.sweeps.scenarios import polars
 from aosplan.sweeps.sweep import SUFFIXES
@@ -55,6 +56,21 @@ WIDE, WIDE_MAP = 30.0, 20.0
 """The most over the least from which an axis, and the colours of a map, are logarithmic."""
 
 UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
+
+OPTION_UNITS = {"M": "m", "M|RANGE": "m", "S": "s", "DEG": "°", "M/S": "m/s", "MIN": "min"}
+"""Units of the options that are swept, by what stands for their values in the help."""
+
+SYMBOLS = {
+    "samples": "samples N",
+    "baseline_m": "baseline b [m]",
+    "aperture_m": "aperture a [m]",
+    "vhat": "target V̂",
+    "visibility": "target V",
+    "visibility_density": "density p",
+    "visibility_expected": "visibility V",
+    "visibility_normalized": "normalised visibility V̂",
+}
+"""Columns that have a symbol."""
 
 
 class Scatter(NamedTuple):
@@ -327,7 +343,12 @@ def _order(value: Any) -> tuple[int, Any]:
 
 
 def _word(column: str) -> str:
-    """A column's name with spaces and its unit."""
+    """A column's name with spaces, its symbol and its unit."""
+    if column in SYMBOLS:
+        return SYMBOLS[column]
+    if column in BY_NAME:
+        unit = OPTION_UNITS.get(BY_NAME[column].metavar)
+        return column.replace("_", " ") + (f" [{unit}]" if unit else "")
     for ending, unit in UNITS.items():
         if column.endswith(ending):
             return f"{column.removesuffix(ending).replace('_', ' ')} [{unit}]"
@@ -385,12 +406,14 @@ def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
     )
     if shown.rows > shown.met:
         panel.plot([], [], " ", label=f"{shown.rows - shown.met} cannot be met")
+    said = ["", ""]
     for axis, name, column in ((panel.xaxis, "x", 0), (panel.yaxis, "y", 1)):
         values = [point[column] for point in shown.points]
         if _spans(values, WIDE):
             getattr(panel, f"set_{name}scale")("log")
             logarithmic(axis)
-    panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
+            said[column] = ", log scale"
+    panel.set(xlabel=plain(_word(shown.x)) + said[0], ylabel=plain(_word(shown.y)) + said[1])
     panel.legend(loc="best")
 
 
@@ -438,7 +461,9 @@ def _draw_map(panel: Axes, shown: Map, theme: Theme) -> list[Any]:
     panel.grid(visible=False)
     figure = panel.get_figure()
     assert figure is not None  # the panel is on one
-    scale = figure.colorbar(image, ax=panel, label=plain(_word(shown.value)))
+    scale = figure.colorbar(
+        image, ax=panel, label=plain(_word(shown.value)) + (", log scale" if wide else "")
+    )
     if wide:
         logarithmic(scale.ax.yaxis)
     return handles
