@@ -36,6 +36,7 @@ DOMAINS = {
     q.word: "",
     q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
     table.target_share: "from 0 to below 1, or a percentage",
+    table.altitude: "above 0, or a range such as `40..80`",
     table.file_waypoints: "a whole number from 2",
     table.heading_or_auto: "any number, `best`, or `auto`",
     find.target_name: "`person` (lying), or width and length such as `2x4`, from 0.1 to 10 m",

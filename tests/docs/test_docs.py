@@ -69,7 +69,8 @@ def test_every_option_of_a_plan_says_what_it_accepts():
 def test_domains_are_those_that_the_parsers_accept():
     from aosplan.planning.options import BY_NAME
 
-    assert commands.domain(BY_NAME["altitude"].parse) == "above 0"
+    assert commands.domain(BY_NAME["gsd"].parse) == "above 0"
+    assert commands.domain(BY_NAME["altitude"].parse) == "above 0, or a range such as `40..80`"
     assert commands.domain(BY_NAME["lanes"].parse) == "a whole number from 1, or `best`"
     assert "`telecentric`" in commands.domain(BY_NAME["view"].parse)
 
