@@ -57,6 +57,7 @@ FIELD_DESCRIPTIONS = {
     "curve": "Flight time [s] and objective of the best within parts of the time.",
     "WithinDocument.predicted": "Grids whose objective was predicted.",
     "laid_out": "Flights that were laid out and timed exactly.",
+    "WithinRowDocument.trigger": "Photos at stops or in passing (`--trigger`).",
     "within_min": "Time allowed [min].",
     "found": "Whether anything can be flown in it.",
     "WithinRowDocument.time_s": "From take-off to landing, of all flights together.",
