@@ -85,6 +85,7 @@ def report_page(
     from aosplan.show.page.search_map import search_map
     from aosplan.show.page.simulated_photos import views_of
     from aosplan.show.page.static_map import MOST_SITES, static_map_of
+    from aosplan.show.page.within_curve import within_curve
 
     document = plan.document()
     rows = len(document.pop("waypoints"))
@@ -118,6 +119,7 @@ def report_page(
         most_sites=MOST_SITES,
         charts=charts_of(plan),
         detection=detection_curve(plan),
+        within=within_curve(plan),
         search=search_map(detection_map, success),
         profile=profile_of(plan),
         views=views_of(plan, seed),
