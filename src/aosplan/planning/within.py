@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import InfeasibleError
-from aosplan.messages import Message
 from aosplan.models.model import Prediction
 from aosplan.planning.option_relations import BEST
 from aosplan.planning.search_shapes import (
@@ -28,11 +27,18 @@ from aosplan.planning.search_shapes import (
     ways_of,
 )
 from aosplan.planning.solved_plan import Memo, problem_of
-from aosplan.planning.within_answer import Answer, Row
+from aosplan.planning.within_answer import (
+    PHOTO_INTERVAL_S,
+    Answer,
+    Row,
+    interval_assumed,
+    samples_bounded,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from aosplan.messages import Message
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
 
@@ -43,9 +49,6 @@ MOST_SAMPLES = 400
 """Samples of a grid, unless --max-samples allows more."""
 
 
-PHOTO_INTERVAL_S = 2.0
-"""Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
-
 OVER_AREA = (1.0, 0.8, 0.6, 0.45)
 """Shares of the footprint that a grid over an area may fill, along or across the heading."""
 
@@ -55,8 +58,16 @@ AT_PLACE = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.22, 0.16, 0.1, 0.05)
 REFINED = 3
 """Numbers of rows, the best of them, whose spacing is refined."""
 
-LAID_OUT = 6
-"""Flights that are laid out for one time, at most."""
+FEWER = (1.0, 0.8, 0.65, 0.5)
+"""Parts of the most columns that are tried as well."""
+
+LAID_OUT = 12
+"""Flights that are laid out for one time, at most, in each of a few rounds."""
+
+ROUNDS = 3
+
+QUICKER = 2
+"""Flights that are laid out to find a quicker one that is nearly as good."""
 
 COUNTED = 2
 """Of them, those whose detection is counted in the voxels of a stand."""
@@ -101,7 +112,7 @@ def choose(
     assumed: tuple[Message, ...] = ()
     if request.trigger != "stop" and request.photo_interval is None:
         request = replace(request, photo_interval=PHOTO_INTERVAL_S)
-        assumed = (_interval_assumed(),)
+        assumed = (interval_assumed(),)
     search = Search(request, folder, load)
     longest_s = search.enough_s() if request.within is None else 60.0 * request.within
     chosen = search.best(longest_s)
@@ -114,7 +125,7 @@ def choose(
     )
     curve = tuple(search.point(part * longest_s, best.get(part)) for part in CURVE)
     if search.most_samples <= chosen.candidate.shape.samples + MOST_ROWS:
-        assumed = (*assumed, _samples_bounded(search.most_samples))
+        assumed = (*assumed, samples_bounded(search.most_samples))
     answer = Answer(
         asked,
         longest_s / 60.0,
@@ -125,22 +136,6 @@ def choose(
         assumed,
     )
     return search.request_of(chosen.candidate), answer
-
-
-def _interval_assumed() -> Message:
-    return Message(
-        "photo_interval_assumed",
-        f"how fast the camera takes photos is not known: one each {PHOTO_INTERVAL_S:g} s is "
-        "assumed for photos in passing; give --photo-interval S, or a --drone",
-    )
-
-
-def _samples_bounded(samples: int) -> Message:
-    return Message(
-        "search_samples_bounded",
-        f"the search takes up to {samples} photos of each point, and more would fit into the "
-        "time; allow them with --max-samples N",
-    )
 
 
 class Search:
@@ -154,7 +149,6 @@ class Search:
         self.timed: dict[tuple[Shape, int], Timed | None] = {}
         self._least: dict[Shape, Candidate] = {}
         self._counted: dict[Shape, float] = {}
-        self._over_least = 1.0
         self.most_samples = request.max_samples or MOST_SAMPLES
         self.ways = tuple(ways_of(request, folder, load))
         highest = max(self.ways, key=lambda way: way.altitude_m)
@@ -252,16 +246,13 @@ class Search:
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
             self.timed[key] = lay_out(candidate)
-            timed = self.timed[key]
-            if timed is not None and candidate.least_s > 0.0:
-                self._over_least = max(timed.time_s / candidate.least_s, 1.0)
         return self.timed[key]
 
-    def _expected_s(self, candidate: Candidate) -> float:
-        """The time of a candidate: as it was laid out, or else as those before it."""
+    def _least_known_s(self, candidate: Candidate) -> float:
+        """The time of a candidate: as it was laid out, or else the least."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
-            return candidate.least_s * self._over_least
+            return candidate.least_s
         timed = self.timed[key]
         return math.inf if timed is None else timed.time_s
 
@@ -269,37 +260,47 @@ class Search:
 
     def best(self, longest_s: float) -> Timed | None:
         """The best flight that takes no longer, laid out; None if there is none."""
-        tried: set[Shape] = set()
-        found: list[Timed] = []
-        for _ in range(LAID_OUT):
-            shapes = self._shapes(longest_s)
-            fitting = [
-                self.least(shape)
-                for shape in {*shapes, *tried}
-                if self._expected_s(self.least(shape)) <= longest_s
-                and self.score(shape) > -math.inf
-            ]
-            tried |= shapes
-            if not fitting:
-                break
-            candidate = self._preferred(fitting)
-            done = (candidate.shape, id(candidate.way)) in self.timed
-            timed = self.time(candidate)
-            if timed is not None and timed.time_s <= longest_s and timed not in found:
-                found.append(timed)
-            if done:
-                break
-        kept = sorted(found, key=lambda timed: -self.score(timed.candidate.shape))[:COUNTED]
-        return max(kept, key=self.counted, default=None)
+        allowed_s = longest_s
+        for _ in range(ROUNDS):
+            candidates = [self.least(shape) for shape in self._shapes(allowed_s)]
+            candidates = [each for each in candidates if self.score(each.shape) > -math.inf]
+            candidates.sort(key=lambda each: (-self.score(each.shape), each.least_s, each.shape))
+            over = []
+            found: list[Timed] = []
+            for candidate in candidates[:LAID_OUT]:
+                timed = self.time(candidate)
+                if timed is not None and timed.time_s <= longest_s:
+                    found.append(timed)
+                    if len(found) == self._wanted:
+                        break
+                elif timed is not None:
+                    over.append(timed.time_s / longest_s)
+            if found:
+                return self._preferred(candidates, found)
+            # The least times are too low here: no-fly zones, terrain, or gaps in the area.
+            allowed_s /= max(min(over, default=1.0), 1.02)
+        return None
 
-    def _preferred(self, candidates: list[Candidate]) -> Candidate:
-        """The quickest of those that are nearly the best."""
-        best = max(self.score(each.shape) for each in candidates)
-        least = best - NEARLY * abs(best)
-        return min(
-            (each for each in candidates if self.score(each.shape) >= least),
-            key=lambda each: (self._expected_s(each), each.shape),
-        )
+    @property
+    def _wanted(self) -> int:
+        """Flights that are compared once they are laid out."""
+        counts = self.request.optimize == "detection" and self.inputs.model == "measured"
+        return COUNTED if counts else 1
+
+    def _preferred(self, candidates: list[Candidate], found: list[Timed]) -> Timed:
+        """The best of some flights, or a quicker one that is nearly as good."""
+        best = max(found, key=self.counted)
+        if self._wanted > 1:
+            return best
+        score = self.score(best.candidate.shape)
+        near = [
+            each
+            for each in candidates
+            if self.score(each.shape) >= score - NEARLY * abs(score) and each.least_s < best.time_s
+        ]
+        near.sort(key=lambda each: (each.least_s, each.shape))
+        timed = [self.time(each) for each in near[:QUICKER]]
+        return min([best, *(each for each in timed if each)], key=lambda each: each.time_s)
 
     def enough_s(self) -> float:
         """The time from which on twice as much gains next to nothing."""
@@ -322,23 +323,29 @@ class Search:
                 yield shape
 
     def _shapes(self, longest_s: float) -> set[Shape]:
-        """Shapes worth a look: for each number of rows, as many columns as there is time for."""
+        """Shapes worth a look: for each number of rows, about as many columns as there is time for.
+
+        More photos in the same aperture do not always find more, so fewer are tried as well.
+        """
         shares = OVER_AREA if self.over_area else AT_PLACE
         coarse = [(1.0, 1.0)] if self.over_area else [(each, each) for each in shares[::2]]
-        found: dict[int, list[Shape]] = {}
+        found: dict[int, set[Shape]] = {}
         for rows in self._rows():
-            shapes = (self._fitting(rows, share, longest_s) for share in coarse)
-            found[rows] = [shape for shape in shapes if shape is not None]
-        ranked = sorted(
-            (rows for rows, shapes in found.items() if shapes),
-            key=lambda rows: -max(map(self.score, found[rows])),
-        )
+            shapes: set[Shape] = set()
+            for share in coarse:
+                shapes |= self._fitting(rows, share, longest_s, FEWER[:2])
+            found[rows] = shapes
+        best = {
+            rows: max(shapes, key=lambda shape: (self.score(shape), shape))
+            for rows, shapes in found.items()
+            if shapes
+        }
+        ranked = sorted(best, key=lambda rows: self.score(best[rows]), reverse=True)
         chosen = {shape for shapes in found.values() for shape in shapes}
         for rows in ranked[:REFINED]:
-            for share in _near(max(found[rows], key=self.score), shares, self._filled):
-                shape = self._fitting(rows, share, longest_s)
-                if shape is not None:
-                    chosen.add(shape)
+            for share in _near(best[rows], shares, self._filled):
+                chosen |= self._fitting(rows, share, longest_s, FEWER[:1])
+            chosen |= self._fitting(rows, self._filled(best[rows]), longest_s, FEWER)
         return chosen
 
     def _filled(self, shape: Shape) -> tuple[float, float]:
@@ -346,28 +353,28 @@ class Search:
         x, y = self._room(shape.rows, shape.columns)
         return shape.along / x, shape.across / y
 
-    def _fitting(self, rows: int, share: tuple[float, float], longest_s: float) -> Shape | None:
-        """The shape with the most columns that fits, or, if samples cost, with the fewest."""
+    def _fitting(
+        self, rows: int, share: tuple[float, float], longest_s: float, parts: tuple[float, ...]
+    ) -> set[Shape]:
+        """Shapes with the most columns that fit and parts of them; if samples cost, the fewest."""
         request = self.request
         most = self.most_samples // rows
         if request.samples is not None:
-            most = request.samples // rows if request.samples % rows == 0 else 0
-            shape = self._shape(rows, most, *share) if most else None
-            return shape if shape and self._fits(shape, longest_s) else None
-
-        def shape_of(columns: int) -> Shape | None:
-            return self._shape(rows, columns, *share)
-
-        if request.optimize in BEST:
-            columns = _last(most, lambda n: self._fits(shape_of(n), longest_s))
+            columns = {request.samples // rows} if request.samples % rows == 0 else set()
+        elif request.optimize in BEST:
+            most = _last(most, lambda n: self._fits(self._shape(rows, n, *share), longest_s))
+            columns = {math.floor(part * most) for part in parts} | {max(most - 1, 0)}
         else:
-            missed = _last(most, lambda n: (it := shape_of(n)) is not None and not self.meets(it))
-            columns = missed + 1 if missed < most else 0
-        shape = shape_of(columns) if columns else None
-        return shape if self._fits(shape, longest_s) else None
+            missed = _last(most, lambda n: self._misses(self._shape(rows, n, *share)))
+            columns = {missed + 1} if missed < most else set()
+        shapes = (self._shape(rows, each, *share) for each in columns if each)
+        return {shape for shape in shapes if shape and self._fits(shape, longest_s)}
+
+    def _misses(self, shape: Shape | None) -> bool:
+        return shape is not None and not self.meets(shape)
 
     def _fits(self, shape: Shape | None, longest_s: float) -> bool:
-        return shape is not None and self._expected_s(self.least(shape)) <= longest_s
+        return shape is not None and self._least_known_s(self.least(shape)) <= longest_s
 
     def _rows(self) -> range:
         request = self.request
@@ -452,12 +459,10 @@ class Search:
         """Time [s] and objective of the best within a time, laid out or expected; None for none."""
         if timed is not None:
             return timed.time_s, self.counted(timed)
-        fitting = [self.least(shape) for shape in self._shapes(longest_s)]
-        fitting = [each for each in fitting if self.score(each.shape) > -math.inf]
-        if not fitting or self.inputs.model == "measured":
+        if self.inputs.model == "measured":
             return None
-        best = self._preferred(fitting)
-        return self._expected_s(best), self.score(best.shape)
+        found = self.best(longest_s)
+        return None if found is None else (found.time_s, self.score(found.candidate.shape))
 
     def refusal(self, longest_s: float) -> InfeasibleError:
         """The error of a time in which nothing can be flown that reaches the target."""

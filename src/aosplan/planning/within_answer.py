@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.search_shapes import Timed
 
+PHOTO_INTERVAL_S = 2.0
+"""Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
+
 
 class Row(NamedTuple):
     """The best within a time.
@@ -101,3 +104,21 @@ class Answer(NamedTuple):
             "predicted": self.predicted,
             "laid_out": self.laid_out,
         }
+
+
+def interval_assumed() -> Message:
+    """The warning of an interval between photos that nothing tells."""
+    return Message(
+        "photo_interval_assumed",
+        f"how fast the camera takes photos is not known: one each {PHOTO_INTERVAL_S:g} s is "
+        "assumed for photos in passing; give --photo-interval S, or a --drone",
+    )
+
+
+def samples_bounded(samples: int) -> Message:
+    """The warning of a search that more photos of each point would fit into."""
+    return Message(
+        "search_samples_bounded",
+        f"the search takes up to {samples} photos of each point, and more would fit into the "
+        "time; allow them with --max-samples N",
+    )
