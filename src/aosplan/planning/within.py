@@ -22,7 +22,9 @@ from aosplan.planning.search_shapes import (
     Candidate,
     Shape,
     Timed,
+    last_number,
     lay_out,
+    near_shares,
     shape_time_s,
     ways_of,
 )
@@ -343,7 +345,7 @@ class Search:
         ranked = sorted(best, key=lambda rows: self.score(best[rows]), reverse=True)
         chosen = {shape for shapes in found.values() for shape in shapes}
         for rows in ranked[:REFINED]:
-            for share in _near(best[rows], shares, self._filled):
+            for share in near_shares(best[rows], shares, self._filled):
                 chosen |= self._fitting(rows, share, longest_s, FEWER[:1])
             chosen |= self._fitting(rows, self._filled(best[rows]), longest_s, FEWER)
         return chosen
@@ -362,10 +364,10 @@ class Search:
         if request.samples is not None:
             columns = {request.samples // rows} if request.samples % rows == 0 else set()
         elif request.optimize in BEST:
-            most = _last(most, lambda n: self._fits(self._shape(rows, n, *share), longest_s))
+            most = last_number(most, lambda n: self._fits(self._shape(rows, n, *share), longest_s))
             columns = {math.floor(part * most) for part in parts} | {max(most - 1, 0)}
         else:
-            missed = _last(most, lambda n: self._misses(self._shape(rows, n, *share)))
+            missed = last_number(most, lambda n: self._misses(self._shape(rows, n, *share)))
             columns = {missed + 1} if missed < most else set()
         shapes = (self._shape(rows, each, *share) for each in columns if each)
         return {shape for shape in shapes if shape and self._fits(shape, longest_s)}
@@ -480,25 +482,3 @@ class Search:
             "nothing can be flown that fits what was asked for, in any time",
             "leave more open: the kind of grid, its spacing, the trigger or the target",
         )
-
-
-def _near(
-    shape: Shape, shares: tuple[float, ...], filled: Callable[[Shape], tuple[float, float]]
-) -> Iterator[tuple[float, float]]:
-    """Shares next to those that a shape fills."""
-    apart = [[abs(share - each) for each in shares] for share in filled(shape)]
-    places = [each.index(min(each)) for each in apart]
-    for along in (-1, 0, 1):
-        for across in (-1, 0, 1):
-            x, y = places[0] + along, places[1] + across
-            if 0 <= x < len(shares) and 0 <= y < len(shares):
-                yield shares[x], shares[y]
-
-
-def _last(most: int, holds: Callable[[int], bool]) -> int:
-    """The largest number up to `most` for which something holds that ends somewhere; 0 for none."""
-    low, high = 0, most + 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
