@@ -9,10 +9,10 @@ import pytest
 from jsonschema import Draft202012Validator
 from support.forests import STANDS, clumped_forest
 from support.paths import AREAS
+from support.slices import slices_shortfall
 
 from aosplan.cli.app import run
 from aosplan.cli.schema import json_schema
-from aosplan.models.positions import positions_shortfall
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.postflight.positions import read_places, read_positions
@@ -92,14 +92,9 @@ def test_what_was_flown_is_predicted_from_where_it_was_flown(tmp_path):
     turn = np.radians(40.0)
     along = points @ [np.sin(turn), np.cos(turn)]
     across = points @ [np.cos(turn), -np.sin(turn)]
-    spacing = planned.problem.model.unit_baseline_m
-    total = sum(
-        max(0.0, 1.0 - abs(along[i] - along[k]) / spacing)
-        * max(0.0, 1.0 - abs(across[i] - across[k]) / spacing)
-        for i in range(30)
-        for k in range(30)
-    )
-    assert found.flown.shortfall == pytest.approx(total / 900.0, rel=1e-12)
+    # Neighbours that share occluders: the volume counts as slices one occluder thick.
+    expected = slices_shortfall(np.column_stack([along, across]), planned.scene.slices(), 40.0)
+    assert found.flown.shortfall == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -125,9 +120,9 @@ def test_photos_elsewhere_belong_to_no_site(tmp_path):
     assert found.strays == [0, 51]
     assert found.missing == []
     assert found.counted == 51  # the far one does not see the middle
-    spacing = found.plan.problem.model.unit_baseline_m
-    seen = np.vstack([nearby, sites])
-    assert found.flown.shortfall == pytest.approx(positions_shortfall(seen, spacing), rel=1e-12)
+    seen = np.vstack([nearby, sites])[:, ::-1]  # north is along the heading
+    expected = slices_shortfall(seen, found.plan.scene.slices(), 40.0)
+    assert found.flown.shortfall == pytest.approx(expected, rel=1e-9)
     assert [code for code, _ in found.warnings] == ["photos_aside"]
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 from support.forests import STANDS, clumped_forest
+from support.slices import slices_shortfall
 
 from aosplan.cli.app import run
 from aosplan.cli.schema import json_schema
@@ -31,6 +32,7 @@ from aosplan.postflight.best_views import (
 from aosplan.postflight.thin import thinned
 from aosplan.postflight.views import read_views
 from aosplan.scenes.correlogram import correlogram
+from aosplan.scenes.presets import find_preset_scene
 from aosplan.scenes.scene import Layer
 
 
@@ -202,21 +204,21 @@ def test_504_views_are_thinned(recording, capsys, samples):
     Draft202012Validator(json_schema("thinning")).validate(found)
     chosen = [view["index"] for view in found["views"]]
     assert chosen == sorted(set(chosen))
-    spacing = 2.45  # that of the default scene from 35 m: 0.07 of the altitude
     turned = recording[:, ::-1]  # north is along the heading
+    layers = find_preset_scene("paper-forest").slices()
     assert found["kept"]["shortfall"] == pytest.approx(
-        positions_shortfall(turned[chosen], spacing), rel=0.01
+        slices_shortfall(turned[chosen], layers, 35.0), rel=1e-6
     )
     assert found["all"]["shortfall"] == pytest.approx(
-        positions_shortfall(turned, spacing), rel=0.01
+        slices_shortfall(turned, layers, 35.0), rel=1e-6
     )
     # So many can lie apart: the bound is reached.
     assert found["kept"]["shortfall"] == pytest.approx(1.0 / samples, rel=1e-3)
     assert found["bound"]["shortfall"] == 1.0 / samples
     rng = np.random.default_rng(0)
     others = [
-        positions_shortfall(turned[rng.choice(504, samples, replace=False)], spacing)
-        for _ in range(50)
+        slices_shortfall(turned[rng.choice(504, samples, replace=False)], layers, 35.0)
+        for _ in range(20)
     ]
     assert found["kept"]["shortfall"] <= min(others) < np.mean(others)
     rows = list(csv.DictReader(Path("kept.csv").read_text().splitlines()))

@@ -127,13 +127,12 @@ class UniformModel(NamedTuple):
         import numpy as np
 
         points = np.asarray(positions_m, dtype=np.float64)
-        if self.rays != "nadir":
-            if self.slices is not None:
-                return self.slices().predict_positions(points)
-            return self._predict_oblique_at(points, 0.0)
-        shortfall = positions_shortfall(positions_m, self.unit_baseline_m)
-        if self.slices is not None and shortfall * len(points) > 1.0 + 1e-12:
+        shortfall = positions_shortfall(points, self.unit_baseline_m)
+        apart = shortfall * len(points) <= 1.0 + 1e-9  # no two are nearer than the rule's baseline
+        if self.slices is not None and not apart:
             return self._with_own_digits(self.slices().predict_positions(points))
+        if self.rays != "nadir":
+            return self._predict_oblique_at(points, 0.0)
         return Prediction(self.density, self.transparency, shortfall)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
