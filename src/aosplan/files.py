@@ -328,7 +328,7 @@ def check_output(path: str, *, force: bool) -> None:
     if not os.path.isdir(folder):
         raise RequestError(f"output '{path}': there is no folder '{folder}'", "make it first")
     if os.path.exists(path) and not os.path.isfile(path):
-        raise RequestError(f"output '{path}' is no regular file", "- writes to stdout")
+        raise RequestError(f"output '{path}' is not a regular file", "- writes to stdout")
     if os.path.lexists(path) and not force:
         raise RequestError(f"output '{path}' exists", "give --force to overwrite it")
 

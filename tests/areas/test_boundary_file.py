@@ -151,7 +151,7 @@ EXTERNAL = '<!DOCTYPE kml SYSTEM "file:///etc/passwd">'
 WRONG = {
     "empty": (b"", "is neither GeoJSON, KML nor KMZ"),
     "text": ("lat,lon\n1,2\n", "is neither GeoJSON, KML nor KMZ"),
-    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is a vector file, but does not end as one"),
+    "a shapefile": (b"\x00\x00\x27\x0a" + bytes(96), "is a vector file, but does not have the extension of one"),
     "broken JSON": ('{"type": "Polygon"', "is not valid JSON"),
     "a list": ("[]", "holds no table"),
     "not GeoJSON": ({"a": 1}, "has type 'None'"),
@@ -188,7 +188,7 @@ WRONG = {
     "nested too deep": ("[" * 100 + "]" * 100, "nested too deeply"),
     "nested far too deep": ('{"a":' + "[" * 10**5 + "]" * 10**5 + "}", "nested too deeply"),
     "broken XML": ("<kml><Document></kml>", "is not valid XML"),
-    "other XML": ("<html><body/></html>", "is XML, but no KML: it begins with <html>"),
+    "other XML": ("<html><body/></html>", "is XML, but not KML: it begins with <html>"),
     "KML without a polygon": (kml(), "holds no polygon"),
     "KML with a point": (
         kml(inside="<Placemark><Point><coordinates>1,2</coordinates></Point></Placemark>"),

@@ -324,7 +324,7 @@ def test_a_rotation_that_overflows(folder, command):  # RuntimeWarning
     (folder / "poses.json").write_text(json.dumps({"images": [pose]}), encoding="utf-8")
     status, out, err = command("integrate", "poses.json", "images", "--fov", 60, "--out", "a.png")
     check_refusal(status, out, err)
-    assert "is no rotation" in err
+    assert "is not a rotation" in err
 
 
 def test_the_largest_plan_that_is_written_is_read(command):

@@ -65,7 +65,7 @@ def test_a_raster_without_a_place(tmp_path):
     ):
         raster.write(np.zeros((9, 9), dtype=np.float32), 1)
     error = refused(path)
-    assert "where on earth" in error.message
+    assert "coordinate reference system" in error.message
     assert "gdal_edit" in error.hint
 
 

@@ -238,7 +238,7 @@ def test_the_command_writes_a_map_that_lies_over_the_area(tmp_path, monkeypatch,
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--detection-map", "pod.tif"], "needs a place on earth"),
+        (["--detection-map", "pod.tif"], "needs a location"),
         (["--origin", "48,14", "--detection-map", "pod.png"], "does not end in .tif"),
         (["--origin", "48,14", "--poa", "prior.tif"], "--poa without --detection-map"),
         (["--origin", "48,14", "--detection-map", "p.tif", "--out", "p.tif"], "p.tif"),

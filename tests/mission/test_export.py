@@ -305,10 +305,10 @@ def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):
 @pytest.mark.parametrize(
     ("path", "name", "words"),
     [
-        ("plan.txt", None, "'plan.txt': no format ends in '.txt'"),
-        ("plan", None, "no format ends in"),
-        ("kml2:plan.xyz", None, "no format ends in '.xyz'"),
-        ("-", None, "output '-' (stdout) has no ending"),
+        ("plan.txt", None, "'plan.txt': no format has the extension '.txt'"),
+        ("plan", None, "no format has the extension"),
+        ("kml2:plan.xyz", None, "no format has the extension '.xyz'"),
+        ("-", None, "output '-' (stdout) has no extension"),
         ("plan.csv", "cvs", "unknown format 'cvs'"),
         ("", None, "output '' is not a file name"),
         ("csv:", None, "output '' is not a file name"),
@@ -398,7 +398,7 @@ def test_a_plan_overwrites_only_when_forced(tmp_path):
 def test_without_a_place_geojson_is_an_error_and_not_a_file(tmp_path):
     with pytest.raises(RequestError) as caught:
         planned().write(tmp_path / "plan.geojson")
-    assert "needs a place on earth" in caught.value.message
+    assert "needs a location" in caught.value.message
     assert "--origin LAT,LON" in caught.value.hint
     assert list(tmp_path.iterdir()) == []
 
@@ -457,7 +457,7 @@ def test_a_saved_plan_without_a_place_exports_no_geojson(tmp_path, capsys):
     (tmp_path / "plan.json").write_text(capsys.readouterr().out)
     out = tmp_path / "plan.geojson"
     assert run(["export", str(tmp_path / "plan.json"), "--out", str(out)]) == 2
-    assert "needs a place on earth" in capsys.readouterr().err
+    assert "needs a location" in capsys.readouterr().err
     assert not out.exists()
 
 

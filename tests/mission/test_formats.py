@@ -362,5 +362,5 @@ def test_a_mission_without_a_place_is_written_as_csv_alone():
         if name == "csv":
             assert list(files([local], form, "g.csv")) == ["g.csv"]
         else:
-            with pytest.raises(RequestError, match="needs a place on earth"):
+            with pytest.raises(RequestError, match="needs a location"):
                 files([local], form, "g")

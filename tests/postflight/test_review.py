@@ -330,12 +330,12 @@ def test_nothing_hidden_is_seen_by_any_photo(tmp_path):
         ("f.csv", b"x,y\n", "holds no positions"),
         ("f.csv", b"", "has no columns"),
         ("f.csv", b"a,b\n1,2\n", "has no columns latitude and longitude, or"),
-        ("f.csv", b"lat,lon\n95,0\n", "is no latitude"),
+        ("f.csv", b"lat,lon\n95,0\n", "is not a latitude"),
         ("f.jpg", b"\xff\xd8\xff\xe1", "is not UTF-8 text"),
         ("f.plan", b"{}", "has no mission"),
         ("f.waypoints", b"x", "does not begin with QGC WPL"),
         ("f.geojson", b'{"features": []}', "holds no positions"),
-        ("f.json", b'{"schema": 1}', "is no GeoJSON"),
+        ("f.json", b'{"schema": 1}', "is not a GeoJSON"),
         ("f.csv", b"lat,lon\n-48,-14\n", "km from the plan's origin"),
     ],
 )
@@ -385,7 +385,7 @@ def test_a_format_that_needs_a_place_writes_nothing_without_one(tmp_path, comman
     line = ("review", "f.csv", "--altitude=40", "--out=top.waypoints", "--out=top.csv")
     status, _, err = command(*line)
     assert status == 2
-    assert "needs a place on earth" in err
+    assert "needs a location" in err
     assert [path.name for path in tmp_path.iterdir()] == ["f.csv"]
 
 

@@ -216,8 +216,8 @@ def test_a_saved_plan_is_drawn_as_it_was(tmp_path, capsys):
 WRONG = """
 plot pie --altitude 40 | unknown kind of figure 'pie' |
 plot visibilty --altitude 40 | unknown kind of figure 'visibilty' | did you mean visibility?
-plot grid --altitude 40 --out grid.gif | figure 'grid.gif' ends in none of .png, .svg, .pdf |
-plot grid --altitude 40 --out - | figure '-' ends in none of .png, .svg, .pdf |
+plot grid --altitude 40 --out grid.gif | figure 'grid.gif' does not have one of the extensions .png, .svg, .pdf |
+plot grid --altitude 40 --out - | figure '-' does not have one of the extensions .png, .svg, .pdf |
 plot grid --altitude 40 --out nowhere/grid.svg | there is no folder 'nowhere' | make it first
 plot grid --altitude 40 --dpi 1e9 | --dpi 1e+09 is not from 50 to 1200 |
 plot grid --altitude 40 --width-mm -3 | --width-mm |
@@ -228,8 +228,8 @@ plot density | no scene is given | preset
 plot density paper-forest --scene conifer-forest | name one scene |
 plot density no-such-forest | unknown scene 'no-such-forest' |
 plot correlogram paper-forest | has no correlogram | point cloud
-plot visibility --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9 | nothing stands |
-plot density --density 0 --occluder-size 0.2 --volume-height 9 | nothing stands |
+plot visibility --altitude 40 --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is above |
+plot density --density 0 --occluder-size 0.2 --volume-height 9 | no occluder is above |
 """
 
 

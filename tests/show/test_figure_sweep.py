@@ -147,7 +147,7 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
     [
         ("plot sweep", "no results are given"),
         ("plot sweep nothing.csv", "no file 'nothing.csv'"),
-        ("plot sweep r.txt", "ends in none of .csv, .parquet, .jsonl"),
+        ("plot sweep r.txt", "does not have one of the extensions .csv, .parquet, .jsonl"),
         ("plot sweep r.csv --x sample", "the results have no column 'sample'"),
         ("plot sweep r.csv --value samples", "--value without --x and --y"),
         ("plot sweep r.csv --altitude 40", "--altitude does not go with the results of a sweep"),
@@ -160,7 +160,10 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
         ("plot sweep broken.parquet", "the results cannot be read"),
         ("plot sweep empty.csv", "the results cannot be read"),
         ("plot grid --altitude 40 --x samples", "--x, --y and --value go with sweep"),
-        ("sweep c.toml --out o.csv --plot o.gif", "ends in none of .png, .svg, .pdf"),
+        (
+            "sweep c.toml --out o.csv --plot o.gif",
+            "does not have one of the extensions .png, .svg, .pdf",
+        ),
         ("sweep c.toml --out o.csv --plot-x altitude", "go with --plot"),
         (
             "sweep c.toml --out o.csv --plot o.svg --plot-y nowhere",

@@ -275,7 +275,7 @@ def test_a_target_is_drawn_where_the_plan_was_made_for_one(options, words):
     for chart in charts_of(plan(PlanRequest(altitude=40, **options))):
         texts = [line.text for line in chart.levels]
         assert [text for text in texts if text.startswith("target")] == words
-        assert {"endless V", "one photo"} <= set(texts)
+        assert {"infinitely many", "one photo"} <= set(texts)
 
 
 def test_bounds_are_drawn_where_they_lie():
@@ -296,8 +296,8 @@ def test_a_clear_view_has_no_curves_and_no_picture():
     )
     text = Page(report_page(clear)).of("main")[0]["text"]
     assert charts_of(clear) == []
-    assert text.count("Nothing stands above the focal plane") == 1
-    assert "nothing stands above the focal plane" in text
+    assert text.count("No occluder is above the focal plane") == 1
+    assert "no occluder is above the focal plane" in text
 
 
 # Terrain

@@ -205,5 +205,5 @@ def test_rows_of_a_measured_stand_are_its_models_own():
 
 def test_a_clear_scene_has_nothing_to_trade():
     clear = plan(PlanRequest(altitude=40, density=0, occluder_size=0.2, volume_height=9))
-    with pytest.raises(Exception, match="nothing stands"):
+    with pytest.raises(Exception, match="no occluder is above"):
         clear.tradeoff()

@@ -318,7 +318,7 @@ def test_ctrl_c_leaves_what_is_done(cluster, campaign, local, tmp_path):
             process.kill()
             raise
     assert process.returncode == 130
-    assert error == "hint: what is done is kept; --resume goes on with it\n"
+    assert error == "hint: finished parts are kept; --resume continues the sweep\n"
     assert_resumed(campaign, out, local, "--scheduler", cluster.address)
 
 
@@ -359,7 +359,7 @@ def test_a_worker_is_no_scheduler(cluster, campaign, tmp_path, capsys):
     with Client(cluster.address, set_as_default=False) as client:
         (worker,) = client.nthreads()
     assert sweep(campaign, "--out", tmp_path / "r.csv", "--scheduler", worker) == 2
-    assert_error(capsys, worker, "no scheduler")
+    assert_error(capsys, worker, "not a scheduler")
 
 
 @pytest.mark.parametrize("address", ["", "head", "head:", "http://head:80", "tcp://a b:1", "8786"])

@@ -172,7 +172,7 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
     # A terminal interrupts every process of a line; a job's manager only the first.
     status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
     assert status == 130
-    assert error == "hint: what is done is kept; --resume goes on with it\n"
+    assert error == "hint: finished parts are kept; --resume continues the sweep\n"
 
 
 @pytest.mark.slow

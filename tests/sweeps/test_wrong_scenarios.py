@@ -83,14 +83,14 @@ TABLES = [
     (b"Altitude\n40\n", ["column 'Altitude'", "did you mean altitude?"]),
     (b"altitude,max-samples\n40,9\n", ["'max-samples'", "did you mean max_samples?"]),
     (b"altitude,\n40,1\n", ["column ''"]),
-    (b"40,0.9\n50,0.8\n", ["column '40' is no option"]),
+    (b"40,0.9\n50,0.8\n", ["column '40' is not an option"]),
     (b"altitude,vhat\n40,0.9,7\n", ["not a table", "more fields"]),
     (b"altitude\n40\nnan\n", ["'nan'", "(row 2)"]),
     (b"altitude\ninf\n", ["'inf'", "(row 1)"]),
     (b"altitude\ntrue\n", ["'true'", "(row 1)"]),
     (b"altitude\n2020-01-01\n", ["'2020-01-01'"]),
     (b"altitude,scene\n40,\xe9\n", ["not a table", "utf-8"]),
-    (b"\xff\xfea", ["is no option"]),
+    (b"\xff\xfea", ["is not an option"]),
     (b"altitude,\n40,0.9\n", ["column ''"]),
     (b'altitude,vhat\n"40,0.9\n50,0.8\n', ["not a table"]),
     (b"PK\x03\x04" + bytes(100), ["is a spreadsheet", "CSV or Parquet"]),
@@ -132,7 +132,7 @@ def test_a_parquet_that_is_none_is_an_error(folder, refused, content):
 def frames():
     """Columns that no scenario can have, and words of the error."""
     return [
-        ({"height": [40.0]}, ["column 'height' is no option"]),
+        ({"height": [40.0]}, ["column 'height' is not an option"]),
         ({"altitude": pl.Series([], dtype=pl.Float64)}, ["no rows"]),
         ({"altitude": [40.0, float("nan")]}, ["column 'altitude': 'nan'", "(row 2)"]),
         ({"altitude": [True]}, ["'True'", "(row 1)"]),

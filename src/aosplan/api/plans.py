@@ -200,7 +200,7 @@ class Tradeoff(Summarized, _Rows):
 
 
 def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) -> Tradeoff:
-    """What each number of photos takes and gives: baseline, extent, time, visibility.
+    """Cost and benefit by number of photos: baseline, extent, time, visibility.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) ->
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if nothing stands above the focal plane.
+        As for `aosplan.plan`, or if no occluder is above the focal plane.
 
     Examples
     --------

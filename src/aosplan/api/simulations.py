@@ -94,7 +94,7 @@ def simulate(
     max_targets: int = compare.MOST_TARGETS,
     **options: Unpack[RequestOptions],
 ) -> Simulation:
-    """Fly a plan over a simulated forest, and compare what is seen with the prediction.
+    """Check a plan against a simulated forest: compare the simulated visibility with the prediction.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def simulate(
         ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the one that the
         scene describes.
     max_targets
-        Most targets, whatever the precision.
+        Largest number of targets, whatever the precision.
     **options
         As for `aosplan.plan`.
 

@@ -328,7 +328,7 @@ class _KmlReader:
     def _start(self, name: str, _attributes: dict[str, str]) -> None:
         tag = name.rpartition(":")[2]
         if not self.path and tag != "kml":
-            raise RequestError(f"'{self.outline.path}' is XML, but no KML: it begins with <{tag}>")
+            raise RequestError(f"'{self.outline.path}' is XML, but not KML: it begins with <{tag}>")
         self.path.append(tag)
         if len(self.path) > DEEPEST:
             raise RequestError(f"'{self.outline.path}' is nested too deeply")

@@ -346,7 +346,7 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
         Message(
             "coverage_lost",
             f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
-            f"seen from fewer than {samples} sites{fewest}: no-fly zones take away "
+            f"seen from fewer than {samples} sites{fewest}: no-fly zones remove "
             f"{survey.sites_in_no_fly} sites{enclosed}",
         )
     ]

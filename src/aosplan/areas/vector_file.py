@@ -52,7 +52,8 @@ def read_vectors(path: str) -> Iterator[tuple[Rings | None, str, Message | None]
     """
     if not path.lower().endswith(SUFFIXES):
         raise RequestError(
-            f"'{path}' is a vector file, but does not end as one", f"endings: {', '.join(SUFFIXES)}"
+            f"'{path}' is a vector file, but does not have the extension of one",
+            f"extensions: {', '.join(SUFFIXES)}",
         )
     with needs_extra(f"area '{path}'", EXTRA):
         import pyogrio

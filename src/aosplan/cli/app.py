@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "plan": "Solve for baseline and photos, and write the grid to fly.",
-    "simulate": "Hold a plan against a simulated forest.",
-    "visibility": "The equations as a calculator.",
-    "tradeoff": "What each number of photos takes and gives.",
+    "simulate": "Check a plan against a simulated forest.",
+    "visibility": "Evaluate the visibility equations.",
+    "tradeoff": "Cost and benefit by number of photos.",
     "scene": "Occluder statistics of a point cloud or scene file.",
     "sweep": "Solve many scenarios and write a row for each.",
     "plot": "Draw a figure of a plan or of a scene.",
     "export": "Write files from a saved plan.",
-    "review": "What a flight shows, and a mission for what it missed.",
-    "thin": "The best N of many recorded views.",
+    "review": "Compare a flight with its plan, and plan the missing photos.",
+    "thin": "Select the best N of many recorded views.",
     "integrate": "Average recorded images on a focal plane.",
     "cameras": "List the built-in cameras.",
     "drones": "List the built-in drones.",
     "scenes": "List the built-in scenes.",
-    "formats": "List the formats that waypoints are written in.",
-    "schema": "JSON Schema of the documents read and printed.",
+    "formats": "List the formats of waypoint files.",
+    "schema": "Print the JSON Schema of documents.",
 }
 
 
@@ -102,14 +102,14 @@ GROUP = LazyGroup(
         _asked(
             "--install-completion",
             _install_completion,
-            "Complete options, presets and files: bash, zsh, fish or powershell.",
+            "Install completion of options, presets and files: bash, zsh, fish or powershell.",
             type=str,
             metavar="SHELL",
         ),
         _asked(
             "--show-completion",
             _show_completion,
-            "Print what that shell has to run.",
+            "Print the completion script of a shell.",
             type=str,
             metavar="SHELL",
         ),

@@ -27,7 +27,7 @@ def run(*, as_json: bool) -> None:
     ]
     print_rows(("name", "m/s", "most", "min", "photo s", "camera"), rows)
     print(
-        "\nCruise and greatest speed, minutes in the air, shortest time between photos."
+        "\nColumns: cruise and top speed, flight time in minutes, shortest time between photos."
         "\nSources and assumptions: aosplan drones --json"
     )
 

@@ -62,7 +62,7 @@ def _bounds(limits: Limits) -> str:
 COMMAND = command(
     "formats",
     run,
-    summary="List the formats that waypoints are written in, what they need and hold.",
+    summary="List the formats of waypoint files, with their requirements and limits.",
     examples="aosplan formats\naosplan formats --json",
     parameters=[json_option()],
 )

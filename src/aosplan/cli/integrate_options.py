@@ -18,7 +18,9 @@ def integrate_options() -> list[Any]:
             "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x 4 matrices as the "
             "AOS project has it, a COLMAP folder, or OpenDroneMap's shots.geojson.",
         ),
-        file_argument("images", "Folder of the images, beside poses.", required=False),
+        file_argument(
+            "images", "Folder of the images, if the first argument gives poses.", required=False
+        ),
         text_option(
             "--focal-height", "M", "Height of the plane along the world's upward axis [0].", plane
         ),
@@ -38,24 +40,29 @@ def integrate_options() -> list[Any]:
         text_option(
             "--focus",
             "H",
-            "Find the height of the ground: auto, or between H1..H2; a number is --focal-height.",
+            "Find the height of the ground: auto, or within H1..H2; a number sets --focal-height.",
             plane,
         ),
         text_option(
             "--align",
             "WHAT",
-            "With --focus: correct positions, yaw, or none of the poses [positions for photos].",
+            "With --focus: what to correct in the poses: positions, yaw or none [positions for photos].",
             plane,
         ),
         text_option(
-            "--focus-figure", "PATH", "Draw the agreement over heights: .png, .svg, .pdf.", "Output"
+            "--focus-figure", "PATH", "Draw the agreement by height: .png, .svg, .pdf.", "Output"
         ),
-        text_option("--up", "AXIS", "z, -z, y or -y [z or -z, as the cameras look].", plane),
-        text_option("--gsd", "M", "Pixel of the integral image [that of the images].", plane),
+        text_option(
+            "--up",
+            "AXIS",
+            "Upward axis of the world: z, -z, y or -y [z or -z, opposite to the view].",
+            plane,
+        ),
+        text_option("--gsd", "M", "Pixel size of the integral image [that of the images].", plane),
         text_option(
             "--extent",
             "BOX",
-            "XMIN,YMIN,XMAX,YMAX on the plane, 'all' that any view sees, or 'centre', what the "
+            "XMIN,YMIN,XMAX,YMAX on the plane; all: what any view sees; centre: what the "
             "middle view sees [centre].",
             plane,
         ),
@@ -65,24 +72,32 @@ def integrate_options() -> list[Any]:
             "Camera, if the poses have none or instead of the photos': name or file.",
             lens,
         ),
-        text_option("--fov", "DEG", "Horizontal field of view, instead.", lens),
-        text_option("--band", "NAME", "Of several cameras: thermal, visible, wide or zoom.", lens),
+        text_option("--fov", "DEG", "Horizontal field of view, instead of a camera.", lens),
+        text_option(
+            "--band",
+            "NAME",
+            "Camera to use, if there are several: thermal, visible, wide or zoom.",
+            lens,
+        ),
         text_option(
             "--plan",
             "FILE",
-            "Plan with what the photos lack: camera, altitude, heading  [plan.json among the photos].",
+            "Plan that gives what the photos lack: camera, altitude, heading  [plan.json among the photos].",
             lens,
         ),
         text_option(
             "--altitude", "M", "Mean height above the ground, if the photos give none.", lens
         ),
-        text_option("--heading", "DEG", "Where the top of photos points that give no yaw.", lens),
+        text_option("--heading", "DEG", "Direction of the top of photos that give no yaw.", lens),
         text_option(
-            "--views", "LIST", "Numbers from 1, ranges, names: 1-9,12; or a file of them.", choice
+            "--views",
+            "LIST",
+            "Views to use: numbers from 1, ranges or names, such as 1-9,12; or a file of them.",
+            choice,
         ),
-        text_option("--aperture", "M", "Views within a square of this side.", choice),
+        text_option("--aperture", "M", "Use the views within a square of this side.", choice),
         text_option(
-            "--pitch", "M", "Views at least so far apart, from the middle outwards.", choice
+            "--pitch", "M", "Use views at least this far apart, from the middle outwards.", choice
         ),
         text_option(
             "--min-views",
@@ -93,7 +108,7 @@ def integrate_options() -> list[Any]:
         text_option(
             "--compare",
             "CHOICE",
-            "SSIM against another choice: all, or pitch=M, aperture=M, views=LIST.",
+            "Compare by SSIM with another choice: all, or pitch=M, aperture=M, views=LIST.",
             choice,
         ),
         TyperOption(
@@ -104,24 +119,31 @@ def integrate_options() -> list[Any]:
             help="Write .png (8 bits), .tif (float32, in its place) or .npz (with coverage).  Repeatable.",
             rich_help_panel="Output",
         ),
-        flag_option("--stretch", "PNG from the 1st to the 99th percentile, for 8 bits too."),
-        text_option("--local", "M", "PNG of local contrast, within this distance.", "Output"),
-        flag_option("--scale", "PNG with a scale bar and an arrow to the north."),
-        flag_option("--equalize", "Bring the photos to one exposure first."),
-        flag_option("--feather", "Weigh photos less towards their edges: no seams."),
+        flag_option(
+            "--stretch",
+            "Stretch the PNG from the 1st to the 99th percentile, also for 8-bit images.",
+        ),
+        text_option(
+            "--local", "M", "Increase the PNG's local contrast, within this distance.", "Output"
+        ),
+        flag_option("--scale", "Add a scale bar and a north arrow to the PNG."),
+        flag_option("--equalize", "Equalise the exposure of the photos first."),
+        flag_option(
+            "--feather", "Reduce the weight of photos towards their edges, to avoid seams."
+        ),
         text_option(
             "--anomalies",
             "PATH",
-            "Share of photos in which each place stands out (RX): .tif, .png.",
+            "Write the share of photos in which each place is anomalous (RX): .tif, .png.",
             "Output",
         ),
         text_option(
             "--hot-spots",
             "PATH",
-            "Places that stand out, as .geojson with size and contrast.",
+            "Write the anomalous places as .geojson, with size and contrast.",
             "Output",
         ),
         flag_option("--force", "Overwrite existing files."),
-        flag_option("--quiet", "No table, no warnings."),
+        flag_option("--quiet", "Print no table and no warnings."),
         json_option(),
     ]

@@ -170,7 +170,7 @@ def defaults_option() -> TyperOption:
     return text_option(
         "--defaults",
         "FILE|none",
-        "Your own defaults.  [aosplan/defaults.toml in the folder for settings]",
+        "File with your own defaults.  [aosplan/defaults.toml in the folder for settings]",
     )
 
 
@@ -182,12 +182,14 @@ def output_options() -> list[TyperOption]:
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write the waypoints; the ending decides the format, or NAME:PATH.  Repeatable.",
+            help="Write the waypoints; the extension, or NAME:PATH, sets the format.  Repeatable.",
             rich_help_panel="Output",
         ),
-        text_option("--format", "NAME", "Format of the one --out file.", "Output"),
+        text_option(
+            "--format", "NAME", "Format of the --out file, if there is only one.", "Output"
+        ),
         flag_option("--force", "Overwrite existing files."),
-        flag_option("--quiet", "No table, no hints."),
+        flag_option("--quiet", "Print no table and no hints."),
         json_option(),
     ]
 

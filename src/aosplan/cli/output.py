@@ -55,7 +55,7 @@ def chosen_outputs(
     """
     if name is not None and len(outputs) != 1:
         raise RequestError(
-            f"--format {name} goes with one --out", "write NAME:PATH where there are several"
+            f"--format {name} goes with one --out", "write NAME:PATH if there are several"
         )
     if not outputs:
         return []

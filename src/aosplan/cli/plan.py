@@ -65,12 +65,12 @@ def run(
     if not wanted.has_place:
         if detection_map is not None:
             raise RequestError(
-                "--detection-map needs a place on earth", "give --origin LAT,LON or --area FILE"
+                "--detection-map needs a location", "give --origin LAT,LON or --area FILE"
             )
         for form, path in chosen:
             if form.needs_place:
                 raise RequestError(
-                    f"output '{path}': {form.title} needs a place on earth",
+                    f"output '{path}': {form.title} needs a location",
                     "give --origin LAT,LON or --area FILE, or write CSV",
                 )
     with progress_bar(quiet=quiet) as bar:
@@ -189,14 +189,19 @@ COMMAND = command(
         *request_options(),
         defaults_option(),
         *output_options(),
-        text_option("--report", "PAGE.html", "Write a page of the plan, to look at.", "Output"),
-        text_option("--report-seed", "N", "Of the simulated picture on it.  [1]", "Output"),
-        flag_option("--no-report-picture", "A page without the simulated picture."),
+        text_option("--report", "PAGE.html", "Write an HTML page about the plan.", "Output"),
         text_option(
-            "--detection-map", "POD.tif", "Write the probability of detection by place.", "Output"
+            "--report-seed", "N", "Random seed of the page's simulated picture.  [1]", "Output"
+        ),
+        flag_option("--no-report-picture", "Leave out the simulated picture."),
+        text_option(
+            "--detection-map", "POD.tif", "Write a map of the probability of detection.", "Output"
         ),
         text_option(
-            "--poa", "PRIOR.tif", "Where the target is expected: for the map's POS.", "Output"
+            "--poa",
+            "PRIOR.tif",
+            "Prior probability of the target's place (GeoTIFF), for the map's POS.",
+            "Output",
         ),
     ],
 )

@@ -189,7 +189,7 @@ def _is_request(path: str) -> bool:
 COMMAND = command(
     "plot",
     run,
-    summary="Draw a figure of a plan or of a scene, and say in words what it shows.",
+    summary="Draw a figure of a plan or of a scene, and describe it in text.",
     examples=(
         "aosplan plot visibility --altitude 40 --out visibility.png\n"
         "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
@@ -206,14 +206,14 @@ COMMAND = command(
         *request_options(),
         defaults_option(),
         text_option("--out", "PATH", "The figure: .png, .svg or .pdf.", "Output"),
-        text_option("--x", "COLUMN", "Sweep: along the figure.  [samples]", "Sweep"),
-        text_option("--y", "COLUMN", "Sweep: up the figure.  [flight_time_s]", "Sweep"),
-        text_option("--value", "COLUMN", "Sweep: the result to map over both.", "Sweep"),
-        flag_option("--dark", "On a dark background."),
-        text_option("--width-mm", "MM", "Width on paper.  [170]", "Output"),
-        text_option("--dpi", "N", "Pixels an inch of a .png.  [150]", "Output"),
+        text_option("--x", "COLUMN", "Sweep: column of the x axis.  [samples]", "Sweep"),
+        text_option("--y", "COLUMN", "Sweep: column of the y axis.  [flight_time_s]", "Sweep"),
+        text_option("--value", "COLUMN", "Sweep: column to draw as a map over both axes.", "Sweep"),
+        flag_option("--dark", "Use a dark background."),
+        text_option("--width-mm", "MM", "Width of the figure.  [170]", "Output"),
+        text_option("--dpi", "N", "Pixels per inch of a .png.  [150]", "Output"),
         flag_option("--force", "Overwrite an existing file."),
-        flag_option("--quiet", "No description, no warnings."),
+        flag_option("--quiet", "Print no description and no warnings."),
         json_option(),
     ],
 )

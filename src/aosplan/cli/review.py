@@ -154,7 +154,10 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
     aside = f", {strays} of them at no site" if strays else ""
     yield "Photos", f"{len(found.views)}{aside} (within {found.tolerance_m:.3g} m)"
     if found.errors_m is not None:
-        yield "Off site", "{:.2f} m root mean square, {:.2f} m at most".format(*found.errors_m)
+        yield (
+            "Position error",
+            "{:.2f} m root mean square, {:.2f} m at most".format(*found.errors_m),
+        )
     if found.detection is not None:
         named_shares = (
             ("planned", found.detection.planned),
@@ -207,7 +210,7 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
 COMMAND = command(
     "review",
     run,
-    summary="What a flight's photos show beside what was planned, and a mission for what is missing.",
+    summary="Compare a flight's photos with its plan, and write a mission for the missing ones.",
     examples=(
         "aosplan review photos/ plan.json --out topup.waypoints\n"
         "aosplan review flown.csv request.toml --tolerance 1 --json"
@@ -226,7 +229,7 @@ COMMAND = command(
         text_option(
             "--tolerance",
             "M",
-            "Farthest that a photo may be from its site.  [half the smaller pitch]",
+            "Largest distance between a photo and its site.  [half the smaller pitch]",
         ),
         *request_options(lambda option: option.name not in ("resume_at", "sensitivity")),
         defaults_option(),

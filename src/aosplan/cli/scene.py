@@ -48,7 +48,9 @@ def run(
             table = correlogram(loaded.volume)
     print_warnings(loaded.warnings, quiet=quiet)
     if loaded.from_cache and not quiet:
-        print_notice("note", "read earlier, taken from the cache (AOSPLAN_CACHE=0: read anew)")
+        print_notice(
+            "note", "taken from the cache of an earlier run; AOSPLAN_CACHE=0 reads the file again"
+        )
     write_all({path: scene_bytes(loaded, table, path) for path in saved}, force=force)
     document = statistics_document(loaded.scene, loaded.warnings, loaded.volume, table)
     if as_json:
@@ -85,12 +87,12 @@ COMMAND = command(
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write a scene file that plans at once: .toml, or .npz with the voxels.  "
+            help="Write a scene file that is fast to load: .toml, or .npz with the voxels.  "
             "Repeatable.",
             rich_help_panel="Output",
         ),
         flag_option("--force", "Overwrite an existing file."),
-        flag_option("--quiet", "No table, no warnings."),
+        flag_option("--quiet", "Print no table and no warnings."),
         json_option(),
     ],
 )

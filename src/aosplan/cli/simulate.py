@@ -176,7 +176,7 @@ def _say_imprecise(simulation: Simulation) -> None:
 COMMAND = command(
     "simulate",
     run,
-    summary="Fly a plan over a simulated forest, and compare what is seen with the prediction.",
+    summary="Check a plan against a simulated forest: compare the simulated visibility with the prediction.",
     examples=(
         "aosplan simulate --altitude 40\n"
         "aosplan simulate plan.json --forest clumped --seed 7 --picture forest.png"
@@ -190,30 +190,30 @@ COMMAND = command(
         ),
         *request_options(),
         defaults_option(),
-        text_option("--seed", "N", "Of everything random.  [1]", "Simulation"),
+        text_option("--seed", "N", "Random seed.  [1]", "Simulation"),
         text_option(
             "--precision",
             "X",
-            "Standard error of V and V̂ at which the simulation is done.  [0.005]",
+            "Standard error of V and V̂ at which the simulation stops.  [0.005]",
             "Simulation",
         ),
         text_option(
             "--forest",
             "NAME",
-            "noise, uniform, layered, clumped (trees) or cloud (the scene's own voxels).  [as the "
-            "scene is]",
+            "Simulated forest: noise, uniform, layered, clumped (trees) or cloud (the scene's own "
+            "voxels).  [by scene]",
             "Simulation",
         ),
         text_option(
             "--max-targets",
             "N",
-            "Most targets, whatever the precision.  [100000000]",
+            "Largest number of targets, whatever the precision.  [100000000]",
             "Simulation",
         ),
         text_option(
             "--picture",
             "PATH.png",
-            "Draw a resolution chart through the forest: one photo, the integral, endless photos.",
+            "Draw a resolution chart through the forest: one photo, the integral, infinitely many photos.",
             "Output",
         ),
         text_option(
@@ -223,7 +223,7 @@ COMMAND = command(
             "Output",
         ),
         flag_option("--force", "Overwrite existing files."),
-        flag_option("--quiet", "No table, no hints."),
+        flag_option("--quiet", "Print no table and no hints."),
         json_option(),
     ],
 )

@@ -86,7 +86,7 @@ def run(
         )
     if scheduler is not None and workers is not None:
         raise RequestError(
-            "--scheduler and --workers both say who solves", "a cluster has its own workers"
+            "--scheduler and --workers contradict each other", "a cluster has its own workers"
         )
     if per and best is None:
         raise RequestError("--per without --best", "--best COLUMN says which row is the best")
@@ -149,7 +149,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
             )
     elif os.path.splitext(out)[1].lower() not in SUFFIXES:
         raise RequestError(
-            f"output '{out}' ends in none of {', '.join(SUFFIXES)}",
+            f"output '{out}' does not have one of the extensions {', '.join(SUFFIXES)}",
             f"{out}/ is a folder of Parquet files",
         )
     else:
@@ -162,7 +162,7 @@ def _kept() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print_notice("hint", "what is done is kept; --resume goes on with it")
+        print_notice("hint", "finished parts are kept; --resume continues the sweep")
         raise
 
 
@@ -248,7 +248,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
 COMMAND = command(
     "sweep",
     run,
-    summary="Solve many scenarios: write a row for each, or say what came out.",
+    summary="Solve many scenarios: write a row for each, or print a summary.",
     examples=(
         "aosplan sweep campaign.toml --summary --simulate 20\n"
         'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
@@ -268,33 +268,44 @@ COMMAND = command(
             "Output",
         ),
         text_option("--plot", "PATH", "Draw the result: .png, .svg or .pdf.", "Output"),
-        text_option("--plot-x", "COLUMN", "Along the figure.  [samples]", "Output"),
-        text_option("--plot-y", "COLUMN", "Up the figure.  [flight_time_s]", "Output"),
-        text_option("--plot-value", "COLUMN", "A result to map over both.", "Output"),
-        text_option("--columns", "LIST|all", "Results to write.  [the usual ones]", "Output"),
-        text_option("--where", "SQL", "Keep the rows for which this holds.", "Output"),
+        text_option("--plot-x", "COLUMN", "Column of the x axis.  [samples]", "Output"),
+        text_option("--plot-y", "COLUMN", "Column of the y axis.  [flight_time_s]", "Output"),
+        text_option("--plot-value", "COLUMN", "Column to draw as a map over both axes.", "Output"),
         text_option(
-            "--best", "[-]COLUMN", "Keep the row with the most (-: least) of it.", "Output"
+            "--columns",
+            "LIST|all",
+            "Columns of results to write.  [a standard selection]",
+            "Output",
+        ),
+        text_option("--where", "SQL", "Keep only the rows that meet this condition.", "Output"),
+        text_option(
+            "--best",
+            "[-]COLUMN",
+            "Keep the row with the largest value (-COLUMN: smallest).",
+            "Output",
         ),
         TyperOption(
             param_decls=["--per"],
             type=str,
             multiple=True,
             metavar="COLUMNS",
-            help="With --best: one row for each of their values.",
+            help="With --best: keep one row for each value of these columns.",
             rich_help_panel="Output",
         ),
         flag_option(
-            "--summary", "Say what came out: counts, extremes, shares by input; no --out needed."
+            "--summary", "Print a summary: counts, extremes, shares by input.  Works without --out."
         ),
         text_option(
             "--simulate",
             "N",
-            "Simulate N of the rows that are met, the extremes among them.",
+            "Simulate N of the feasible rows, including the extremes.",
             "Simulation",
         ),
         text_option(
-            "--seed", "N", "Of the rows drawn and of their simulations.  [1]", "Simulation"
+            "--seed",
+            "N",
+            "Random seed of the selected rows and their simulations.  [1]",
+            "Simulation",
         ),
         text_option(
             "--precision",
@@ -303,18 +314,18 @@ COMMAND = command(
             "Simulation",
         ),
         defaults_option(),
-        text_option("--workers", "N", "Processes.  [1]"),
+        text_option("--workers", "N", "Number of processes.  [1]"),
         text_option(
             "--scheduler",
             "HOST:PORT",
-            "Solve on a Dask cluster, whose workers see --out under the same name.",
+            "Address of a Dask scheduler, whose workers see --out under the same path.",
         ),
         flag_option(
-            "--resume", "Go on with an interrupted sweep, or mend a folder's parts.", "Options"
+            "--resume", "Continue an interrupted sweep, or repair the parts of a folder.", "Options"
         ),
         flag_option("--yes", f"Begin even more than {MOST_SCENARIOS} scenarios.", "Options"),
-        flag_option("--force", "Overwrite an existing file, drop an interrupted sweep."),
-        flag_option("--quiet", "No bar, no table, no message."),
+        flag_option("--force", "Overwrite an existing file, and discard an interrupted sweep."),
+        flag_option("--quiet", "Print no progress bar, no table and no message."),
         json_option(),
     ],
 )
@@ -393,7 +404,7 @@ def tell(
             verification = _verified(sweep, gathering.gathered, drawn, quiet=quiet)
         except KeyboardInterrupt:
             if gathering.write():
-                print_notice("hint", "--resume goes on with the simulation")
+                print_notice("hint", "--resume continues the simulation")
             raise
     gathering.remove()
     document = {

@@ -38,7 +38,7 @@ def run(
     from aosplan.units import one_of, whole
 
     if samples is None:
-        raise RequestError("--samples N is needed", "say how many of the views are to be kept")
+        raise RequestError("--samples N is needed", "N is the number of views to keep")
     count = whole(samples, "--samples")
     wanted = request_of(request, flags, defaults=defaults)
     if out is not None:
@@ -84,7 +84,7 @@ def run(
 COMMAND = command(
     "thin",
     run,
-    summary="The best N of many recorded views: those that share the fewest occluders.",
+    summary="Select the best N of many recorded views: those that share the fewest occluders.",
     examples=(
         "aosplan thin views.csv plan.json --samples 50 --out kept.csv\n"
         "aosplan thin photos/ --samples 25 --altitude 35 --scene stand.laz --json"
@@ -100,22 +100,22 @@ COMMAND = command(
             "Request file (TOML or JSON), or an earlier result; flags override it.",
             required=False,
         ),
-        text_option("--samples", "N", "How many views to keep."),
+        text_option("--samples", "N", "Number of views to keep."),
         text_option(
             "--best",
             "WHAT",
-            "What they shall have most of: normalized (V̂) or visibility (V).  [normalized]",
+            "Quantity to maximise: normalized (V̂) or visibility (V).  [normalized]",
         ),
         *request_options(lambda option: option.name in SHOWING),
         defaults_option(),
         text_option(
             "--out",
             "PATH",
-            "Write the kept views, in order, as CSV; of photos the names.",
+            "Write the kept views, in order, as CSV; for photos also their names.",
             "Output",
         ),
         flag_option("--force", "Overwrite an existing file."),
-        flag_option("--quiet", "No table, no hints."),
+        flag_option("--quiet", "Print no table and no hints."),
         json_option(),
     ],
 )

@@ -83,7 +83,7 @@ def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     last = "found" if "detection" in shown[0] else "contrast"
     header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", last, "")
     print_rows(header, [_line(row) for row in shown])
-    note = f"{len(rows)} rows; these are the ones that no other is better than, and the plan's own"
+    note = f"{len(rows)} rows; the table shows those that no other row is better than, and the plan's own"
     show(
         one_line(""),
         one_line(f"{note} (◀)."),
@@ -112,7 +112,7 @@ def _line(row: dict[str, Any]) -> list[str]:
 COMMAND = command(
     "tradeoff",
     run,
-    summary="What each number of photos takes and gives: baseline, extent, time, visibility.",
+    summary="Cost and benefit by number of photos: baseline, extent, time, visibility.",
     examples=(
         "aosplan tradeoff --altitude 40 --vhat 0.98 --out table.csv\n"
         "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 \\\n"
@@ -129,7 +129,7 @@ COMMAND = command(
         defaults_option(),
         text_option("--out", "PATH", "Write all rows: .csv, .json or .jsonl.", "Output"),
         flag_option("--force", "Overwrite an existing file."),
-        flag_option("--quiet", "No table, no hints."),
+        flag_option("--quiet", "Print no table and no hints."),
         json_option(),
     ],
 )

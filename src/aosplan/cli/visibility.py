@@ -74,7 +74,7 @@ def run(
         ("V̂", shown["normalized"], "normalised visibility"),
         ("1 - V̂", shown["shortfall"], "shortfall"),
         ("Vmin", shown["minimum"], "visibility of one sample"),
-        ("Vmax", shown["maximum"], "visibility of endless samples"),
+        ("Vmax", shown["maximum"], "visibility of infinitely many samples"),
         ("1/(1 - V̂)", shown["effective_samples"], "effective samples"),
     ]
     print_rows(("quantity", "value", "meaning"), rows)
@@ -146,22 +146,31 @@ def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, fl
 
 def _options() -> list[Any]:
     return [
-        text_option("--density", "P", "Integrated density: share that one sample does not see."),
-        text_option("--slice-density", "D", "Density per slice, instead (Eq. 1)."),
-        text_option("--height-ratio", "L/O", "Volume height over occluder size, with it."),
+        text_option(
+            "--density",
+            "P",
+            "Integrated density: share of the ground that one sample does not see.",
+        ),
+        text_option("--slice-density", "D", "Density per slice, instead of --density (Eq. 1)."),
+        text_option(
+            "--height-ratio", "L/O", "Volume height divided by occluder size, for --slice-density."
+        ),
         text_option("--samples", "N", "Number of samples, on the trimmed grid."),
-        text_option("--grid", "ROWSxCOLUMNS", "A whole rectangle, instead."),
+        text_option(
+            "--grid", "ROWSxCOLUMNS", "Complete rectangle of samples, instead of --samples."
+        ),
         text_option("--dhat", "X", "Normalised disparity d̂ between neighbours."),
         text_option(
             "--positions",
             "FILE",
-            "CSV with x,y or east_m,north_m in metres, .waypoints, .plan or .geojson, instead.",
+            "Positions of the samples, instead of a grid: CSV with x,y or east_m,north_m in metres, "
+            ".waypoints, .plan or .geojson.",
         ),
         text_option("--spacing", "M", "Offset at which an occluder has moved by its own size."),
         text_option(
             "--heading",
             "DEG",
-            "Flight lines of the positions, from true north: occluders are squares along them.  [0]",
+            "Direction of the flight lines, clockwise from true north; occluders are squares along it.  [0]",
         ),
         json_option(),
     ]
@@ -170,7 +179,7 @@ def _options() -> list[Any]:
 COMMAND = command(
     "visibility",
     run,
-    summary="The equations as a calculator: visibility of a grid, or of any set of positions.",
+    summary="Evaluate the visibility equations for a grid, or for any set of positions.",
     examples=(
         "aosplan visibility --density 0.567 --samples 50 --dhat 1\n"
         "aosplan visibility --slice-density 0.0095 --height-ratio 87.69 \\\n"

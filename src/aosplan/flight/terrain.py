@@ -237,7 +237,7 @@ class Terrain:
 def raise_unplaced(path: str) -> NoReturn:
     """Refuse a raster without a place on earth."""
     raise RequestError(
-        f"terrain '{path}' does not say where on earth it lies",
+        f"terrain '{path}' has no coordinate reference system",
         "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
     )
 
@@ -251,7 +251,7 @@ def _datum(crs: CRS) -> str:
     vertical = [sub.name for sub in crs.sub_crs_list if sub.is_vertical]
     if vertical:
         return str(vertical[0])
-    return "ellipsoid" if len(crs.axis_info) == 3 else "the terrain file's own zero"
+    return "ellipsoid" if len(crs.axis_info) == 3 else "the elevation model's datum"
 
 
 def follow(

@@ -190,7 +190,7 @@ def detection_map(plan: PlanData) -> DetectionMap:
         raise RequestError("a detection map needs something to look for", "give --find person")
     if plan.origin is None:
         raise RequestError(
-            "a detection map needs a place on earth", "give --origin LAT,LON or --area FILE"
+            "a detection map needs a location", "give --origin LAT,LON or --area FILE"
         )
     cells, ground = ground_of(plan)
     points = photos_of(plan)

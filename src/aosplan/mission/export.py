@@ -84,9 +84,9 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
         if suffix in added.FORMAT.suffixes:
             return _format_of(added), path
     if path == "-":
-        raise RequestError("output '-' (stdout) has no ending", "give its --format, or NAME:-")
+        raise RequestError("output '-' (stdout) has no extension", "give its --format, or NAME:-")
     hint = f"a page of the plan: --report {path}" if suffix == ".html" else _listing(known)
-    raise RequestError(f"output '{path}': no format ends in '{suffix}'", hint)
+    raise RequestError(f"output '{path}': no format has the extension '{suffix}'", hint)
 
 
 def render(mission: Mission, chosen: Format) -> bytes:
@@ -100,7 +100,8 @@ def render(mission: Mission, chosen: Format) -> bytes:
     """
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
-            f"{chosen.title} needs a place on earth", "plan with --origin LAT,LON, or write CSV"
+            f"{chosen.title} needs a location",
+            "plan with --origin LAT,LON or --area FILE, or write CSV",
         )
     check_flown(mission, chosen)
     autopilot = mission.settings.autopilot

@@ -212,7 +212,7 @@ def detection_warnings(
         yield Message(
             "target_below_pixel",
             f"a pixel is {gsd_m:.2g} m wide on the ground and the target {width:g} m: less than two "
-            "pixels show it, and the prediction takes the image for sharp; fly lower, or use a "
+            "pixels show it, and the prediction assumes a sharp image; fly lower, or use a "
             "longer lens",
         )
     if samples < FEWEST_PHOTOS:
@@ -224,7 +224,7 @@ def detection_warnings(
         yield Message(
             "detection_crown_clutter",
             f"{detection.signature.crown_share:.0%} of the clutter are at the scale of crowns: the "
-            "probability of detection may be off by 0.1, and hangs on that share",
+            "probability of detection may be off by 0.1, and depends on that share",
         )
     if detection.standard_error is None:
         yield Message(

@@ -96,7 +96,7 @@ def load_scene(
     unexpected = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
     if more and unexpected:
         raise RequestError(
-            f"'{unexpected[0]}' is no point cloud, and only the files of a point cloud go together",
+            f"'{unexpected[0]}' is not a point cloud, and only the files of a point cloud go together",
             "name one scene, or .las and .laz files",
         )
     if clouds:

@@ -37,7 +37,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
     """Warnings of a plan, each with its remedy."""
     if plan.coverage is None:
         yield Message(
-            "no_occluders", "nothing stands above the focal plane: a single photo shows everything"
+            "no_occluders", "no occluder is above the focal plane: a single photo shows everything"
         )
     if not plan.solution.met and plan.inputs.objective not in BEST:
         yield _missed(plan)
@@ -53,8 +53,8 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
         yield Message(
             "independent_occluders",
-            f"the {plan.model} model takes occluders for independent, and those of a real stand "
-            "are clumped: take the predicted visibility for an upper bound",
+            f"the {plan.model} model assumes independent occluders, but those of a real stand "
+            "are clumped: treat the predicted visibility as an upper bound",
         )
 
 
@@ -129,7 +129,7 @@ def _oblique_rays(plan: PlanData) -> Iterator[Message]:
         angle = math.degrees(math.atan2(math.hypot(x, y), 2.0 * plan.altitude_m))
         yield Message(
             "oblique_rays",
-            f"the outer photos look {angle:.0f}° off nadir and pass more wood: p is about "
+            f"the outer photos look {angle:.0f}° off nadir and cross more foliage: p is about "
             f"{slanted:.3g} on average, not {density:.3g}; --rays oblique accounts for it",
         )
 
@@ -144,7 +144,7 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
             "thick_layer",
             f"{len(thick)} layers are much thicker than their occluders (up to "
             f"{worst.top_m - worst.bottom_m:.3g} m for {worst.occluder_size_m:.3g} m): each is "
-            "placed at its middle height; thinner layers predict better",
+            "placed at its middle height; thinner layers give a better prediction",
         )
 
 
@@ -161,7 +161,7 @@ def _flying(plan: PlanData) -> Iterator[Message]:
     ):
         yield Message(
             "photo_interval",
-            f"photos follow each other within {pace:.3g} s and the camera takes one each "
+            f"photos follow each other within {pace:.3g} s and the camera takes one every "
             f"{interval:g} s: hold {timing.hold_s + interval - pace:.3g} s at each site",
         )
     photo = plan.waypoints.photo or ()
@@ -182,7 +182,7 @@ def _flying(plan: PlanData) -> Iterator[Message]:
     if route.takeoff_ground_m is not None and flight.takeoff is None:
         yield Message(
             "takeoff_assumed",
-            "heights count from the take-off, taken to lie below the first waypoint, on ground "
+            "heights are relative to the take-off point, which is assumed to be below the first waypoint, on ground "
             f"{route.takeoff_ground_m:.1f} m above {route.datum}: take off there, or give --takeoff",
         )
     highest = plan.altitude_m + plan.inputs.focal_height_m + route.farther_by_m
@@ -196,7 +196,7 @@ def _flying(plan: PlanData) -> Iterator[Message]:
         climb = max(max(flight.climb_m, flight.return_m) for flight in route.flights)
         yield Message(
             "transit_above_120_m",
-            f"the way from the take-off or back is flown {climb:.4g} m above the take-off, over "
+            f"the path from the take-off or back is flown {climb:.4g} m above the take-off, over "
             f"canopy and terrain, and reaches {route.highest_way_m:.4g} m above the ground below; "
             f"many countries allow {HIGHEST_M:g} m: take off elsewhere, or fly around the high ground",
         )

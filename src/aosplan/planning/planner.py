@@ -178,7 +178,7 @@ def _elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> Itera
         yield Message(
             "scene_elsewhere",
             f"the scene was measured {apart_m / 1000.0:.3g} km away, at {place[0]:.4f},"
-            f"{place[1]:.4f}: check --origin or --area if it is to be the stand of this place",
+            f"{place[1]:.4f}: check --origin or --area if the scene shows this place",
         )
 
 
@@ -240,7 +240,7 @@ def _measured_notices(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
     if density > SATURATED and "saturated" not in {code for code, _ in inputs.loaded.warnings}:
         yield Message(
             "saturated",
-            f"the views hide {density:.1%} of the ground on average: what they show hangs on a few "
+            f"the views hide {density:.1%} of the ground on average: what they show depends on a few "
             "gaps; read the cloud with smaller voxels, or keep the aperture smaller",
         )
     extent_m = max(solution.pattern.extent) * solution.baseline_m

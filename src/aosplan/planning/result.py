@@ -34,7 +34,7 @@ class Plan(PlanData):
         Raises
         ------
         RequestError
-            Where nothing stands above the focal plane: there is nothing to trade.
+            Where no occluder is above the focal plane: there is nothing to trade.
         """
         from aosplan.solver.tradeoff import tradeoff
 
@@ -46,7 +46,7 @@ class Plan(PlanData):
                 "has the probability of detection of every row",
             )
         if self.problem is None:
-            raise RequestError("nothing stands above the focal plane: one photo shows everything")
+            raise RequestError("no occluder is above the focal plane: one photo shows everything")
         problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]
         return tradeoff(problems, self.problem, self.solution)
 

@@ -145,7 +145,7 @@ def speed_bounds(
     """
     bounds = []
     if drone is not None:
-        text = f"the fastest that the {drone.title} flies in missions"
+        text = f"the largest speed of the {drone.title} flies in missions"
         bounds.append(Bound(drone.airspeed_mps, text))
     if blur is not None:
         text = (
@@ -172,7 +172,7 @@ def flown(
     )
     bounds.append(Bound(spaced.speed_mps, text))
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
-    bounds.append(Bound(blown.speed_mps, "against the wind the drone is no faster"))
+    bounds.append(Bound(blown.speed_mps, "the wind limits the speed over ground"))
     bound, limit = ruling(asked, bounds), None
     if blown.run_in_m > LONGEST_RUN_IN_M:
         raise RequestError(
@@ -184,7 +184,7 @@ def flown(
         message = f"{bound.message} ({bound.speed_mps:.3g} m/s, not the {asked:.3g} asked for)"
         limit = Limit("speed_mps", bound.speed_mps, bound.speed_mps, message)
     elif timing.fly_through:
-        message = "photos are taken in passing at the speed asked for"
+        message = "photos are taken while flying at the requested speed"
         limit = Limit("speed_mps", asked, asked, message)
     if flight.wind is not None:
         north, east = wind_mps(flight.wind.speed_mps, flight.wind.from_deg)

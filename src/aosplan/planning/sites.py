@@ -121,7 +121,7 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
     crossing = int(zones.cross(points[:-1], points[1:]).sum())
     if crossing:
         raise InfeasibleError(
-            f"{crossing} of the ways between lines that are flown through would pass through "
+            f"{crossing} of the paths between lines that are flown through would pass through "
             "no-fly zones",
             "--trigger stop goes around them",
         )
@@ -133,7 +133,7 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
     if through or zones.inside(takeoff)[0]:
         yield Message(
             "way_through_zone",
-            f"{through} of the {len(ends)} straight ways from the take-off to a flight and back "
+            f"{through} of the {len(ends)} straight paths from the take-off to a flight and back "
             "pass through a no-fly zone: choose another --takeoff, or fly them by hand",
         )
 

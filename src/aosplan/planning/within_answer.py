@@ -110,7 +110,7 @@ def interval_assumed() -> Message:
     """The warning of an interval between photos that nothing tells."""
     return Message(
         "photo_interval_assumed",
-        f"how fast the camera takes photos is not known: one each {PHOTO_INTERVAL_S:g} s is "
+        f"how fast the camera takes photos is not known: one every {PHOTO_INTERVAL_S:g} s is "
         "assumed for photos in passing; give --photo-interval S, or a --drone",
     )
 

@@ -1,4 +1,4 @@
-"""The best N of many recorded views: those that share the fewest occluders.
+"""Select the best N of many recorded views: those that share the fewest occluders.
 
 With the correlation c_ik of what views i and k see, a choice S of N views has the shortfall
 1 - V̂ = K = ΣΣ_S c_ik / N².  Views are dropped one by one, always the one that shares most with

@@ -98,7 +98,7 @@ def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> P
     east = number(longitude, f"{where} longitude")
     if abs(north) > 90.0 or abs(east) > 180.0:
         raise RequestError(
-            f"{where} {north:g}, {east:g} is no latitude and longitude",
+            f"{where} {north:g}, {east:g} is not a latitude and longitude",
             "latitudes lie within 90 and longitudes within 180 degrees",
         )
     return Place(north, east, None if altitude is None else number(altitude, f"{where} altitude"))
@@ -144,7 +144,7 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             photos += places[-1:] if spacing_m else []
         elif command not in PLACELESS and any(_is_set(value) for value in params[4:6]):
             raise RequestError(
-                f"{where} command {command} is unknown, and it has a place: nothing tells whether a "
+                f"{where} command {command} is unknown, and it has a place: the file does not say whether a "
                 "photo is taken there",
                 "leave it out, or make it a waypoint (16)",
             )
@@ -184,7 +184,7 @@ def _passed(
     count = math.floor((gone_m + length) / spacing_m + AT_END)
     if count > MOST_SITES:
         raise RequestError(
-            f"a trigger each {spacing_m:g} m takes {count:,} photos on one leg of {length:.4g} m"
+            f"a trigger every {spacing_m:g} m takes {count:,} photos on one leg of {length:.4g} m"
         )
     turn = math.remainder(stop.longitude - start.longitude, 360.0)
     photos = []
@@ -247,13 +247,13 @@ def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
     mission = read_table(path).get("mission")
     items = mission.get("items") if isinstance(mission, dict) else None
     if not isinstance(items, list):
-        raise RequestError(f"'{path}' has no mission with items: it is no QGroundControl plan")
+        raise RequestError(f"'{path}' has no mission with items: it is not a QGroundControl plan")
     for index, item in enumerate(items, 1):
         where = f"'{path}', item {index}:"
         kind = item.get("type") if isinstance(item, dict) else None
         if kind != "SimpleItem":
             raise RequestError(
-                f"{where} {kind!r} is no SimpleItem",
+                f"{where} {kind!r} is not a SimpleItem",
                 "save surveys of QGroundControl as .waypoints, which lists each of their places",
             )
         params = item.get("params")
@@ -267,7 +267,7 @@ def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
 def _code(value: Any, where: str) -> int:
     code = number(value, f"{where} command")
     if code != int(code):
-        raise RequestError(f"{where} command {code:g} is no whole number")
+        raise RequestError(f"{where} command {code:g} is not a whole number")
     return int(code)
 
 
@@ -277,7 +277,7 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
     _check_crs(table, f"'{path}':")
     features = table.get("features")
     if not isinstance(features, list):
-        raise RequestError(f"'{path}' is no GeoJSON FeatureCollection")
+        raise RequestError(f"'{path}' is not a GeoJSON FeatureCollection")
     found: dict[str, list[tuple[Any, ...]]] = {"Point": [], "LineString": []}
     for index, feature in enumerate(features, 1):
         where = f"'{path}', feature {index}:"
@@ -311,7 +311,7 @@ def _check_crs(node: dict[str, Any], where: str) -> None:
 
 def _listed(value: Any, where: str) -> list[Any]:
     if not isinstance(value, list):
-        raise RequestError(f"{where} coordinates are no list")
+        raise RequestError(f"{where} coordinates are not a list")
     return value
 
 

@@ -404,7 +404,7 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
     """Why no single prediction says what so many sites and photos show; None where one does."""
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
-        message = "the sites are no single aperture: what is missing is told, and no visibility"
+        message = "the sites are not a single aperture, so missing sites are reported without a visibility"
         return Message("no_single_aperture", message)
     if photos > MOST_VIEWS:
         message = f"{photos} photos are more than the {MOST_VIEWS} whose visibility is predicted"
@@ -449,7 +449,7 @@ def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
         where += f" (of {alike} such places, where the first sites have)"
     return Message(
         "origin_assumed",
-        f"the plan has no place on earth: it is laid {where}, with its origin at "
+        f"the plan has no location: it is placed {where}, with its origin at "
         f"{latitude:.7f},{longitude:.7f}; give --origin, or the --heading flown, if that is wrong",
     )
 

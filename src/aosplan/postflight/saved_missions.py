@@ -40,7 +40,7 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
     flown = [form.title for form in chosen if form.flown_by]
     if flown:
         raise RequestError(
-            f"'{path}' is a mission file, of which the sites are read alone: {flown[0]} needs speeds "
+            f"'{path}' is a mission file, and only its sites are read: {flown[0]} needs speeds "
             "and the camera too",
             "write .csv, .geojson or .kml, or export the plan.json that the mission is from",
         )

@@ -158,7 +158,7 @@ def thinned(
         progress=progress,
     )
     if scene.problem is None:
-        raise RequestError("nothing stands above the focal plane: one photo shows everything")
+        raise RequestError("no occluder is above the focal plane: one photo shows everything")
     east, north = views.local_m(origin)
     points = in_axes(scene, east, north)
     model = scene.problem.model

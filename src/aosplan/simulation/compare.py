@@ -308,7 +308,7 @@ def pictures(simulation: Simulation) -> Pictures:
     from aosplan.simulation.ssim import similarity
 
     if simulation.experiment is None:
-        raise RequestError("nothing stands above the focal plane: there is nothing to draw")
+        raise RequestError("no occluder is above the focal plane: there is nothing to draw")
     shown = p.panels(*simulation.experiment.images(), simulation.views)
     return Pictures(
         p.png(p.side_by_side([shown.single, shown.integral, shown.endless])),

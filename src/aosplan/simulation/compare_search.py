@@ -185,7 +185,7 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
     heading = plan.heading_deg if forest == "cloud" else 0.0
     sites = np.column_stack(local_sites(pattern, baseline, heading))
     if above is None or plan.coverage is None:
-        raise RequestError("nothing stands above the focal plane: there is nothing to search")
+        raise RequestError("no occluder is above the focal plane: there is nothing to search")
     if forest in ("uniform", "layered"):
         for index in range(forests):
             yield search_layers(above.slices(), sites, altitude, look, seed=seed, index=index)

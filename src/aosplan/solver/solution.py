@@ -56,7 +56,7 @@ def _limits(
             "extent_m",
             extent,
             bounds.max_aperture_m,
-            "the baseline is as wide as --max-aperture lets it be",
+            "the baseline is as large as --max-aperture allows",
         )
     elif bounds.ground is not None and baseline_m >= (widest := bounds.ground.widest_m(pattern)) * (
         1 - 1e-9
@@ -73,14 +73,14 @@ def _limits(
             "extent_m",
             extent,
             model.widest_aperture_m,
-            "the plot that was scanned tells nothing of a larger aperture",
+            "the scanned plot is too small for a larger aperture",
         )
     elif baseline_m >= (independent := model.independent_baseline_m / pattern.nearest) * (1 - 1e-9):
         yield Limit(
             "baseline_m",
             baseline_m,
             independent,
-            "neighbouring samples share no occluder at this baseline; a wider one gains nothing",
+            "neighbouring samples share no occluder at this baseline; a larger baseline gains nothing",
         )
     elif (
         model.sharp_baseline_m < model.independent_baseline_m
@@ -91,7 +91,7 @@ def _limits(
             "baseline_m",
             baseline_m,
             baseline_m,
-            "neighbouring sites share no occluder; a wider baseline gains only what the hold error "
+            "neighbouring sites share no occluder; a larger baseline only makes up for what the hold error "
             "takes",
         )
     elif problem.objective in BEST:

@@ -52,7 +52,7 @@ class Gathering:
                 return
             raise RequestError(
                 f"'{self.path}' holds what an interrupted sweep gathered",
-                "--resume goes on with it, --force begins again",
+                "--resume continues it, --force starts again",
             )
         try:
             with open(self.path, encoding="utf-8") as file:
@@ -65,7 +65,7 @@ class Gathering:
             pass  # no file of ours
         raise RequestError(
             f"'{self.path}' holds what another sweep gathered",
-            "give the same file, options and version, or --force to begin again",
+            "give the same file, options and version, or --force to start again",
         )
 
     def add(self, part: Part) -> None:

@@ -61,7 +61,7 @@ TASKS_A_THREAD = 3
 PACKAGES = ("aosplan", "numpy", "polars", "scipy")
 """Packages on whose versions the bytes of a part depend."""
 
-RESUME = "what is done is kept; --resume goes on with it"
+RESUME = "finished parts are kept; --resume continues the sweep"
 
 
 class Task(NamedTuple):
@@ -174,7 +174,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     if not os.path.isdir(task.folder):
         raise SurroundingsError(
             f"{_place()} does not see the folder '{os.path.dirname(task.folder)}'",
-            "--out has to lie where this machine and all workers see it, under the same name",
+            "--out has to be a path that this machine and all workers see under the same name",
         )
     _begin(task.folder, task.files)
     try:
@@ -197,7 +197,7 @@ def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
             raise SurroundingsError(
                 f"{_place()} does not see the file '{file}' as this machine does",
-                "files of scenarios have to lie where all workers see them, under the same name",
+                "files of scenarios need a path that all workers see under the same name",
             )
 
 
@@ -245,7 +245,7 @@ def _connected(address: str) -> Iterator[Any]:
     """A client of a scheduler; its library keeps silent, what it says is said in an error."""
     if not ADDRESS.fullmatch(address):
         raise RequestError(
-            f"--scheduler '{address}' is no address", "such as 10.0.0.5:8786 or tcp://head:8786"
+            f"--scheduler '{address}' is not an address", "such as 10.0.0.5:8786 or tcp://head:8786"
         )
     library = dask()
     from dask import config
@@ -285,7 +285,7 @@ async def _ask(address: str) -> None:
         ) from error
     if answer.get("type") != "Scheduler":
         raise RequestError(
-            f"at '{address}' is a {str(answer.get('type')).lower()}, no scheduler",
+            f"at '{address}' is a {str(answer.get('type')).lower()}, not a scheduler",
             "`dask scheduler` prints its address",
         )
 

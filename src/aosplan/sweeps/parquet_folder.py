@@ -50,7 +50,7 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
     unexpected = sorted(name for name in os.listdir(place) if not OF_A_SWEEP.fullmatch(name))
     if unexpected:
         raise RequestError(
-            f"output '{out}' holds '{unexpected[0]}', which is no part of a sweep",
+            f"output '{out}' holds '{unexpected[0]}', which is not a part of a sweep",
             f"name a folder in it: {os.path.join(out, 'results.parquet', '')}",
         )
     if os.listdir(place) and not (resume or force):

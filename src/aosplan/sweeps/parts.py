@@ -79,7 +79,7 @@ class Parts:
             if not force:
                 raise RequestError(
                     f"'{self.folder}' holds parts of an interrupted sweep",
-                    "--resume goes on with it, --force begins again",
+                    "--resume continues it, --force starts again",
                 )
             shutil.rmtree(self.folder)
         os.mkdir(self.folder)
@@ -118,12 +118,12 @@ class Parts:
         notes = _notes(self.journal)
         if not notes:
             raise RequestError(
-                f"'{self.folder}' has no journal '{self.journal}'", "--force begins again"
+                f"'{self.folder}' has no journal '{self.journal}'", "--force starts again"
             )
         if notes[0] != {"fingerprint": self.fingerprint}:
             raise RequestError(
                 f"'{self.folder}' holds parts of another sweep",
-                "give the same file, options and version, or --force to begin again",
+                "give the same file, options and version, or --force to start again",
             )
         for note in notes[1:]:
             try:

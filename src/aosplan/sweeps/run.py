@@ -210,7 +210,7 @@ def _solved(
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
                     "a worker process died, perhaps for lack of memory",
-                    "what is done is kept: --resume goes on with it, --workers 1 takes the least",
+                    "finished parts are kept: --resume continues the sweep, --workers 1 needs the least memory",
                 ) from None
             raise
 

@@ -339,7 +339,7 @@ def _check_names(names: Sequence[str], path: str) -> None:
             hint = nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens"
             if name.startswith("__index_level_"):
                 hint = "pandas wrote its index: give to_parquet index=False"
-            raise RequestError(f"'{path}': column {shown(name)} is no option of plan", hint)
+            raise RequestError(f"'{path}': column {shown(name)} is not an option of plan", hint)
         if name in names[:place]:
             raise RequestError(f"'{path}': column '{name}' is there twice", "keep one of them")
 

@@ -101,7 +101,7 @@ class Sweep(NamedTuple):
                 raise RequestError(
                     f"--where {self.where}: {several} looks at several rows, and the condition is "
                     "asked of each alone",
-                    "--best keeps the row with the most of a column; filter the result for the rest",
+                    "--best keeps the row with the largest value of a column; filter the result for anything else",
                 )
             return frame.filter(condition)
         except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
@@ -147,14 +147,14 @@ def check(sweep: Sweep) -> None:
     for option, name in named + [("--per", name) for name in sweep.per]:
         if name not in sweep.names:
             raise RequestError(
-                f"{option} names '{name}', which is no column of the result",
+                f"{option} names '{name}', which is not a column of the result",
                 nearest_hint(name, sweep.names) or f"columns: {', '.join(sweep.names)}",
             )
     forget_files()
     schema = dict(solve_first(sweep).schema)
     if sweep.best and not schema[sweep.best.lstrip("-")].is_numeric():
         raise RequestError(
-            f"--best {sweep.best}: '{sweep.best.lstrip('-')}' holds words, of which none is the most",
+            f"--best {sweep.best}: '{sweep.best.lstrip('-')}' contains text, so it has no maximum",
             f"--best with a column of numbers, such as {sweep.results[0]}" if sweep.results else "",
         )
     sweep.kept(polars().DataFrame(schema=schema))

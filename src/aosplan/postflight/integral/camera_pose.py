@@ -161,7 +161,7 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
     off = np.abs(within @ within.T - np.eye(3)).max()
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise RequestError(
-            f"{place}: the left 3 x 3 of M3x4 is no rotation",
+            f"{place}: the left 3 x 3 of M3x4 is not a rotation",
             "M3x4 is [R|t], world to camera, with lengths in metres in t alone",
         )
     if np.abs(translation).max() > FARTHEST_M:

@@ -87,7 +87,9 @@ class Folder:
         except (FileNotFoundError, ValueError):
             raise RequestError(f"no folder '{path}'") from None
         except NotADirectoryError:
-            raise RequestError(f"'{path}' is no folder", "IMAGES is the folder of them") from None
+            raise RequestError(
+                f"'{path}' is not a folder", "IMAGES is the folder of them"
+            ) from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise SurroundingsError(f"cannot read '{path}': {reason}") from None
@@ -261,7 +263,7 @@ def _opened(path: str) -> Image:
             f"image '{path}' has more than {Image.MAX_IMAGE_PIXELS} pixels"
         ) from None
     except UnidentifiedImageError:
-        raise RequestError(f"'{path}' is no image that Pillow can read") from None
+        raise RequestError(f"'{path}' is not an image that Pillow can read") from None
     except (SyntaxError, ValueError, EOFError) as error:
         raise RequestError(f"image '{path}' is damaged: {error}") from None
     except OSError as error:

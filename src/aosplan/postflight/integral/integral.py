@@ -147,7 +147,7 @@ def integrate(
     if sums is None or blind == done:
         raise RequestError(
             f"none of the {done} views sees the extent",
-            "compare --extent and --focal-height with where the cameras stood",
+            "compare --extent and --focal-height with the positions of the cameras",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
         sums /= coverage

@@ -62,7 +62,7 @@ def _read_json(path: str) -> list[View]:
 def _view(image: Any, index: int, path: str, shared: Intrinsics | None) -> View:
     place = f"'{path}', image {index}"
     if not isinstance(image, dict):
-        raise RequestError(f"{place} is no table of named values")
+        raise RequestError(f"{place} is not a table of named values")
     name = image.get("imagefile")
     if not isinstance(name, str) or not name.strip() or "\0" in name:
         raise RequestError(f"{place} has no name in 'imagefile'")

@@ -201,7 +201,7 @@ def _metres(
     """
     if raster.transform.is_identity and raster.crs is None:
         raise RequestError(
-            f"raster {path} has no georeference: nothing tells how large its cells are",
+            f"raster {path} has no georeference: so the size of its cells is unknown",
             "write it with its transform, as gdal_translate -a_ullr does",
         )
     doubts = []
@@ -264,7 +264,7 @@ def _check_layout(raster: Any, path: str) -> None:
             "take the band of heights out with gdal_translate -b",
         )
     if np.dtype(raster.dtypes[0]).kind not in "iuf":
-        raise RequestError(f"raster {path} holds {raster.dtypes[0]}, which are no heights")
+        raise RequestError(f"raster {path} holds {raster.dtypes[0]}, which are not heights")
     height, width = raster.block_shapes[0]
     octets = height * width * np.dtype(raster.dtypes[0]).itemsize
     if raster.width * raster.height > MOST_PIXELS or octets > MOST_OCTETS:

@@ -62,9 +62,11 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
         except KeyError:
             raise _wrong(where, f"{name} is missing") from None
         except (TypeError, ValueError):
-            raise _wrong(where, f"{name} is no table of numbers") from None
+            raise _wrong(where, f"{name} is not a table of numbers") from None
         if values.size > MOST_ENTRIES or not np.isfinite(values).all():
-            raise _wrong(where, f"{name} holds what is no finite number, or too many of them")
+            raise _wrong(
+                where, f"{name} holds values that are not finite numbers, or too many of them"
+            )
         if shape is not None and values.shape != shape:
             raise _wrong(where, f"{name} is of shape {values.shape}, not {shape}")
         return values

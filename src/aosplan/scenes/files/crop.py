@@ -135,7 +135,7 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> Box | None:
     if not np.isfinite(bounds).all():
         if crop.of_plan:
             return None
-        raise RequestError(f"--crop {crop} is no place in {crs and crs.name}")
+        raise RequestError(f"--crop {crop} is not a place in {crs and crs.name}")
     corners = bounds.reshape(2, 2) * metres
     corners += [[-crop.margin_m], [crop.margin_m]]
     missed = (corners[0] > high).any() or (corners[1] < low).any()

@@ -396,7 +396,7 @@ def _find_ground(
         if method == "class":
             raise RequestError(
                 f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",
-                "use the ground method filter, or normalized where z is the height above ground",
+                "use the ground method filter, or normalized if z is the height above ground",
             )
     if method != "normalized":
         low = lowest(cloud.blocks(origin), size)
@@ -405,7 +405,7 @@ def _find_ground(
             if points.size == 0:
                 raise RequestError(
                     f"the filter finds no ground in point cloud {plot.source}",
-                    "use the ground method normalized where z is the height above ground",
+                    "use the ground method normalized if z is the height above ground",
                 )
             points = vertices([points], points.shape[1], size)
             return "filter", plot.surface(points), list(outliers.of_ground(points, origin))
@@ -456,8 +456,8 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.opacity is not None and volume.opacity.reason:
         message = (
-            "opacity is not measured but that of the voxels, whose size decides it "
-            f"(--voxel), as the pulses do not tell it: {volume.opacity.reason}"
+            "the pulses do not give the opacity, so each voxel with a point counts as opaque and the "
+            f"result depends on --voxel: {volume.opacity.reason}"
         )
         yield "opacity_from_voxels", message
     enough_m = math.sqrt(POINTS_A_COLUMN) * spacing_m

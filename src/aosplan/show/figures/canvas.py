@@ -66,11 +66,13 @@ def form_of(path: str) -> str:
     Raises
     ------
     RequestError
-        Where it ends in none of `FORMATS`.
+        Where it does not have one of the extensions `FORMATS`.
     """
     ending = os.path.splitext(path)[1].lower()
     if ending not in FORMATS:
-        raise RequestError(f"figure '{path}' ends in none of {', '.join(FORMATS)}")
+        raise RequestError(
+            f"figure '{path}' does not have one of the extensions {', '.join(FORMATS)}"
+        )
     return ending[1:]
 
 

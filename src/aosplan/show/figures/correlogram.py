@@ -46,7 +46,7 @@ class Correlations(NamedTuple):
         text = (
             f"{self.title}: correlation of what two views hide, by the distance of their cameras "
         )
-        text += f"over the altitude. Mean over {len(self.rho)} directions: "
+        text += f"divided by the altitude. Mean over {len(self.rho)} directions: "
         places = sorted({0, len(mean) // 3, 2 * len(mean) // 3, len(mean) - 1})
         text += ", ".join(f"{mean[k]:.2f} at {self.lags[k]:.3g}" for k in places)
         text += "" if below is None else f"; below one half from {below:.3g} on"
@@ -114,7 +114,7 @@ def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
             lw=1.2,
             label=f"{shown.directions_deg[row]:g}° from north",
         )
-    left.set(xlabel="camera offset over altitude (lag)", ylabel=r"correlation $\rho$")
+    left.set(xlabel="camera offset divided by altitude (lag)", ylabel=r"correlation $\rho$")
     left.set_ylim(min(0.0, *map(min, shown.rho)) - 0.02, 1.02)
     for panel in (left, right):
         if shown.reach <= shown.lags[-1]:
@@ -135,7 +135,7 @@ def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
         vmax=1.0,
         rasterized=True,
     )
-    right.set(xlabel="camera offset over altitude (lag)", ylabel="direction from north [°]")
+    right.set(xlabel="camera offset divided by altitude (lag)", ylabel="direction from north [°]")
     right.set_yticks([step * k for k in range(0, count + 1, max(count // 4, 1))])
     right.grid(visible=False)
     figure.colorbar(image, ax=right, label=r"correlation $\rho$")

@@ -38,7 +38,7 @@ class BaselineCurve(NamedTuple):
     @property
     def title(self) -> str:
         """What it is, in one line."""
-        return f"Occluders that neighbouring photos tell apart in {self.scene}"
+        return f"Occluders that neighbouring photos separate in {self.scene}"
 
     def description(self) -> str:
         """The curve in words."""
@@ -51,8 +51,8 @@ class BaselineCurve(NamedTuple):
             if there is not None:
                 text += f"; {share:.0%} at {there:.3g}"
         if self.ratio is None:
-            return f"{text}. No baseline has the wanted {self.coverage:.4g}."
-        text += f". The wanted {self.coverage:.4g} takes b/h = {self.ratio:.4g}"
+            return f"{text}. No baseline reaches the required {self.coverage:.4g}."
+        text += f". The required {self.coverage:.4g} takes b/h = {self.ratio:.4g}"
         if self.altitude_m is not None:
             text += f", {self.ratio * self.altitude_m:.3g} m from {self.altitude_m:g} m"
         return f"{text}."
@@ -73,9 +73,7 @@ def curve_of(
         Where the scene is empty.
     """
     if scene is None or scene.integrated_density == 0.0:
-        raise RequestError(
-            "nothing stands above the focal plane: there is no occluder to tell apart"
-        )
+        raise RequestError("no occluder is above the focal plane")
     knots = statistics_document(scene)["baseline_curve"]
     try:
         # b/h does not depend on h, which only has to be above the canopy.
@@ -113,7 +111,7 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
         color=theme.muted,
         ls=(0, (1, 1)),
         lw=1.2,
-        label=f"wanted share {shown.coverage:.4g}",
+        label=f"required share {shown.coverage:.4g}",
     )
     if shown.ratio is not None:
         words = f"$b/h$ = {shown.ratio:.3g}"
@@ -132,7 +130,7 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
     panel.set(
         xscale="log",
         ylim=(-0.02, 1.05),
-        xlabel="baseline over altitude $b/h$",
+        xlabel="baseline divided by altitude $b/h$",
         ylabel="share of the occluders",
     )
     logarithmic(panel.xaxis)

@@ -77,7 +77,7 @@ def density_of(found: LoadedScene) -> Density:
     """
     scene, volume = found.scene, found.volume
     if scene.integrated_density == 0.0:
-        raise RequestError(f"scene '{scene.name}' is empty: nothing stands at any height")
+        raise RequestError(f"scene '{scene.name}' is empty: no occluder is above the ground")
     measured = None
     if volume is None:
         rows = [(layer.bottom_m, layer.top_m, layer.density) for layer in scene.slices()]

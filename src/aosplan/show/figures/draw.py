@@ -57,12 +57,12 @@ KINDS = {
         ),
         Kind("tradeoff", "baseline, extent and time of each N", "plan", "tradeoff", 0.82),
         Kind("grid", "the waypoints on the ground, to scale", "plan", "grid", 1.0),
-        Kind("density", "what stands at each height", "scene", "density", 0.62),
+        Kind("density", "density of occluders at each height", "scene", "density", 0.62),
         Kind(
             "baseline-curve", "share of occluders at d̂ >= 1 by b/h", "scene", "coverage_curve", 0.62
         ),
         Kind(
-            "correlogram", "how alike views are by lag and direction", "scene", "correlogram", 0.56
+            "correlogram", "correlation of views by lag and direction", "scene", "correlogram", 0.56
         ),
         Kind("sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66),
     )

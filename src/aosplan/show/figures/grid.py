@@ -86,7 +86,7 @@ class Grid(NamedTuple):
         """The way and what lies around it, in words."""
         first, last = ((self.east_m[k], self.north_m[k]) for k in (0, -1))
         text = (
-            f"{self.title}: a way of {self.length_m:.4g} m in {len(self.flights)} "
+            f"{self.title}: a path of {self.length_m:.4g} m in {len(self.flights)} "
             f"flight{'s' if len(self.flights) > 1 else ''}, heading {self.heading_deg:g}°, within "
             f"{self.extent_m[0]:.3g} m from west to east and {self.extent_m[1]:.3g} m from south to "
             f"north, from {_place(first)} to {_place(last)} of the origin. A photo shows "
@@ -383,7 +383,7 @@ def _legend(shown: Grid, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
     from matplotlib.patches import Patch
 
     way: dict[str, Any] = {"color": theme.data[0], "marker": "o", "ms": 5, "mfc": theme.background}
-    handles: list[Any] = [Line2D([], [], label="way, photos numbered from 0", **way)]
+    handles: list[Any] = [Line2D([], [], label="path, photos numbered from 0", **way)]
     if shown.takeoff is not None:
         home = HOME | {"mfc": theme.data[3], "mec": theme.background}
         handles.append(Line2D([], [], label="take-off", **home))

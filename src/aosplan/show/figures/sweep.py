@@ -176,9 +176,7 @@ def check_columns(
         Where a name is unknown, or a map has no two columns to lie over.
     """
     if value is not None and (x is None or y is None):
-        raise RequestError(
-            f"{flags}value without {flags}x and {flags}y", "a map lies over two columns"
-        )
+        raise RequestError(f"{flags}value without {flags}x and {flags}y", "a map needs two columns")
     for option, name in (("x", x or DEFAULT_X), ("y", y or DEFAULT_Y), ("value", value)):
         if name is not None and name not in names:
             raise RequestError(
@@ -232,7 +230,8 @@ def _scan(path: str) -> pl.LazyFrame:
     scans = dict(zip(SUFFIXES, (pl.scan_csv, pl.scan_parquet, pl.scan_ndjson), strict=True))
     if ending not in scans:
         raise RequestError(
-            f"'{path}' ends in none of {', '.join(SUFFIXES)}", "results of a sweep do"
+            f"'{path}' does not have one of the extensions {', '.join(SUFFIXES)}",
+            "results of a sweep have one of them",
         )
     check_input(path)
     # A name with brackets is no pattern of other names.
@@ -393,7 +392,7 @@ def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
         mew=0.0,
         color=theme.data[2],
         alpha=0.55,
-        label=f"{shown.met} scenarios that are met",
+        label=f"{shown.met} feasible scenarios",
     )
     panel.plot(
         *zip(*shown.front, strict=True),
@@ -402,7 +401,7 @@ def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
         color=theme.data[0],
         mec=theme.background,
         ms=5.5,
-        label="front: none is better in both",
+        label="Pareto front: none is better in both",
     )
     if shown.rows > shown.met:
         panel.plot([], [], " ", label=f"{shown.rows - shown.met} cannot be met")

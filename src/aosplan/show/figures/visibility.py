@@ -75,7 +75,7 @@ class Visibility(NamedTuple):
         return (
             f"{self.title}. The plan: {self.samples} samples {self.baseline_m:.3g} m apart reach "
             f"V̂ = {self.normalized:.4g} and V = {self.expected:.4g}, between {self.minimum:.4g} of "
-            f"one photo and {self.maximum:.4g} of endless ones{target}. "
+            f"one photo and {self.maximum:.4g} of infinitely many{target}. "
             f"Against the number of samples, at {first.fixed:.3g} m: "
             f"{_stations(first, 'V̂ = {1:.3g} with {0:.0f}')}. Against the baseline, with "
             f"{second.fixed:.0f} samples: {_stations(second, 'V̂ = {1:.3g} at {0:.3g} m')}. "
@@ -106,7 +106,7 @@ def visibility_of(plan: Plan) -> Visibility:
     """
     problem, solution = plan.problem, plan.solution
     if problem is None:
-        raise RequestError("nothing stands above the focal plane: one photo shows everything")
+        raise RequestError("no occluder is above the focal plane: one photo shows everything")
     requirement, prediction = problem.requirement, solution.prediction
     samples, baseline = solution.pattern.samples, solution.baseline_m
     independent = problem.model.independent_baseline_m
@@ -219,7 +219,10 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
     for panel, (_, _, label, _) in zip(axes[1], columns, strict=True):
         panel.set_xlabel(label)
     for panel in axes[1]:
-        for height, words in ((shown.minimum, "one photo"), (shown.maximum, "endless photos")):
+        for height, words in (
+            (shown.minimum, "one photo"),
+            (shown.maximum, "infinitely many photos"),
+        ):
             panel.axhline(height, color=theme.muted, ls="--", lw=0.9)
             panel.annotate(
                 words,

@@ -47,7 +47,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
     own = abs(found.signature.contrast)
     some = next((at for at, share in curve if share >= 0.5), None)
-    half = "no contrast shown reaches one half" if some is None else f"one half by {some:g}"
+    half = "no contrast in the figure reaches one half" if some is None else f"one half by {some:g}"
     return DetectionCurve(
         text=sentence(found, plan.request),
         summary=(

@@ -58,7 +58,7 @@ def profile_of(plan: Plan) -> Profile | None:
         least = labels[-1][2] + APART if labels else TOP
         labels.append((name, path(heights), max(y(heights[-1] - low), least)))
     return Profile(
-        title=f"Heights above {route.datum} [m], by metres along the way",
+        title=f"Heights above {route.datum} [m], by distance along the path [m]",
         summary=(
             f"The ground at the waypoints lies between {min(ways.ground_m):.1f} and "
             f"{max(ways.ground_m):.1f} m, the canopy's top {plan.scene.canopy_top_m:.1f} m above "

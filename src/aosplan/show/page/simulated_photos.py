@@ -56,7 +56,7 @@ def views_of(plan: Plan, seed: int | None) -> Views:
         return Views(
             seed,
             f"left out: {plan.solution.pattern.samples} photos, and more than {MOST_VIEWS} are too "
-            "many to simulate quickly; aosplan simulate takes its time",
+            "many to simulate quickly; use aosplan simulate",
         )
     from aosplan.simulation.compare import Settings, posed
     from aosplan.simulation.pictures import panels, png
@@ -66,7 +66,7 @@ def views_of(plan: Plan, seed: int | None) -> Views:
     except RequestError as error:
         return Views(seed, f"left out: {error.message}")
     if experiment is None:
-        return Views(seed, "left out: nothing stands above the focal plane, so nothing is hidden")
+        return Views(seed, "left out: no occluder is above the focal plane, so nothing is hidden")
     every, one = experiment.images()
     seen = panels(every, one, plan.solution.pattern.samples)
     single, integral, endless = (

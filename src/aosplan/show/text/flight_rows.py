@@ -19,7 +19,7 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if flight.trigger == "distance":
         yield (
             "",
-            f"a photo each {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
+            f"one photo every {plan.solution.baseline_m:.2f} m at {route.timing.speed_mps:.3g} m/s, "
             f"run-in {route.timing.run_in_m:.3g} m",
         )
     if flight.wind is not None and route.wind_delay_s is not None:

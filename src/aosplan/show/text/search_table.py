@@ -44,8 +44,8 @@ def print_search(found: SearchComparison) -> None:
         Text(""),
         one_line(f"{verdict} at the same threshold."),
         one_line(
-            f"False alarms: {found.false_alarms_per_hectare:.2g} a hectare for "
-            f"{found.stated_per_hectare:g} stated; with a threshold for as many as stated, "
+            f"False alarms: {found.false_alarms_per_hectare:.2g} per hectare for "
+            f"{found.stated_per_hectare:g} specified; with a threshold for the specified rate, "
             f"{found.simulated_at_rate:.0%} of the targets are found."
         ),
     )

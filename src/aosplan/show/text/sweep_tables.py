@@ -44,7 +44,11 @@ def print_summary(document: dict[str, Any]) -> None:
     if document["fixed"]:
         show(one_line(f"every row: {_named(document['fixed'], document['fixed'])}"))
     if {"samples", "baseline"} <= {*varying, *document["fixed"]}:
-        show(one_line("With samples and baseline both given, rows are met whatever they show."))
+        show(
+            one_line(
+                "If samples and baseline are both given, every row counts as feasible, whatever visibility it reaches."
+            )
+        )
 
 
 def _print_reasons(document: dict[str, Any]) -> None:

@@ -129,7 +129,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     near = f", approximated by its {plan.approximation}" if plan.approximation else ""
     targets = {
         "interior": ", of targets whose rays stay on the plot",
-        "wrapped": ", on a plot that wraps around at its edges",
+        "wrapped": ", on a plot with periodic edges",
     }
     measured = f"{near}{targets.get(plan.edges or '', '')}"
     if plan.reading == "slices":
@@ -153,7 +153,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         contrast = prediction.contrast
         yield (
             "",
-            f"one photo {percent(plan.one_photo)}, endless photos "
+            f"one photo {percent(plan.one_photo)}, infinitely many photos "
             f"{percent(prediction.maximum)}"
             + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
@@ -223,7 +223,7 @@ def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
             text += f"plan N = {change.samples}, b = {change.baseline_m:.2f} m"
         else:
             text += change.reason
-        yield "If off" if index == 0 else "", text
+        yield "Sensitivity" if index == 0 else "", text
 
 
 def _error(standard_error: float | None) -> str:
@@ -239,7 +239,7 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 
     camera, altitude = plan.camera, plan.altitude_m
     footprint, common = camera.footprint_m(altitude), plan.common_footprint_m
-    yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm a pixel"
+    yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm per pixel"
     yield "Footprint", f"{footprint[0]:.1f} x {footprint[1]:.1f} m, along and across the heading"
     if min(common) > 0.0:
         yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is seen by all samples"
@@ -273,7 +273,9 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
         f"of it covered from {survey.sites:,} sites",
     )
     over = (
-        f", {survey.length_m / survey.shortest_m:.3g} of a lower bound" if survey.shortest_m else ""
+        f"; path length: {survey.length_m / survey.shortest_m:.3g} x a lower bound"
+        if survey.shortest_m
+        else ""
     )
     yield "", f"lines {survey.axis} the heading{over}"
 
@@ -423,7 +425,7 @@ def print_scene(document: dict[str, Any]) -> None:
     rows = [
         ("Scene", _named(document["title"], document["name"])),
         ("Density", f"p = {percent(document['integrated_density'])} of the ground is hidden"),
-        ("", f"mean {percent(document['mean_density'])} a slice"),
+        ("", f"mean {percent(document['mean_density'])} per slice"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
     if document["assumed"]:
@@ -432,7 +434,7 @@ def print_scene(document: dict[str, Any]) -> None:
         rows.append(
             (
                 "Points",
-                f"{document['points']} ({document['points_per_m2']:.0f} a m²), voxels of "
+                f"{document['points']} ({document['points_per_m2']:.0f} per m²), voxels of "
                 f"{document['voxel_m']:g} m, ground by {document['ground']}",
             )
         )
@@ -440,7 +442,7 @@ def print_scene(document: dict[str, Any]) -> None:
         rows += opacity_rows(document["opacity"])
     if "edges" in document:
         width, depth = document["plot_m"]
-        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; it wraps around at its edges"))
+        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; its edges are periodic"))
     if "density_by_angle" in document:
         rows.append(("p off nadir", _by_angle(document["density_by_angle"])))
     for share in (0.5, 0.9, 0.98):
