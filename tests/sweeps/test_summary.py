@@ -298,7 +298,7 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
     with monkeypatch.context() as patch:
         interrupted_after(patch, 3, seen)
         assert sweep(*line, *out) == 130
-        assert "--resume goes on" in capsys.readouterr().err
+        assert "--resume continues" in capsys.readouterr().err
         assert sweep(*line, *out) == 2  # neither resumed nor forced
         assert "--force starts again" in capsys.readouterr().err
         assert sweep(*line, *out, "--resume", "--where", "samples < 9") == 2
