@@ -67,7 +67,7 @@ plan --altitude 40 --max-samples 20
 plan --altitude 40 --max-samples 20 --optimize aperture
 plan --altitude 40 --baseline 0
 plan --altitude 40 --baseline 0.0001
-plan --altitude 40 --baseline 2 --max-samples 60
+plan --altitude 40 --baseline 1 --max-samples 50
 plan --altitude 40 --baseline 2 --max-aperture 5
 plan --altitude 40 --samples 49
 plan --altitude 40 --samples 0

@@ -11,6 +11,9 @@ from support.command_line import check_refusal, loads
 from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
 
+WIDE = "--allow-no-common-ground"
+"""Wider than the footprint, which is a warning then."""
+
 
 def test_out_writes_and_says_so(folder, command):
     status, out, err = command(
@@ -44,7 +47,7 @@ def test_a_dash_is_stdout_and_nothing_else_is_on_it(command):
 
 
 def test_warnings_stay_out_of_stdout(command):
-    status, out, err = command("plan", "--altitude", "40", "--grid", "line", "--out", "csv:-")
+    status, out, err = command("plan", "--altitude", "40", "--grid", "line", WIDE, "--out", "csv:-")
     assert status == 0
     assert out.count("\n") == 51
     assert err.startswith("warning: no ground is seen by all samples")
@@ -116,13 +119,15 @@ def test_ctrl_c_is_no_traceback(command, monkeypatch):
     assert "Traceback" not in err
 
 
-@pytest.mark.parametrize("more", [[], ["--grid", "line"], ["--out", "a.csv"]])
+@pytest.mark.parametrize("more", [[], ["--grid", "line", WIDE], ["--out", "a.csv"]])
 def test_quiet_says_nothing(command, more):
     assert command("plan", "--altitude", "40", "--quiet", *more) == (0, "", "")
 
 
 def test_quiet_does_not_silence_json(command):
-    status, out, err = command("plan", "--altitude", "40", "--grid", "line", "--json", "--quiet")
+    status, out, err = command(
+        "plan", "--altitude", "40", "--grid", "line", WIDE, "--json", "--quiet"
+    )
     assert (status, err) == (0, "")
     assert loads(out)["samples"] == 50
 

@@ -83,7 +83,8 @@ def test_a_terminal_shows_what_is_done_with_a_point_cloud(tmp_path):
 
 @pytest.mark.parametrize("arguments", [["--json"], ["--out", "csv:-"]])
 def test_a_reader_that_goes_away_is_no_traceback(arguments):
-    line = ["plan", "--altitude", "40", "--vhat", "0.9998", "--quiet", *arguments]
+    line = ["plan", "--altitude", "40", "--vhat", "0.9998", "--allow-no-common-ground", "--quiet"]
+    line += arguments
     with subprocess.Popen(
         [sys.executable, "-m", "aosplan", *line], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as running:
