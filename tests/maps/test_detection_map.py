@@ -54,7 +54,7 @@ def seen_from(planned, east, north):
     return found
 
 
-@pytest.mark.parametrize("noise_m", [0.0, 0.7])
+@pytest.mark.parametrize("noise_m", [0.0, pytest.param(0.7, marks=pytest.mark.slow)])
 def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
     planned = plan(PlanRequest(**SPARSE, area=FIELD))
     rng = np.random.default_rng(4)
@@ -128,6 +128,7 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
     assert 0.2 * swath_m < found.sweep_width_m < 0.95 * swath_m
 
 
+@pytest.mark.slow
 def test_a_denser_canopy_hides_more_and_the_middle_of_the_stand_is_where_it_is():
     stand = clumped_forest(next(iter(STANDS.values())))
     middle = (48.3, 14.3)

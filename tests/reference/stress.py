@@ -26,6 +26,7 @@ from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
 from aosplan.models.positions import lattice_shortfall, positions_shortfall
 from aosplan.models.uniform import UniformModel
+from aosplan.planning.solved_plan import MOST_SLICES
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occlusion import Occlusion
 from aosplan.scenes.scene import Layer
@@ -287,9 +288,37 @@ def plans() -> Iterator[Check]:
         corner = f"h = {h!r} over {slab.top_m:g} m, N = {pattern.samples}, b = {b!r}"
         if not more:
             yield Check("uniform plan", "b", corner, b, unit)
-        # At its own rule's baseline a plan means d̂ = 1.
-        k = exact.lattice_pair_sum(pattern.sites(), Fraction(b) / unit if more else Fraction(1))
+        if b < unit and more:  # below its rule's baseline a plan counts slices
+            focal = made.camera.focal_length_px
+            k = _shortfall_of_slices(preset, Fraction(h), Fraction(focal), pattern, b)
+        else:  # at its own rule's baseline it means d̂ = 1
+            k = exact.lattice_pair_sum(pattern.sites(), Fraction(b) / unit if more else Fraction(1))
         yield from _prediction("uniform plan", corner, made.solution.prediction, p, k)
+
+
+def _shortfall_of_slices(
+    scene: aosplan.UniformScene, altitude: Fraction, focal: Fraction, pattern: Pattern, b: float
+) -> Fraction:
+    """K of a lattice over a uniform volume that is cut into slices one occluder thick."""
+    bottom, depth, size = map(
+        Fraction, (scene.volume_base_m, scene.volume_height_m, scene.occluder_size_m)
+    )
+    count = min(math.ceil(depth / size), MOST_SLICES)
+    middles = [bottom + (i + Fraction(1, 2)) * depth / count for i in range(count)]
+    reaches = [max(size, (altitude - at) / focal) * altitude / at for at in middles]
+    with mpmath.workdps(60):
+        clear = mpmath.mpf(scene.transparency)
+        q = mpmath.root(clear, count)
+        total = mpmath.mpf(0)
+        for i, j in itertools.product(range(pattern.rows), range(pattern.columns)):
+            y, x = i * Fraction(b), j * Fraction(b)
+            overlaps = (exact.triangle(y, r) * exact.triangle(x, r) for r in reaches)
+            both = mpmath.fprod(
+                q * (q + (1 - q) * mpmath.mpf(tau.numerator) / tau.denominator) for tau in overlaps
+            )
+            pairs = (pattern.rows - i) * (pattern.columns - j) * (1 + (i > 0)) * (1 + (j > 0))
+            total += pairs * (both - clear**2)
+        return of_digits(total / (pattern.samples**2 * (1 - clear) * clear))
 
 
 # --- The layered model -----------------------------------------------------------------------

@@ -187,6 +187,7 @@ class TestPulsesOfWidePlots:
         assert volume.size_m == pytest.approx((20.0, 20.0), abs=0.3)
         assert opacity.voxel_m == volume.slice_m == 0.25
 
+    @pytest.mark.slow
     def test_a_share_of_the_pulses_says_what_all_say(self, monkeypatch):
         from aosplan.scenes.pulses import fit
 

@@ -39,6 +39,10 @@ def test_a_table_is_a_layered_scene(table, text):
     assert read_slices(table(text)).layers == LAYERS
 
 
+def test_other_units_of_length_are_converted(table):
+    assert read_slices(table(GOOD.replace("2,4,", "2,13ft,"))).layers[0].top_m == 13 * 0.3048
+
+
 def test_a_table_plans(table):
     path = table(GOOD)
     result = plan(PlanRequest(altitude=40, scene=path, vhat=0.9))
@@ -60,7 +64,7 @@ def test_a_table_plans(table):
         (GOOD.replace("6.5", "nan"), "line 3, top_m 'nan'", ""),
         (GOOD.replace("6.5", "1e999"), "line 3, top_m '1e999'", ""),
         (GOOD.replace("0.02", "2"), "line 2, density '2'", "write 2%"),
-        (GOOD.replace("2,4,", "2,13ft,"), "line 2, top_m '13ft'", "3.9624 m"),
+        (GOOD.replace("2,4,", "2,13 leagues,"), "line 2, top_m '13 leagues'", ""),
         (GOOD.replace("2,4,", "-2,4,"), "line 2, bottom_m '-2'", ""),
         (GOOD.replace("6.5", "6,5"), "line 3 has 5 cells, and the header 4", "decimals by points"),
         (GOOD.replace("4,6.5", "3,6.5"), "layer 1: bottom_m 3 is below", ""),

@@ -73,8 +73,10 @@ def test_the_uniform_model_of_a_cloud_follows_the_coverage_rule(stand):
 
 
 def test_an_occluder_size_of_ones_own_scales_the_baseline_of_a_cloud(stand):
-    base = planned(stand, model="uniform").solution.baseline_m
-    twice = planned(stand, model="uniform", occluder_size=0.5).solution.baseline_m
+    # The larger grid is wider than the footprint.
+    free = {"model": "uniform", "allow_no_common_ground": True}
+    base = planned(stand, **free).solution.baseline_m
+    twice = planned(stand, **free, occluder_size=0.5).solution.baseline_m
     assert twice == pytest.approx(2.0 * base, rel=1e-12)
 
 
@@ -139,7 +141,7 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
     line = [
         *("plan", "--altitude", "50", "--vhat", "0.98", "--scene", str(DATA / "UAS_Clip.laz")),
         *("--camera", "dji-h20t-thermal", "--model", "uniform", "--opacity", "voxels"),
-        *("--origin", "48.3358,14.3261", "--heading", "30"),
+        *("--origin", "48.3358,14.3261", "--heading", "30", "--allow-no-common-ground"),
         *("--out", str(geojson), "--out", str(table), "--json"),
     ]
     assert run(line) == 0
@@ -157,8 +159,14 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
 @pytest.mark.parametrize(("cut", "baseline"), [(1.0, 5.88), (2.0, 4.0)])
 def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     cloud = DATA / "UAS_Clip.laz"
-    result = planned(cloud, model="uniform", min_height=cut, opacity="voxels")
-    assert result.solution.baseline_m == pytest.approx(baseline, abs=0.01)
+    given = {"model": "uniform", "min_height": cut, "opacity": "voxels"}
+    by_rule = planned(cloud, **given, allow_no_common_ground=True)
+    assert by_rule.solution.baseline_m == pytest.approx(baseline, abs=0.01)
+    # Within the footprint the rule is the same, and the grid no wider than the footprint.
+    bounded = planned(cloud, **given)
+    assert bounded.coverage.baseline_m == by_rule.solution.baseline_m
+    assert bounded.solution.baseline_m <= by_rule.solution.baseline_m
+    assert min(bounded.common_footprint_m) >= 0.0
 
 
 @real
@@ -167,8 +175,9 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     [(2.0, 0.797, 0.3105, 0.668), (3.5, 0.826, 0.2923, 0.820)],
 )
 def test_the_measured_model_on_the_real_stand(baseline, density, visibility, normalized):
-    given = {"min_height": 0.5, "samples": 49, "baseline": baseline, "opacity": "voxels"}
-    result = planned(DATA / "UAS_Clip.laz", **given)
+    # The check figures are those of voxels of points and of the wrapped plot.
+    as_then = {"min_height": 0.5, "opacity": "voxels", "edges": "wrapped"}
+    result = planned(DATA / "UAS_Clip.laz", samples=49, baseline=baseline, **as_then)
     prediction = result.solution.prediction
     assert prediction.density == pytest.approx(density, abs=0.002)
     assert prediction.expected == pytest.approx(visibility, abs=0.002)
