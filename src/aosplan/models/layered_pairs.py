@@ -93,12 +93,12 @@ class Slices:
     def covariance(self, x: Floats, y: Floats) -> Floats:
         """Cov/(p T) of pairs of nadir rays whose samples are (x, y) apart.
 
-        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If most of the target is hidden, this would
-        multiply the rounding errors of large logarithms, and the same value is computed as
-        (exp Σ log(1 - D_j (1 - τ_j)) - T)/p.
+        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If nearly all of the target is hidden, this
+        would multiply the rounding errors of large logarithms, and the same value is computed as
+        (exp Σ log(1 - D_j (1 - τ_j)) - T)/p, a difference that loses digits if T is not small.
         """
         p, t = self.hidden, self.transparency
-        if p > 0.5:
+        if p > 0.9:
             clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
             return np.asarray(np.maximum(clear - t, 0.0) / p)
         if 0.0 < p < SPARSE:
