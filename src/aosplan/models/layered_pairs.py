@@ -105,9 +105,8 @@ class Slices:
             share = self.density / p  # whose sum is 1; t/p could be infinite
             return self._sums(lambda tau: tau * share, x, y)
         scale = t / p if p > 0.0 else 0.0
-        return np.asarray(
-            scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))
-        )
+        shared = scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))
+        return np.asarray(np.minimum(shared, 1.0))  # a correlation, which rounding would exceed
 
     def slanted_covariance(self, length: float, x: Floats, y: Floats) -> Floats:
         """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of rays of length e."""
