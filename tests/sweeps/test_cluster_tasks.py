@@ -79,7 +79,7 @@ def test_a_task_of_files_that_differ_writes_nothing(task, tmp_path):
 def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
     scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.parquet"
     path.write_text(
-        '[sweep]\naltitude = 40\nmodel = ["uniform", "layered"]\nscene = "stand.toml"\n'
+        '[sweep]\naltitude = 40\nvhat = 0.8\nmodel = ["uniform", "layered"]\nscene = "stand.toml"\n'
     )
     found = []
     for run, density in enumerate((0.4, 0.6)):

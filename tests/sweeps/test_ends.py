@@ -127,7 +127,9 @@ def test_a_sweep_of_files_that_have_changed_is_not_resumed(
     scene, path, out = tmp_path / "stand.toml", tmp_path / "s.toml", tmp_path / "r.csv"
     text = 'name = "stand"\nintegrated_density = 0.4\noccluder_size_m = 1.0\nvolume_base_m = 2.0\n'
     scene.write_text(f"{text}volume_height_m = 10.0\n", encoding="utf-8")
-    path.write_text('[sweep]\naltitude = [40, 50]\nscene = "stand.toml"\n', encoding="utf-8")
+    path.write_text(
+        '[sweep]\naltitude = [40, 50]\nvhat = 0.9\nscene = "stand.toml"\n', encoding="utf-8"
+    )
 
     def full(*_):
         raise OSError(28, "No space left on device", str(out))

@@ -118,6 +118,7 @@ class Plan(Summarized, result.Plan):
 def plan(
     request: Asked | None = None,
     *,
+    folder: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Plan:
@@ -127,6 +128,9 @@ def plan(
     ----------
     request
         A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
+    folder
+        Where the files that `request` and the options name are looked for before the current
+        folder; None: the folder of the request file.
     progress
         Called with points read and points in all while a point cloud is read.
     **options
@@ -148,7 +152,10 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
-    return solved(found_request(request, options), progress=progress)
+    found = found_request(request, options)
+    if folder is not None:
+        found = found._replace(folder=os.fspath(folder))
+    return solved(found, progress=progress)
 
 
 def solved(found: Found, *, progress: Callable[[int, int], None] | None = None) -> Plan:
