@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from aosplan import PlanRequest, plan
+from aosplan import PlanRequest
 from aosplan.grid.patterns import local_sites
 from aosplan.planning.loaded_scene import LoadedScene
+from aosplan.planning.planner import plan
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.occluder_statistics import layered_scene
 from aosplan.show.figures.style import LIGHT, LINES, MARKERS, rules

@@ -59,6 +59,7 @@ def things(tmp_path_factory):
     (folder / "request.toml").write_text('altitude = 40\nvhat = 0.9\norigin = "48,14"\n')
     (folder / "campaign.toml").write_text("[sweep]\naltitude = [40, 50]\nvhat = [0.8, 0.9]\n")
     planned.write(str(folder / "flown.csv"))
+    planned.write(str(folder / "grid.kmz"))
     many = plan(PlanRequest(altitude=40, samples=60, origin="48,14"))
     many.write(str(folder / "views.csv"))
     (folder / "photos").mkdir()

@@ -33,5 +33,5 @@ def usage() -> None:
     assert_type(aosplan.thin("flown.csv", keep=20, altitude=40).chosen, list[int])
     assert_type(aosplan.integrate("photos", fov_deg=50.8), aosplan.Integral)
 
-    aosplan.plan(altitude="high")  # type: ignore[arg-type]
+    aosplan.plan(altitude=[40])  # type: ignore[arg-type]
     aosplan.plan(altidude=40)  # type: ignore[call-arg]

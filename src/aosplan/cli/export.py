@@ -36,7 +36,7 @@ COMMAND = command(
     examples=(
         "aosplan export plan.json --out plan.csv\n"
         "aosplan export plan.json --out plan.geojson --out csv:grid.txt --force\n"
-        "aosplan export flown.kmz --out flown.geojson"
+        "aosplan export grid.kmz --out grid.geojson"
     ),
     parameters=[
         file_argument(
