@@ -296,7 +296,7 @@ CHANGES = {
     "no 'M3x4'": lambda d: d["images"][1].pop("M3x4"),
     "3 rows of 4": lambda d: d["images"][1]["M3x4"].pop(),
     "not a finite number": lambda d: d["images"][1]["M3x4"][0].__setitem__(0, "north"),
-    "no rotation": lambda d: d["images"][1]["M3x4"][0].__setitem__(0, 7.0),
+    "not a rotation": lambda d: d["images"][1]["M3x4"][0].__setitem__(0, 7.0),
     "rotation": lambda d: d["images"][1].update(
         M3x4=[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 30]]  # mirrored
     ),
@@ -320,7 +320,7 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
     assert part in refused(command, *recorded, "--out", "i.png")
 
 
-BEYOND_A_SCHEMA = {"no rotation", "rotation", "not a finite number", "farther", "given twice",
+BEYOND_A_SCHEMA = {"not a rotation", "rotation", "not a finite number", "farther", "given twice",
                    "its camera 100 x 120", "image '../000.tif' leads out of the folder", "zero"}  # fmt: skip
 
 
@@ -413,7 +413,7 @@ def test_what_is_no_recording_at_all(command, folder, recorded):
     assert "no photo" in refused(command, "empty", images, "--out", "i.png")
     assert "no file 'x.json'" in refused(command, "x.json", images, "--out", "i.png")
     assert "no folder 'x'" in refused(command, poses, "x", "--out", "i.png")
-    assert "no folder" in refused(command, poses, poses, "--out", "i.png")
+    assert "is not a folder" in refused(command, poses, poses, "--out", "i.png")
 
 
 @pytest.mark.parametrize("module", ["PIL", "skimage.metrics"])

@@ -109,5 +109,5 @@ def test_review_and_thin_take_routes(tmp_path, capsys):
     (tmp_path / "plan.json").write_text(capsys.readouterr().out)
     files = [str(tmp_path / "g.kmz"), str(tmp_path / "plan.json")]
     assert run(["review", *files]) == 0
-    assert "Sites     50 of 50 have a photo" in capsys.readouterr().out
+    assert "Sites           50 of 50 have a photo" in capsys.readouterr().out
     assert run(["thin", *files, "--samples", "25", "--json"]) == 0

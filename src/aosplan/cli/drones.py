@@ -27,7 +27,7 @@ def run(*, as_json: bool) -> None:
     ]
     print_rows(("name", "m/s", "most", "min", "photo s", "camera"), rows)
     print(
-        "\nColumns: cruise and top speed, flight time in minutes, shortest time between photos."
+        "\nCruise and top speed, minutes of flight, seconds between photos, camera."
         "\nSources and assumptions: aosplan drones --json"
     )
 
