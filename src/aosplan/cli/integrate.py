@@ -288,7 +288,7 @@ COMMAND = command(
     run,
     summary="Average recorded images on a focal plane, and compare choices of them.",
     examples=(
-        "aosplan integrate photos --altitude 40 --out integral.png\n"
+        "aosplan integrate photos --plan plan.json --out integral.png\n"
         "aosplan integrate poses.json images --fov 50.8 --focal-height -36 \\\n"
         "    --out integral.png\n"
         "aosplan integrate poses.json images --fov 50.8 --pitch 2.8 --compare all \\\n"
