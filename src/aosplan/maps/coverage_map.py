@@ -119,7 +119,8 @@ class CoverageMap(NamedTuple):
         west = self.cells.left_m + columns * self.cells.cell_m
         north = self.cells.top_m - rows * self.cells.cell_m
         side = self.cells.cell_m
-        whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
+        with np.errstate(divide="ignore", invalid="ignore"):  # flags that GEOS leaves behind
+            whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
         parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
         return sorted(parts, key=lambda part: -part.area)
 
@@ -127,12 +128,12 @@ class CoverageMap(NamedTuple):
         """The gaps as GeoJSON (RFC 7946), a feature each, with its area."""
         import json
 
-        import shapely
+        from shapely.geometry.polygon import orient
 
         features = []
         for number, part in enumerate(self.gap_polygons()):
             # Outer rings run against the clock, inner ones with it.
-            polygon = shapely.orient_polygons(part)
+            polygon = orient(part)
             rings = []
             for ring in (polygon.exterior, *polygon.interiors):
                 east, north = np.array(ring.coords).T

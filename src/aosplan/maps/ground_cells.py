@@ -98,4 +98,5 @@ def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: 
     across = np.array([math.cos(heading), -math.sin(heading)])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * np.array(footprint_m)
     ring = corners @ np.stack([along, across])
-    return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))
+    with np.errstate(divide="ignore", invalid="ignore"):  # flags that GEOS leaves behind
+        return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))

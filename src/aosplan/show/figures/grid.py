@@ -228,11 +228,12 @@ def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
-    figure = panel.get_figure(root=True)
-    assert figure is not None  # the panel is on one
+    # A part of a figure has no size of its own but its box.
+    width, height = panel.figure.bbox.width, panel.figure.bbox.height
+    shorter_in = float(min(width, height)) / panel.figure.dpi
     # Axes of a figure with other panels are smaller than it; a layout has not yet placed them.
     share = min(panel.get_position().width, panel.get_position().height) / 0.77
-    paper_mm = 25.4 * 0.86 * min(share, 1.0) * min(figure.get_size_inches()) / span
+    paper_mm = 25.4 * 0.86 * min(share, 1.0) * shorter_in / span
     _ways(panel, shown, theme, paper_mm * _spacing_m(shown))
     if shown.takeoff is not None:
         panel.plot(*shown.takeoff, **HOME, mfc=theme.data[3], mec=theme.background)
