@@ -35,9 +35,9 @@ def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
     Raises
     ------
     RequestError
-        Where there is no such file, or it is larger than `most`.
+        If there is no such file, or it is larger than `most`.
     SurroundingsError
-        Where it cannot be read.
+        If it cannot be read.
     """
     content = read_start(path, most + 1)
     if len(content) > most:
@@ -51,9 +51,9 @@ def read_start(path: str, most: int) -> bytes:
     Raises
     ------
     RequestError
-        Where there is no such file.
+        If there is no such file.
     SurroundingsError
-        Where it cannot be read.
+        If it cannot be read.
     """
     with reading(path):
         if path == "-":
@@ -76,9 +76,9 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
     Raises
     ------
     RequestError
-        Where there is no such file.
+        If there is no such file.
     SurroundingsError
-        Where it cannot be read.
+        If it cannot be read.
     """
     try:
         yield
@@ -302,9 +302,9 @@ def check_input(path: str) -> None:
     Raises
     ------
     RequestError
-        Where there is no such file.
+        If there is no such file.
     SurroundingsError
-        Where it cannot be read.
+        If it cannot be read.
     """
     with reading(path), open(path, "rb"):
         pass
@@ -316,7 +316,7 @@ def check_output(path: str, *, force: bool) -> None:
     Raises
     ------
     RequestError
-        Where it is a folder, its folder does not exist, or it exists and `force` is false.
+        If it is a folder, its folder does not exist, or it exists and `force` is false.
     """
     if path == "-":
         return
@@ -344,7 +344,7 @@ def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
     RequestError
         As `check_output`.
     SurroundingsError
-        Where a file cannot be written: no permission, disk full.
+        If a file cannot be written: no permission, disk full.
     """
     for path in contents:
         check_output(path, force=force)

@@ -33,7 +33,7 @@ def to_wgs84(
     Raises
     ------
     RequestError
-        Where a point is more than `FARTHEST_M` from the origin.
+        If a point is more than `FARTHEST_M` from the origin.
 
     Returns
     -------

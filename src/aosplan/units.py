@@ -162,7 +162,7 @@ def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
     Raises
     ------
     RequestError
-        Where it is not two numbers in range; a latitude beyond 90 that would do as a
+        If it is not two numbers in range; a latitude beyond 90 that would do as a
         longitude is taken for a swap.
     """
     parts = value.split(",") if isinstance(value, str) else value
@@ -250,7 +250,7 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
     Raises
     ------
     RequestError
-        Where it is not a finite number.
+        If it is not a finite number.
     """
     text = str(value).strip() if isinstance(value, (str, Decimal)) else None
     try:

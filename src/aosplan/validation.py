@@ -49,7 +49,7 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
     Raises
     ------
     RequestError
-        Where it is none; the message names the file and the place in it, the hint the nearest of
+        If it is none; the message names the file and the place in it, the hint the nearest of
         the names that are known there.
     """
     try:

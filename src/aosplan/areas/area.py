@@ -132,7 +132,7 @@ def read_area(
     Raises
     ------
     RequestError
-        Where a file is wrong, an outline crosses itself, or the area is too large.
+        If a file is wrong, an outline crosses itself, or the area is too large.
     """
     outline = read_outline(path)
     origin = _middle(outline)
@@ -240,7 +240,7 @@ def _elsewhere(
     Raises
     ------
     RequestError
-        Where it is far away, and would not be with its axes swapped.
+        If it is far away, and would not be with its axes swapped.
     """
     apart = float(shapely.distance(shape, whole))
     swapped = np.concatenate([ring[:, ::-1] for rings in outline.polygons for ring in rings])

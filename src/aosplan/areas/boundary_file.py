@@ -77,7 +77,7 @@ def read_outline(path: str) -> Outline:
     Raises
     ------
     RequestError
-        Where the file is none of these, holds no polygon, or one that is not closed, has too
+        If the file is none of these, holds no polygon, or one that is not closed, has too
         few positions, or coordinates that are no longitude and latitude; the message names
         the place.
     """
@@ -252,7 +252,7 @@ def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
     Raises
     ------
     RequestError
-        Where it is not closed, has fewer than four positions, or leaves the globe.
+        If it is not closed, has fewer than four positions, or leaves the globe.
     """
     if len(ring) == 0:
         raise RequestError(f"{place} is empty")

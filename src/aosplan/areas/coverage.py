@@ -125,7 +125,7 @@ def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Latt
     Raises
     ------
     RequestError
-        Where its cells are more than can be numbered.
+        If its cells are more than can be numbered.
     """
     x_low, y_low, x_high, y_high = shapely.bounds(shape).tolist()
     left, lower, right, upper = shapely.bounds(whole).tolist()

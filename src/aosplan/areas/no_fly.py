@@ -35,7 +35,7 @@ class NoFlyZones:
     Raises
     ------
     RequestError
-        Where they have more than `MOST_CORNERS` corners.
+        If they have more than `MOST_CORNERS` corners.
     """
 
     def __init__(self, keep_out: Any) -> None:

@@ -136,9 +136,9 @@ def survey_of(
     Raises
     ------
     InfeasibleError
-        Where images are too small for the rule, or a no-fly zone leaves no site.
+        If images are too small for the rule, or a no-fly zone leaves no site.
     RequestError
-        Where the area needs more sites than `max_sites`.
+        If the area needs more sites than `max_sites`.
     """
     turn = _Turn(heading_deg)
     whole, canopy, clear = (turn.shape(part) for part in (area.whole, area.canopy, area.clear))

@@ -31,7 +31,7 @@ class Camera:
     Raises
     ------
     RequestError
-        Where a number is not positive and finite.
+        If a number is not positive and finite.
     """
 
     name: str

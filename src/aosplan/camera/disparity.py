@@ -115,7 +115,7 @@ def coverage_baseline(
     Raises
     ------
     InfeasibleError
-        Where occluders reach down to the focal plane and all of them are asked for.
+        If occluders reach down to the focal plane and all of them are asked for.
     """
     if len(slabs) == 1:
         slab = slabs[0]

@@ -14,7 +14,7 @@ def find_camera(name: str) -> Camera:
     Raises
     ------
     RequestError
-        Where there is neither; the hint names the nearest preset.
+        If there is neither; the hint names the nearest preset.
     """
     from aosplan.camera.presets import CAMERAS, CameraPreset
 

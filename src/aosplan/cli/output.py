@@ -51,7 +51,7 @@ def chosen_outputs(
     Raises
     ------
     RequestError
-        Where a format is unknown, a path cannot be written, or two outputs are the same.
+        If a format is unknown, a path cannot be written, or two outputs are the same.
     """
     if name is not None and len(outputs) != 1:
         raise RequestError(
@@ -83,7 +83,7 @@ def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
     Raises
     ------
     RequestError
-        Where ``--json`` would print there as well.
+        If ``--json`` would print there as well.
     """
     found = "-" in paths
     if found and as_json:
@@ -106,7 +106,7 @@ def write_outputs(
     Raises
     ------
     RequestError
-        Where a mission is beyond the limits of a format, or two outputs share a file.
+        If a mission is beyond the limits of a format, or two outputs share a file.
     """
     if not chosen and not pages:
         return []

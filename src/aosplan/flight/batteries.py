@@ -124,7 +124,7 @@ def flights_of(
     Raises
     ------
     InfeasibleError
-        Where one site, or one line that is flown through, takes longer than that.
+        If one site, or one line that is flown through, takes longer than that.
     """
     times, lengths = track.times_s(timing), track.lengths_m
     taken = [0, *accumulate(track.photo)]

@@ -18,7 +18,7 @@ def find_drone(name: str) -> DronePreset:
     Raises
     ------
     RequestError
-        Where there is none of that name; the hint names those that it may mean.
+        If there is none of that name; the hint names those that it may mean.
     """
     from aosplan.flight.drones import DRONES, DronePreset
 

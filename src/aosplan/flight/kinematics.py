@@ -114,7 +114,7 @@ class Timing(NamedTuple):
         Raises
         ------
         InfeasibleError
-            Where the wind is stronger than the drone.
+            If the wind is stronger than the drone.
         """
         along, across = x * self.wind[0] + y * self.wind[1], x * self.wind[1] - y * self.wind[0]
         left = self.airspeed_mps**2 - across**2

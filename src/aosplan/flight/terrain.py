@@ -149,7 +149,7 @@ class Terrain:
         Raises
         ------
         RequestError
-            Where a point lies outside the raster, or in a hole of it.
+            If a point lies outside the raster, or in a hole of it.
         """
         import numpy as np
 

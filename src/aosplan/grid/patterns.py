@@ -235,7 +235,7 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
     Raises
     ------
     RequestError
-        Where that is more than `MOST_SITES`.
+        If that is more than `MOST_SITES`.
     """
     check_size(samples)
     index = index_for(grid, samples, lanes=lanes)

@@ -184,7 +184,7 @@ def detection_map(plan: PlanData) -> DetectionMap:
     Raises
     ------
     RequestError
-        Where it has no place, or looks for nothing.
+        If it has no place, or looks for nothing.
     """
     if plan.detection is None:
         raise RequestError("a detection map needs something to look for", "give --find person")

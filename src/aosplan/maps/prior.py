@@ -38,7 +38,7 @@ def success_of(found: DetectionMap, path: str) -> Success:
     Raises
     ------
     RequestError
-        Where the raster cannot be read, has no place, or holds what is no prior.
+        If the raster cannot be read, has no place, or holds what is no prior.
     MissingExtraError
         If rasterio is not installed.
     """

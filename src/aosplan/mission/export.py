@@ -55,7 +55,7 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
     Raises
     ------
     RequestError
-        Where no format of that name or ending is known.
+        If no format of that name or ending is known.
     """
     known = formats()
     name = FORMER.get(name or "", name)
@@ -95,7 +95,7 @@ def render(mission: Mission, chosen: Format) -> bytes:
     Raises
     ------
     RequestError
-        Where the format needs a place and the mission has none, or cannot say how it is flown, or
+        If the format needs a place and the mission has none, or cannot say how it is flown, or
         where the mission's autopilot does not fly it.
     """
     if chosen.needs_place and not mission.has_place:
@@ -127,7 +127,7 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
     Raises
     ------
     RequestError
-        Where a mission is beyond a limit that splitting does not cure, or stdout would have to
+        If a mission is beyond a limit that splitting does not cure, or stdout would have to
         take several files.
     """
     pieces = [

@@ -39,7 +39,7 @@ def check_flown(mission: Mission, chosen: Format) -> None:
     Raises
     ------
     RequestError
-        Where the drone is not known or flies other formats, the format has not such a trigger, or
+        If the drone is not known or flies other formats, the format has not such a trigger, or
         it holds heights above the take-off alone.
     """
     settings = mission.settings
@@ -74,7 +74,7 @@ def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> l
     Raises
     ------
     RequestError
-        Where it is beyond a limit that splitting does not cure; the message has the number.
+        If it is beyond a limit that splitting does not cure; the message has the number.
     """
     limits = limits_of(mission, chosen)
     path = flown_path(mission)

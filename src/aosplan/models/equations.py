@@ -273,7 +273,7 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
     Raises
     ------
     RequestError
-        Where the target is not a number in [0, 1).
+        If the target is not a number in [0, 1).
 
     Examples
     --------

@@ -103,7 +103,7 @@ class MeasuredModel:
     Raises
     ------
     RequestError
-        Where the altitude is not above the volume, or a number is outside its domain.
+        If the altitude is not above the volume, or a number is outside its domain.
     """
 
     name = "measured"

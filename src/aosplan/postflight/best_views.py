@@ -64,7 +64,7 @@ def thin(
     Raises
     ------
     RequestError
-        Where there are fewer views than wanted, or more than `MOST_VIEWS`.
+        If there are fewer views than wanted, or more than `MOST_VIEWS`.
     """
     points = np.asarray(positions_m, dtype=np.float64)
     check_count(len(points), samples)

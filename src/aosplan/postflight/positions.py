@@ -44,7 +44,7 @@ def read_places(path: str) -> list[Place]:
     Raises
     ------
     RequestError
-        Where the file is of another kind, a place is off the earth, or there is none; the message
+        If the file is of another kind, a place is off the earth, or there is none; the message
         names the line or item.
     """
     suffix = os.path.splitext(path)[1].lower()
@@ -73,7 +73,7 @@ def local_m(
     Raises
     ------
     RequestError
-        Where a place of the file is farther from it than local metres reach.
+        If a place of the file is farther from it than local metres reach.
     """
     from aosplan.geodesy import FARTHEST_M, to_local
 
@@ -336,7 +336,7 @@ def read_positions(path: str) -> list[tuple[float, float]]:
     Raises
     ------
     RequestError
-        Where there is no header with two known columns, no row, or a row without two numbers;
+        If there is no header with two known columns, no row, or a row without two numbers;
         the message names the line.
     """
     from aosplan.postflight.positions import SUFFIXES, local_m, read_places
@@ -372,7 +372,7 @@ class Table(NamedTuple):
         Raises
         ------
         RequestError
-            Where there are no such columns, or a row is too short.
+            If there are no such columns, or a row is too short.
         """
         pair = self.pair(pairs)
         if pair is None:
@@ -399,7 +399,7 @@ def read_csv(path: str) -> Table:
     Raises
     ------
     RequestError
-        Where it is none; the message names the line.
+        If it is none; the message names the line.
     """
     text = text_of(read_bytes(path), path)
     reader = csv.reader(io.StringIO(text, newline=""))

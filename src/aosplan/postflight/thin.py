@@ -139,7 +139,7 @@ def thinned(
     Raises
     ------
     RequestError
-        Where there are too few or too many views, or nothing hides anything.
+        If there are too few or too many views, or nothing hides anything.
     """
     if not isinstance(wanted.heading, float):
         raise RequestError(

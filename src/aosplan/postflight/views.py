@@ -122,7 +122,7 @@ def read_views(path: str, *, on_earth: bool) -> Views:
     Raises
     ------
     RequestError
-        Where there is no position, or one that cannot be read; the message names the place.
+        If there is no position, or one that cannot be read; the message names the place.
     """
     if os.path.isdir(path):
         from aosplan.postflight.geotags import read_photos

@@ -91,7 +91,7 @@ def inventory_scene(
     Raises
     ------
     RequestError
-        Where a number is outside its domain.
+        If a number is outside its domain.
     """
     for label, value in (
         ("stems_per_hectare", stems_per_hectare),

@@ -130,7 +130,7 @@ class Occlusion:
     Raises
     ------
     RequestError
-        Where the cameras are not above the volume, or a number is outside its domain.
+        If the cameras are not above the volume, or a number is outside its domain.
     """
 
     def __init__(

@@ -63,7 +63,7 @@ class UniformScene:
     Raises
     ------
     RequestError
-        Where a number is outside its domain, or not exactly one density is given.
+        If a number is outside its domain, or not exactly one density is given.
     """
 
     name: str

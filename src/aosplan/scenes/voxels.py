@@ -78,7 +78,7 @@ class VoxelVolume:
     Raises
     ------
     RequestError
-        Where the array is not a boolean volume over at least one cell of ground, or a length
+        If the array is not a boolean volume over at least one cell of ground, or a length
         is outside its domain.
     """
 
@@ -197,7 +197,7 @@ def fill(
     Raises
     ------
     RequestError
-        Where that takes more than two thousand million voxels.
+        If that takes more than two thousand million voxels.
     """
     rows, columns = ground.shape[0] - 1, ground.shape[1] - 1
     cells = rows * columns

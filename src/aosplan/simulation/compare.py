@@ -255,7 +255,7 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
     Raises
     ------
     RequestError
-        Where the forest does not go with the scene, there is no target area, there are more than
+        If the forest does not go with the scene, there is no target area, there are more than
         `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
     """
     if (views := plan.solution.pattern.samples) > MOST_VIEWS:
@@ -300,9 +300,9 @@ def pictures(simulation: Simulation) -> Pictures:
     Raises
     ------
     RequestError
-        Where nothing stands in the way.
+        If nothing stands in the way.
     MissingExtraError
-        Where Pillow or scikit-image is not installed.
+        If Pillow or scikit-image is not installed.
     """
     from aosplan.simulation import pictures as p
     from aosplan.simulation.ssim import similarity

@@ -134,7 +134,7 @@ def compare_search(
     Raises
     ------
     RequestError
-        Where the plan looks for nothing, or the forest is not one that can be searched.
+        If the plan looks for nothing, or the forest is not one that can be searched.
     """
     detection = plan.detection
     if detection is None:

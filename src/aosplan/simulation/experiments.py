@@ -151,7 +151,7 @@ class ForestExperiment(NamedTuple):
         Raises
         ------
         RequestError
-            Where rays are more oblique than voxels are, or occluders too small for any volume.
+            If rays are more oblique than voxels are, or occluders too small for any volume.
         """
         aside = self.area_m if self.view == "perspective" else (0.0, 0.0)
         steepest = max(

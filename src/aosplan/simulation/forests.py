@@ -164,7 +164,7 @@ def clumped_forest(
     Raises
     ------
     RequestError
-        Where the density is not a share below 1.
+        If the density is not a share below 1.
     """
     if not 0.0 <= density < 1.0:
         raise RequestError(f"forest: density {density:g} is not a share below 1")

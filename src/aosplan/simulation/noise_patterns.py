@@ -64,7 +64,7 @@ def noise_pattern(
     Raises
     ------
     RequestError
-        Where the density is not a share, or the occluder's size not positive.
+        If the density is not a share, or the occluder's size not positive.
     """
     if not 0.0 <= density <= 1.0:
         raise RequestError(f"noise pattern: density {density:g} is not between 0 and 1")

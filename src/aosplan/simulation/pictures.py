@@ -136,7 +136,7 @@ def check_extra() -> None:
     Raises
     ------
     MissingExtraError
-        Where Pillow or scikit-image is not installed.
+        If Pillow or scikit-image is not installed.
     """
     from importlib.util import find_spec
 
@@ -157,7 +157,7 @@ def png(image: Image) -> bytes:
     Raises
     ------
     MissingExtraError
-        Where Pillow is not installed.
+        If Pillow is not installed.
     """
     with needs_extra("writing pictures", EXTRA):
         from PIL import Image as Pillow

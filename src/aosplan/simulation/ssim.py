@@ -49,9 +49,9 @@ def similarity(
     Raises
     ------
     RequestError
-        Where the shapes differ, no window is covered, or the reference has one value alone.
+        If the shapes differ, no window is covered, or the reference has one value alone.
     MissingExtraError
-        Where scikit-image is not installed.
+        If scikit-image is not installed.
     """
     with needs_extra("comparing images", "pictures"):
         from skimage.metrics import structural_similarity

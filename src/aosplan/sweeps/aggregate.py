@@ -42,7 +42,7 @@ class Gathering:
         Raises
         ------
         RequestError
-            Where it is not to be resumed, or belongs to another sweep.
+            If it is not to be resumed, or belongs to another sweep.
         """
         if not os.path.lexists(self.path):
             return

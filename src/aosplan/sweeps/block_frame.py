@@ -49,7 +49,7 @@ def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
     Raises
     ------
     RequestError
-        Where a name is unknown.
+        If a name is unknown.
     """
     if text is None:
         return USUAL + DETECTION * finds

@@ -102,12 +102,12 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
     Raises
     ------
     RequestError
-        Where the address is none, or a file of the scenarios is not found by its full name.
+        If the address is none, or a file of the scenarios is not found by its full name.
     SurroundingsError
-        Where the cluster cannot go on: no scheduler, no workers, other versions, nothing shared,
+        If the cluster cannot go on: no scheduler, no workers, other versions, nothing shared,
         a worker that cannot write.
     MissingExtraError
-        Where Dask is not installed.
+        If Dask is not installed.
     """
     folder = os.path.join(os.path.abspath(parts.folder), f"writing-{uuid.uuid4().hex}")
     files = files_of(sweep)
@@ -143,7 +143,7 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
     Raises
     ------
     RequestError
-        Where a file is found in the current folder alone, which workers do not share.
+        If a file is found in the current folder alone, which workers do not share.
     """
     files: set[str] = set()
     for named in named_files(sweep.scenarios.values, sweep.folder):
@@ -166,7 +166,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     Raises
     ------
     SurroundingsError
-        Where this worker cannot write it, or would write other bytes than others.
+        If this worker cannot write it, or would write other bytes than others.
     """
     if (here := own_versions()) != versions:
         raise SurroundingsError(_difference(_place(), here, versions), _SAME_VERSIONS)
@@ -233,7 +233,7 @@ def dask() -> Any:
     Raises
     ------
     MissingExtraError
-        Where it is not installed.
+        If it is not installed.
     """
     with needs_extra("a sweep on a cluster", "cluster"):
         import distributed
@@ -353,7 +353,7 @@ class _Crew:
         Raises
         ------
         SurroundingsError
-            Where there is no scheduler, or for long no worker.
+            If there is no scheduler, or for long no worker.
         """
         now_s = time.monotonic()
         if now_s < self.counted_s + 1.0:

@@ -33,7 +33,7 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
     Raises
     ------
     RequestError
-        Where it may not be replaced, or there is no folder to make it in.
+        If it may not be replaced, or there is no folder to make it in.
     """
     place = os.path.abspath(out)
     above = os.path.dirname(place)
@@ -86,7 +86,7 @@ class Partitions(Parts):
         Raises
         ------
         SurroundingsError
-            Where a part has gone since it was written.
+            If a part has gone since it was written.
         """
         names = {os.path.basename(self.path(index)) for index in range(self.count)}
         found = {entry.name: entry for entry in os.scandir(self.folder)}

@@ -70,7 +70,7 @@ class Parts:
         Raises
         ------
         RequestError
-            Where there are parts that are not to be resumed, or belong to another sweep.
+            If there are parts that are not to be resumed, or belong to another sweep.
         """
         if os.path.isdir(self.folder):
             if resume:
@@ -177,7 +177,7 @@ class Parts:
         Raises
         ------
         RequestError
-            Where something has taken it meanwhile that may not be replaced.
+            If something has taken it meanwhile that may not be replaced.
         """
         check_output(self.out, force=force)
         os.replace(whole, self.out)
@@ -264,7 +264,7 @@ def write_durably(content: bytes | memoryview, path: str, folder: str | None = N
     Raises
     ------
     OSError
-        Where it cannot be written; nothing is left.
+        If it cannot be written; nothing is left.
     """
     name = f"{os.path.basename(path)}.{uuid.uuid4().hex}{BEGUN}"
     temporary = os.path.join(os.path.dirname(path) if folder is None else folder, name)

@@ -68,9 +68,9 @@ def run(
     Raises
     ------
     RequestError
-        Where `Parts.start` refuses, or a scenario's file is wrong.
+        If `Parts.start` refuses, or a scenario's file is wrong.
     SurroundingsError
-        Where something cannot be written, or a worker dies; what is done stays, for `resume`.
+        If something cannot be written, or a worker dies; what is done stays, for `resume`.
     """
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     with parts.alone():
@@ -154,7 +154,7 @@ def gather(
     Raises
     ------
     RequestError
-        Where `Gathering.start` refuses, or a scenario's file is wrong.
+        If `Gathering.start` refuses, or a scenario's file is wrong.
     """
     gathering = start_gathering(sweep, path, resume=resume, force=force)
     advance = progress or (lambda _: None)

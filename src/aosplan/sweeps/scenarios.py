@@ -204,7 +204,7 @@ def read_crossing(path: str) -> Crossing:
     Raises
     ------
     RequestError
-        Where a name is unknown, a value wrong, or an axis has no values; the message names the
+        If a name is unknown, a value wrong, or an axis has no values; the message names the
         place.
     """
     table = read_table(path)
@@ -254,7 +254,7 @@ def read_rows(path: str) -> Table:
     Raises
     ------
     RequestError
-        Where a column is no option, or a cell no value of it; the message names row and column.
+        If a column is no option, or a cell no value of it; the message names row and column.
     """
     pl = polars()
     as_text = path.lower().endswith(".csv")

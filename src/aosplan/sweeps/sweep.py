@@ -140,7 +140,7 @@ def check(sweep: Sweep) -> None:
     Raises
     ------
     RequestError
-        Where `best` or `per` names an unknown column, `best` one of words, or `where` is no
+        If `best` or `per` names an unknown column, `best` one of words, or `where` is no
         condition.
     """
     named = [("--best", sweep.best.lstrip("-"))] if sweep.best else []

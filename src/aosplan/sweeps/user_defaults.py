@@ -41,7 +41,7 @@ def with_defaults(
     Raises
     ------
     RequestError
-        Where the defaults contradict each other, or one goes with some values of a crossing alone.
+        If the defaults contradict each other, or one goes with some values of a crossing alone.
     """
     if isinstance(scenarios, Table):
         filled = _filled(scenarios.values, own, where)

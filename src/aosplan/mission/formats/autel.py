@@ -48,7 +48,7 @@ def render(mission: Mission) -> bytes:
     Raises
     ------
     RequestError
-        Where Autel's documentation has no number for the drone.
+        If Autel's documentation has no number for the drone.
     """
     return wpml.render(mission, _AUTEL)
 

@@ -85,7 +85,7 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
     Raises
     ------
     RequestError
-        Where the drone or its payload is not known.
+        If the drone or its payload is not known.
     """
     import zipfile
 

@@ -150,7 +150,7 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
     Raises
     ------
     RequestError
-        Where it has another shape, or its left part is no rotation.
+        If it has another shape, or its left part is no rotation.
     """
     rows = matrix if isinstance(matrix, list) and len(matrix) == 3 else []
     if not rows or any(not isinstance(row, list) or len(row) != 4 for row in rows):
@@ -179,7 +179,7 @@ def checked_intrinsics(width: int, height: int, values: list[float], place: str)
     Raises
     ------
     RequestError
-        Where a focal length is not positive, or the image has no middle.
+        If a focal length is not positive, or the image has no middle.
     """
     if not (values[0] > 0.0 and values[1] > 0.0):
         raise RequestError(f"{place}: focal length {min(values[:2]):g} px is not above zero")

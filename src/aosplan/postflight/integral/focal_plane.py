@@ -79,7 +79,7 @@ def upward(views: Sequence[View]) -> str:
     Raises
     ------
     RequestError
-        Where they look along the horizon on the whole.
+        If they look along the horizon on the whole.
     """
     down = float(np.mean([view.forward[2] for view in views]))
     if abs(down) < 0.1:
@@ -117,7 +117,7 @@ class Raster:
         Raises
         ------
         RequestError
-            Where they are too many, or the extent is empty.
+            If they are too many, or the extent is empty.
         """
         left, bottom, right, top = extent_m
         if not (right > left and top > bottom):
@@ -161,7 +161,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
     Raises
     ------
     RequestError
-        Where the camera is not above the plane, or the horizon is in the image.
+        If the camera is not above the plane, or the horizon is in the image.
     """
     above_m = plane.camera_m(view)[2]
     if not above_m > 0.0:

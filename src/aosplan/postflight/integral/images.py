@@ -77,7 +77,7 @@ class Folder:
     Raises
     ------
     RequestError
-        Where there is no such folder.
+        If there is no such folder.
     """
 
     def __init__(self, path: str) -> None:
@@ -163,11 +163,11 @@ def read_picture(path: str) -> Picture:
     Raises
     ------
     RequestError
-        Where it is no image, damaged, or larger than Pillow takes for safe.
+        If it is no image, damaged, or larger than Pillow takes for safe.
     SurroundingsError
-        Where it cannot be read.
+        If it cannot be read.
     MissingExtraError
-        Where Pillow is not installed.
+        If Pillow is not installed.
     """
     with _opened(path) as image:
         mode = BANDS.get(image.mode)

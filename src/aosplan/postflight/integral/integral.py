@@ -124,7 +124,7 @@ def integrate(
     Raises
     ------
     RequestError
-        Where an image is damaged, has another size than its camera or other bands than the ones
+        If an image is damaged, has another size than its camera or other bands than the ones
         before it, where a camera is below the plane, or no view sees the raster.
     """
     sums: NDArray[np.float64] | None = None

@@ -29,7 +29,7 @@ def read_poses(path: str) -> list[View]:
     Raises
     ------
     RequestError
-        Where the file is no such document; the message names the image.
+        If the file is no such document; the message names the image.
     """
     if os.path.isdir(path) or path.lower().endswith((".txt", ".bin")):
         from aosplan.postflight.integral.colmap import read_colmap

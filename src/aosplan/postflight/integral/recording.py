@@ -148,7 +148,7 @@ class Recording:
         Raises
         ------
         RequestError
-            Where the horizon leaves a footprint without an end, or there are too many pixels.
+            If the horizon leaves a footprint without an end, or there are too many pixels.
         """
         middle = self.central
         if gsd_m is None:
@@ -268,7 +268,7 @@ def least_views(text: str, views: int) -> int:
     Raises
     ------
     RequestError
-        Where it is neither, or more than there are.
+        If it is neither, or more than there are.
     """
     from aosplan.units import share, whole
 

@@ -48,7 +48,7 @@ def read_view_subset(text: str, name: str) -> ViewSubset:
     Raises
     ------
     RequestError
-        Where a part is none of those known.
+        If a part is none of those known.
     """
     parts = text.split()
     if parts == ["all"]:
@@ -97,7 +97,7 @@ def chosen(
     Raises
     ------
     RequestError
-        Where the choice names a view that does not exist, or leaves none.
+        If the choice names a view that does not exist, or leaves none.
     """
     left = np.arange(len(names)) if choice.views is None else _listed(choice.views, names)
     middle = 0.5 * (positions_m.min(axis=0) + positions_m.max(axis=0))

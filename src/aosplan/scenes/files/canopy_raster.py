@@ -82,11 +82,11 @@ def read_canopy(
     Raises
     ------
     RequestError
-        Where the file is no such raster, or has too many cells.
+        If the file is no such raster, or has too many cells.
     MissingExtraError
-        Where rasterio is not installed.
+        If rasterio is not installed.
     SurroundingsError
-        Where the machine does not let it be read.
+        If the machine does not let it be read.
     """
     _check_file(path)
     with needs_extra("reading canopy height rasters", EXTRA):

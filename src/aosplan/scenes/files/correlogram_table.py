@@ -53,7 +53,7 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
     Raises
     ------
     RequestError
-        Where a value is missing, of the wrong shape, or outside its domain.
+        If a value is missing, of the wrong shape, or outside its domain.
     """
 
     def numbers(name: str, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:

@@ -70,7 +70,7 @@ class PointFile:
     MissingExtraError
         If laspy or its decoder is not installed.
     SurroundingsError
-        Where the machine does not let it be read.
+        If the machine does not let it be read.
     """
 
     def __init__(self, name: str, units: Units | None = None) -> None:

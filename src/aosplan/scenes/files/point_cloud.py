@@ -143,12 +143,12 @@ def read_voxels(
     Raises
     ------
     RequestError
-        Where a file is missing, damaged or empty, its coordinates make no plot in metres, or
+        If a file is missing, damaged or empty, its coordinates make no plot in metres, or
         the plot has too many voxels.
     MissingExtraError
-        Where laspy, its LAZ backend or the ground filter is not installed.
+        If laspy, its LAZ backend or the ground filter is not installed.
     SurroundingsError
-        Where the machine refuses: permission, disk, memory.
+        If the machine refuses: permission, disk, memory.
     """
     names = [os.fspath(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
     _check_request(names, voxel_m, ground, min_height_m)

@@ -36,7 +36,7 @@ def read_slices(path: str) -> LayeredScene:
     Raises
     ------
     RequestError
-        Where the file is no such table; the message names the line and the column.
+        If the file is no such table; the message names the line and the column.
     """
     text = text_of(read_bytes(path), path)
     rows = csv.reader(text.splitlines(), strict=True)

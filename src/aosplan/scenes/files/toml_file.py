@@ -50,7 +50,7 @@ def read_scene_file(path: str) -> SceneFile:
     Raises
     ------
     RequestError
-        Where the file is not a scene.
+        If the file is not a scene.
     """
     table: Table = read_table(path)
     if not is_sound(table):

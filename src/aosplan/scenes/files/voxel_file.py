@@ -131,7 +131,7 @@ def read_stand(path: str) -> Stand:
     Raises
     ------
     RequestError
-        Where the file is something else, is damaged, or would not fit in memory.
+        If the file is something else, is damaged, or would not fit in memory.
     """
     return stand_in(read_bytes(path, most=MOST_OCTETS), path)
 

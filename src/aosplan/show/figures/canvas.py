@@ -43,7 +43,7 @@ class Look(NamedTuple):
         Raises
         ------
         RequestError
-            Where the width or the resolution is outside its bounds, or both make too many pixels.
+            If the width or the resolution is outside its bounds, or both make too many pixels.
         """
         for name, value, (least, most) in (
             ("--width-mm", self.width_mm, WIDTHS_MM),
@@ -66,7 +66,7 @@ def form_of(path: str) -> str:
     Raises
     ------
     RequestError
-        Where it does not have one of the extensions `FORMATS`.
+        If it does not have one of the extensions `FORMATS`.
     """
     ending = os.path.splitext(path)[1].lower()
     if ending not in FORMATS:
@@ -82,7 +82,7 @@ def check_extra() -> None:
     Raises
     ------
     MissingExtraError
-        Where matplotlib is not installed.
+        If matplotlib is not installed.
     """
     from importlib.util import find_spec
 
@@ -115,7 +115,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
     Raises
     ------
     MissingExtraError
-        Where matplotlib is not installed.
+        If matplotlib is not installed.
     """
     check_extra()
     import matplotlib as mpl

@@ -68,7 +68,7 @@ def correlations_of(found: LoadedScene) -> Correlations:
     Raises
     ------
     RequestError
-        Where it has neither.
+        If it has neither.
     """
     table = found.correlogram
     if table is None and found.volume is not None:

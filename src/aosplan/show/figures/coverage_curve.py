@@ -70,7 +70,7 @@ def curve_of(
     Raises
     ------
     RequestError
-        Where the scene is empty.
+        If the scene is empty.
     """
     if scene is None or scene.integrated_density == 0.0:
         raise RequestError("no occluder is above the focal plane")

@@ -73,7 +73,7 @@ def density_of(found: LoadedScene) -> Density:
     Raises
     ------
     RequestError
-        Where the scene is empty.
+        If the scene is empty.
     """
     scene, volume = found.scene, found.volume
     if scene.integrated_density == 0.0:

@@ -173,7 +173,7 @@ def check_columns(
     Raises
     ------
     RequestError
-        Where a name is unknown, or a map has no two columns to lie over.
+        If a name is unknown, or a map has no two columns to lie over.
     """
     if value is not None and (x is None or y is None):
         raise RequestError(f"{flags}value without {flags}x and {flags}y", "a map needs two columns")
@@ -202,7 +202,7 @@ def results_of(
     Raises
     ------
     RequestError
-        Where there is no such file or column, or a map would have too many cells.
+        If there is no such file or column, or a map would have too many cells.
     """
     lazy = _scan(path)
     if "status" not in _collected(lazy.head(0)).columns:

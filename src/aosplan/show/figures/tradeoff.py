@@ -75,7 +75,7 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
     Raises
     ------
     RequestError
-        Where nothing is hidden.
+        If nothing is hidden.
     """
     rows = plan.tradeoff()
     assert plan.problem is not None  # or there is no trade-off

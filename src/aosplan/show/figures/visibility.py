@@ -102,7 +102,7 @@ def visibility_of(plan: Plan) -> Visibility:
     Raises
     ------
     RequestError
-        Where nothing is hidden.
+        If nothing is hidden.
     """
     problem, solution = plan.problem, plan.solution
     if problem is None:

@@ -38,7 +38,7 @@ def check_extra(*, picture: bool) -> None:
     Raises
     ------
     MissingExtraError
-        Where Jinja2 is not installed, or Pillow for a picture.
+        If Jinja2 is not installed, or Pillow for a picture.
     """
     from importlib.util import find_spec
 
@@ -68,7 +68,7 @@ def report_page(
     Raises
     ------
     MissingExtraError
-        Where Jinja2, or Pillow for a picture, is not installed.
+        If Jinja2, or Pillow for a picture, is not installed.
     """
     check_extra(picture=seed is not None)
     import json
