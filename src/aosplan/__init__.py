@@ -1,11 +1,11 @@
 """aosplan: sampling plans for airborne optical sectioning.
 
-Public names are resolved on first use, so that ``import aosplan`` costs nothing.
+Public names are imported when they are first used, so that ``import aosplan`` is fast.
 """
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # as type checkers know it, without importing typing
+TYPE_CHECKING = False  # the name that type checkers recognise, without importing typing
 if TYPE_CHECKING:
     from aosplan.api.flown import Review as Review
     from aosplan.api.flown import Thinning as Thinning

@@ -1,4 +1,7 @@
-"""``aosplan`` and ``python -m aosplan``: what has to be in place before anything else is loaded."""
+"""Entry point of ``aosplan`` and ``python -m aosplan``.
+
+Signals, streams and warnings are set up here before any other module is loaded.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,13 @@ import warnings
 
 
 def main() -> None:
-    """Run the command line and exit."""
+    """Run the command line and exit with its status."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
-            # The shell has closed it; the next file to be opened would take its place.
+            # The shell has closed this stream. Without a replacement, the next file that is opened
+            # would get its descriptor.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
-    # Whoever has Ctrl-C ignored, such as a job in the background, keeps it ignored.
+    # If Ctrl-C is ignored, as it is for a background job of a shell, it stays ignored.
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
         signal.signal(signal.SIGINT, _leave)
@@ -24,12 +28,12 @@ def main() -> None:
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _end)
     if sys.argv[1:2] != ["thin"]:
-        # The BLAS below numpy starts a thread for each processor, which takes longer than all that
-        # the other commands multiply.
+        # OpenBLAS, which numpy loads, starts one thread per processor. Starting them takes longer
+        # than all matrix products of the commands other than `thin`.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if not sys.warnoptions:  # -W or PYTHONWARNINGS ask for them
-        # Warnings of libraries are for programmers; what a user has to know has words of our own.
-        sys.warnoptions.append("ignore")  # for worker processes
+    if not sys.warnoptions:  # the user did not ask for them with -W or PYTHONWARNINGS
+        # Warnings of libraries are meant for programmers; aosplan's own warnings are messages.
+        sys.warnoptions.append("ignore")  # worker processes inherit this list
         warnings.simplefilter("ignore")
     from aosplan.cli.app import leave, run
 
@@ -41,18 +45,18 @@ def main() -> None:
         finally:
             if heeded:
                 signal.signal(signal.SIGINT, _leave)
-    except KeyboardInterrupt:  # before `run` has begun to look out for it, or after it has ended
+    except KeyboardInterrupt:  # before or after `run`, which handles it otherwise
         status = 130
     leave(status)
 
 
 def _leave(_number: int, _frame: object) -> None:
-    """End at once: nothing has been begun that could be left half done, or all is done."""
+    """Exit at once on Ctrl-C: no work has begun, or all work is finished."""
     os._exit(130)
 
 
 def _raise_again(lost: sys.UnraisableHookArgs) -> None:
-    """Let Ctrl-C come once more where it fell into a callback, which no exception can leave."""
+    """Send SIGINT again if KeyboardInterrupt was raised in a callback that discards exceptions."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
         _thread.start_new_thread(_interrupt_soon, (_thread.get_ident(),))
     else:
@@ -60,15 +64,15 @@ def _raise_again(lost: sys.UnraisableHookArgs) -> None:
 
 
 def _interrupt_soon(thread: int) -> None:
-    time.sleep(0.01)  # by then the callback has ended
+    time.sleep(0.01)  # the callback has returned by then
     if sys.platform == "win32":
         _thread.interrupt_main()
     else:
-        signal.pthread_kill(thread, signal.SIGINT)  # which ends a wait, too
+        signal.pthread_kill(thread, signal.SIGINT)  # also ends a system call that waits
 
 
 def _end(_number: int, _frame: object) -> None:
-    """End as after an error, so that no temporary file is left."""
+    """Exit on SIGTERM through an exception, so that temporary files are removed."""
     sys.exit(143)
 
 

@@ -1,9 +1,9 @@
 """Units and coordinate reference systems of georeferenced files.
 
-Point clouds, canopy rasters and terrain ask the same questions: which unit do x and y have,
-which unit has z, and how long is such a unit on the ground at this place?  The answers come from
-the axes that PROJ knows.  A unit that a file does not state is None here, never a guess; the
-reader asks for it, or names what it assumes.
+Readers of point clouds, canopy rasters and terrain need the unit of x and y, the unit of z, and
+the length of one unit of x and y on the ground at a place.  These come from the axes of the
+coordinate reference system as PROJ describes them.  A unit that a file does not state is None here;
+it is never guessed.  The reader either asks the user for the unit or reports which unit it assumes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
 UNITS_M = {"m": 1.0, "ft": 0.3048, "us-ft": 1200.0 / 3937.0}
-"""Metres in the units that a user mostly names."""
+"""Metres in the units that users name most often."""
 
 _SYNONYMS = {
     "m": ("metre", "meter", "metres", "meters"),
@@ -36,29 +36,29 @@ _SYNONYMS = {
 }
 
 SAME_UNIT = 1e-4
-"""Units that differ by less, relatively, are the same for any height: feet of all kinds do."""
+"""Units whose relative difference is smaller count as equal for heights, such as all kinds of feet."""
 
 SCALED = 0.003
-"""Lengths of a projection that are off by less count as true; within its zone UTM stays below."""
+"""Largest relative scale error of a projection that is ignored; UTM stays below it in its zone."""
 
 MOST_SKEW_DEG = 1.0
-"""Axes of a projection that are farther from a right angle on the ground cannot be scaled."""
+"""Largest deviation from 90° between a projection's axes on the ground; beyond it, scaling fails."""
 
 ASK = "say it with --units, such as m, ft or us-ft, or us-ft,m for x and y in feet and z in metres"
-"""Hint for a scene's file that leaves its units open."""
+"""Hint for a scene file that does not state its units."""
 
 
 class Units(NamedTuple):
-    """Metres in the unit of x and y, and in that of z; None if it is not stated."""
+    """Metres in the unit of x and y, and in the unit of z; None if the unit is not stated."""
 
     across_m: float | None
     up_m: float | None
 
 
 class GroundScale(NamedTuple):
-    """Metres on the ground in one unit of x and of y at a place, and where that place is.
+    """Length on the ground [m] of one unit of x and of one unit of y at a place, and the place.
 
-    `skew_deg` is how far the two axes are from a right angle on the ground.
+    `skew_deg` is the deviation of the angle between the two axes from a right angle on the ground.
     """
 
     x_m: float
@@ -69,7 +69,7 @@ class GroundScale(NamedTuple):
 
 
 def unit_m(name: str) -> float | None:
-    """Metres in a unit of length by its name, as EPSG and PROJ spell it; None if it is unknown."""
+    """Metres in a unit of length that EPSG or PROJ names; None if the name is unknown."""
     plain = " ".join(name.lower().split())
     for short, synonyms in _SYNONYMS.items():
         if plain == short or plain in synonyms:
@@ -78,12 +78,12 @@ def unit_m(name: str) -> float | None:
 
 
 def unit_of_code_m(code: int) -> float | None:
-    """Metres in a unit of length by its EPSG code, such as 9003; None if it is unknown."""
+    """Metres in a unit of length with an EPSG code, such as 9003; None if the code is unknown."""
     return _units_by_code().get(str(code))
 
 
 def unit_text(metres: float) -> str:
-    """A unit as text: metres, US survey feet, or its length."""
+    """Name of a unit for messages: metres, feet, US survey feet, or its length in metres."""
     named = {"m": "metres", "ft": "feet", "us-ft": "US survey feet"}
     for short, length_m in UNITS_M.items():
         if math.isclose(metres, length_m, rel_tol=1e-7):
@@ -94,12 +94,12 @@ def unit_text(metres: float) -> str:
 
 
 def are_same(one_m: float, other_m: float) -> bool:
-    """Whether two units are the same to any height that is measured in them."""
+    """Whether two units are equal within `SAME_UNIT`."""
     return math.isclose(one_m, other_m, rel_tol=SAME_UNIT)
 
 
 def parse_unit(value: Any, name: str) -> str:
-    """An option that takes one unit of length.
+    """Check an option that takes one unit of length.
 
     Raises
     ------
@@ -116,7 +116,9 @@ def parse_unit(value: Any, name: str) -> str:
 
 
 def parse_units(value: Any, name: str) -> str:
-    """The option ``--units``: one unit, or that of x and y, a comma, and that of z.
+    """Check the option ``--units``: one unit for all axes, or one for x and y and one for z.
+
+    The two units are separated by a comma.
 
     Raises
     ------
@@ -129,26 +131,27 @@ def parse_units(value: Any, name: str) -> str:
 
 
 def given_units(text: str) -> Units:
-    """Metres in the units that ``--units`` names, after `parse_units`."""
+    """Metres in the units that ``--units`` gives, as `parse_units` returns them."""
     across, _, up = text.partition(",")
     across_m = unit_m(across.strip())
     return Units(across_m, unit_m(up.strip()) if up else across_m)
 
 
 def units_of(crs: CRS, what: str) -> Units:
-    """Units that a coordinate reference system states for x and y, and for z.
+    """Units of x and y and of z that a coordinate reference system states.
 
     Parameters
     ----------
     crs
-        Projected, local or compound.
+        A projected, local or compound system.
     what
-        What has it, for messages: ``point cloud 'a.laz'``.
+        What the system belongs to, for messages: ``point cloud 'a.laz'``.
 
     Raises
     ------
     RequestError
-        If x and y are degrees or geocentric, if they run west or south, or if z counts downwards.
+        If x and y are in degrees or geocentric, if an axis points west or south, or if z increases
+        downwards.
     """
     if crs.is_geographic or crs.is_geocentric:
         raise RequestError(
@@ -170,7 +173,7 @@ def units_of(crs: CRS, what: str) -> Units:
 
 
 def crs_of_wkt(text: str, what: str) -> CRS:
-    """The coordinate reference system of a WKT text.
+    """The coordinate reference system that a WKT text describes.
 
     Raises
     ------
@@ -190,9 +193,9 @@ def crs_of_wkt(text: str, what: str) -> CRS:
 
 
 def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> float:
-    """Metres in the unit of a raster's heights: that of its band, or of its vertical axis.
+    """Metres in the unit of a raster's heights, from its band or its vertical axis.
 
-    A raster that states neither has metres, unless its x and y are in feet.
+    If neither states a unit, metres are assumed, unless x and y are in feet.
 
     Parameters
     ----------
@@ -201,12 +204,13 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     stated
         Units of its coordinate reference system.
     what, hint
-        What the raster is, for messages, and how the unit can be given.
+        What the raster is and how the user can give the unit, for messages.
 
     Raises
     ------
     RequestError
-        If the unit is unknown, stated twice in different ways, or missing beside feet.
+        If the unit is unknown, if band and axis disagree, or if no unit is stated and x and y are
+        in feet.
     """
     named_m = unit_m(band) if band and band.strip() else None
     if band and band.strip() and named_m is None:
@@ -231,12 +235,12 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
 
 
 def vertical_unit_m(crs: CRS, what: str) -> float | None:
-    """Metres in the unit of heights, if the coordinate reference system has a vertical axis.
+    """Metres in the unit of heights; None if the coordinate reference system has no vertical axis.
 
     Raises
     ------
     RequestError
-        If the axis counts downwards.
+        If the axis points downwards.
     """
     for axis in crs.axis_info:
         if axis.direction == "down":
@@ -250,7 +254,7 @@ def vertical_unit_m(crs: CRS, what: str) -> float | None:
 
 
 def horizontal(crs: CRS) -> CRS:
-    """The part of a coordinate reference system that x and y have."""
+    """The horizontal part of a coordinate reference system, which x and y refer to."""
     if crs.is_compound:
         return horizontal(crs.sub_crs_list[0])
     if crs.is_bound and crs.source_crs is not None:
@@ -259,17 +263,19 @@ def horizontal(crs: CRS) -> CRS:
 
 
 def vertical_name(crs: CRS) -> str | None:
-    """Name of the vertical part of a coordinate reference system, if it has one."""
+    """Name of the vertical part of a coordinate reference system; None if it has none."""
     return next((str(part.name) for part in crs.sub_crs_list if part.is_vertical), None)
 
 
 def transformer(source: CRS | str, target: CRS | str) -> Transformer:
-    """From one system to another, x and longitude first, without PROJ's words on missing grids.
+    """Transformation between two systems, with x or longitude first.
+
+    PROJ's warnings about missing grids are suppressed.
 
     Raises
     ------
     pyproj.exceptions.ProjError
-        If there is no way from one to the other.
+        If PROJ knows no transformation between the two systems.
     """
     import warnings
 
@@ -281,10 +287,11 @@ def transformer(source: CRS | str, target: CRS | str) -> Transformer:
 
 
 def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
-    """Metres on the ground, on the ellipsoid, in one unit of x and of y at a place.
+    """Length on the ground, on the ellipsoid, of one unit of x and of one unit of y at a place.
 
-    The unit and the scale of the projection come out together: of a degree, of a US survey foot,
-    of a metre of web Mercator (1 / cos φ too long).  None if the place cannot be found.
+    The lengths [m] contain both the unit and the scale error of the projection: those of a degree,
+    of a US survey foot, or of a metre of web Mercator (1 / cos φ too long).  None if the place has
+    no latitude and longitude.
     """
     from pyproj.exceptions import ProjError
 
@@ -293,7 +300,7 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     ellipsoid = plane.get_geod()
     if globe is None or ellipsoid is None or not (math.isfinite(x) and math.isfinite(y)):
         return None
-    # Long enough for nine digits to be left of the differences, short enough for one scale.
+    # Long enough that the differences keep nine digits, short enough that the scale is constant.
     step = 1e-3 if plane.is_geographic else 100.0
     try:
         longitudes, latitudes = transformer(plane, globe).transform(
@@ -311,7 +318,7 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     )
     if not min(lengths) > 0.0:
         return None
-    turn = (azimuths[0] - azimuths[1]) % 360.0  # 90° from north to east
+    turn = (azimuths[0] - azimuths[1]) % 360.0  # 90° if x points east and y north
     return GroundScale(
         lengths[0] / (2.0 * step),
         lengths[1] / (2.0 * step),
@@ -322,21 +329,22 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
 
 
 def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple[float, float]:
-    """Metres on the ground in a unit of x and of y at a place, `across_m` if that is near it.
+    """Length on the ground of one unit of x and of y at a place; `across_m` if the scale is close
+    to 1.
 
     Parameters
     ----------
     scale
-        What `ground_scale` finds there.
+        Result of `ground_scale` at the place; None if unknown, when `across_m` is returned.
     across_m
-        Metres in the unit of x and y.
+        Metres in the unit of x and y, without the scale of the projection.
     what
         What has the coordinates, for messages.
 
     Raises
     ------
     RequestError
-        If the axes of the projection are not at a right angle on the ground here.
+        If the scale has to be corrected and the axes are not at a right angle on the ground.
     """
     if scale is None:
         return across_m, across_m
@@ -351,7 +359,7 @@ def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple
 
 
 def reads_like_feet(text: str) -> bool:
-    """Whether an unreadable description of a coordinate reference system speaks of feet."""
+    """Whether the text of a coordinate reference system that PROJ cannot read mentions feet."""
     import re
 
     return (

@@ -1,14 +1,14 @@
-"""What can go wrong, and what to do about it.
+"""Errors that aosplan raises on purpose.
 
     AosplanError
     ├── RequestError        the request is wrong: an option, a value, a file's content
-    ├── InfeasibleError     the request is sound but nothing meets it
+    ├── InfeasibleError     the request is valid but has no solution
     ├── MissingExtraError   an optional dependency is not installed
     └── SurroundingsError   the machine failed: no permission, disk full
 
-Every error carries one sentence that names the offending value and where it stands, and
-where there is a remedy a hint.  The command line turns them into ``error:`` and ``hint:``
-lines and exits with ``exit_status``.
+Every error has a one-sentence message with the offending value and its place.  If there is a
+remedy, it also has a hint.  The command line prints them as ``error:`` and ``hint:`` lines and
+exits with ``exit_status``.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ class AosplanError(Exception):
     Parameters
     ----------
     message
-        One sentence: the offending value and where it stands.
+        One sentence that names the offending value and its place.
     hint
-        One sentence with the remedy, or empty.
+        One sentence that names the remedy, or empty.
     """
 
     exit_status = 2
@@ -44,7 +44,7 @@ class RequestError(AosplanError):
 
 
 class InfeasibleError(AosplanError):
-    """The request is well formed, but nothing within its bounds meets it."""
+    """The request is well formed, but no solution exists within its bounds."""
 
 
 class MissingExtraError(AosplanError):
@@ -58,12 +58,12 @@ class MissingExtraError(AosplanError):
 
 @contextmanager
 def needs_extra(what: str, extra: str) -> Iterator[None]:
-    """Around the imports of an optional dependency: an error where it is not installed.
+    """Wrap the imports of an optional dependency and report one that is missing.
 
     Raises
     ------
     MissingExtraError
-        That names `what` needs it, and the extra that it comes with.
+        If an import fails; the message names `what` needs the dependency and the extra to install.
     """
     try:
         yield

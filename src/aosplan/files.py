@@ -1,4 +1,4 @@
-"""Files: read with limits, written whole or not at all."""
+"""Reading files with size limits; writing files completely or not at all."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 MOST_BYTES = 64 * 1024 * 1024
-"""Larger documents are refused before they are read."""
+"""Size [bytes] of the largest document that is read."""
 
 DEEPEST = 60
-"""Levels of nesting that a document may have."""
+"""Greatest number of nesting levels in a document."""
 
 _WINDOWS_PATH = re.compile(r'"[^"\n]*\\[^"\n]*"')
-"""Text of TOML in which a backslash begins an escape."""
+"""Matches a double-quoted TOML string with a backslash, which starts an escape sequence."""
 
 MOST_NAMES = 200_000
-"""Names that a TOML document may have: its parser takes up to 2 kB for each."""
+"""Greatest number of names in a TOML document; the parser needs up to 2 kB for each."""
 
 
 def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
-    """Content of a file, or of stdin for ``-``.
+    """Read a file, or stdin for ``-``.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
 
 
 def read_start(path: str, most: int) -> bytes:
-    """The first bytes of a file, or of stdin for ``-``: at most so many.
+    """Read at most the first `most` bytes of a file, or of stdin for ``-``.
 
     Raises
     ------
@@ -64,14 +64,15 @@ def read_start(path: str, most: int) -> bytes:
 
 @contextmanager
 def reading(path: str, what: str = "file") -> Iterator[None]:
-    """Around the opening and reading of a file: its faults in the words of every other input.
+    """Wrap the opening and reading of a file; its errors get the same messages as for any other
+    input.
 
     Parameters
     ----------
     path
         The file.
     what
-        What a user takes it for.
+        What the file is for the user, such as ``camera file``.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
     """
     try:
         yield
-    except (FileNotFoundError, NotADirectoryError, ValueError):  # of a zero byte in the name
+    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: a zero byte
         raise RequestError(f"no {what} '{path}'") from None
     except IsADirectoryError:
         raise RequestError(f"'{path}' is a folder, not a {what}") from None
@@ -91,21 +92,21 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
 
 
 def read_table(path: str, *, most: int = MOST_BYTES, with_nan: bool = False) -> dict[str, Any]:
-    """A TOML or JSON document with named values at its top.
+    """Read a TOML or JSON document that has named values at its top level.
 
-    ``.toml`` is TOML and ``.json`` JSON; anything else is taken by its first character.
+    The extensions ``.toml`` and ``.json`` decide; with any other, the first character decides.
 
     Raises
     ------
     RequestError
-        If it is neither, nests too deeply, gives a name twice, or holds a number beyond what a
-        float can hold or text that is not Unicode; the message says where.
+        If it is neither, is nested too deeply, gives a name twice, or has a number that is too
+        large for a float or text that is not Unicode; the message says where.
     """
     return parse_table(read_bytes(path, most=most), path, with_nan=with_nan)
 
 
 def text_of(content: bytes, path: str) -> str:
-    """The text of a file: UTF-8, or UTF-16 with a byte order mark, as PowerShell writes it.
+    """Decode the text of a file: UTF-8, or UTF-16 with a byte order mark, as PowerShell writes it.
 
     Raises
     ------
@@ -121,14 +122,15 @@ def text_of(content: bytes, path: str) -> str:
 
 
 def parse_table(content: bytes, path: str, *, with_nan: bool = False) -> dict[str, Any]:
-    """The document that `read_table` finds in the content of a file.
+    """Parse the content of a file as `read_table` does.
 
-    `with_nan` lets JSON hold NaN and Infinity, as other programs write them for unknown values.
+    With `with_nan`, JSON may contain NaN and Infinity, which other programs write for unknown
+    values.
     """
     text = text_of(content, path)
     suffix = os.path.splitext(path)[1].lower()
     start = text.lstrip()
-    # ``[name]`` begins a table of TOML; a list of JSON holds other things.
+    # ``[name]`` begins a table in TOML. A JSON list begins with something other than a letter.
     listed = start[:1] == "[" and not start.lstrip("[")[:1].isalpha()
     as_json = suffix == ".json" or (suffix != ".toml" and (listed or start[:1] == "{"))
     try:
@@ -170,8 +172,9 @@ def _from_toml(text: str) -> Any:
     import re
     import tomllib
 
-    # tomllib makes a table for every part of a dotted key, and goes through all of them again for
-    # each part, before we can look.  Possessive repeats keep the search linear.
+    # tomllib creates a table for every part of a dotted key and walks through all of them again for
+    # each part, so the depth has to be checked before parsing. Possessive quantifiers keep the
+    # search linear.
     part = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
     if re.search(rf"(?<![\w-])(?:{part}\.[ \t]*+){{{DEEPEST}}}", text):
         raise RecursionError
@@ -182,9 +185,10 @@ def _from_toml(text: str) -> Any:
 
 
 def _check_values(document: Any, text: str) -> None:
-    """Refuse a document whose values lie too deep in each other, or that the text overstates.
+    """Refuse a document that is nested too deeply or has a number or text that is not valid.
 
-    Its numbers and its text are looked through only if the text holds what could be wrong.
+    Numbers and text are only checked if the text contains a large exponent, a very long number or
+    an escaped surrogate.
     """
     import re
 
@@ -208,7 +212,10 @@ def _check_values(document: Any, text: str) -> None:
 
 
 def _is_wrong(value: Any) -> bool:
-    """Whether a value is a number beyond every float, or text, or a name in it, is not Unicode."""
+    """Whether a value is a number that is too large for a float, or text that is not Unicode.
+
+    A table is wrong if one of its names is not Unicode.
+    """
     if isinstance(value, dict):
         return not all(map(is_unicode, value))
     if isinstance(value, str):
@@ -222,7 +229,7 @@ def _is_wrong(value: Any) -> bool:
 
 
 def _wrong_values(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Wrong values of a document, and where they stand: names and indices with dots between."""
+    """Wrong values of a document, each with its place: names and indices joined by dots."""
     if _is_wrong(value):
         yield place or "a name", value
     if isinstance(value, (dict, list)):
@@ -232,7 +239,7 @@ def _wrong_values(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def is_unicode(text: str) -> bool:
-    """Whether a text can be written as UTF-8: without half a pair of surrogates."""
+    """Whether a text can be encoded as UTF-8, which an unpaired surrogate cannot."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -242,10 +249,10 @@ def is_unicode(text: str) -> bool:
 
 @contextmanager
 def decoding(what: str, path: str) -> Iterator[None]:
-    """Around a library that decodes a file: whatever it does with a damaged one, one error line.
+    """Wrap a library that decodes a file, so that a damaged file gives one error message.
 
-    Libraries complain about damage in exceptions of every kind, among them some that are no
-    `Exception` (a panic in Rust), in warnings, and in words on stderr.
+    Libraries report damage with exceptions of every kind (a panic in Rust is not even an
+    `Exception`), with warnings, and with text on stderr.
 
     Parameters
     ----------
@@ -257,8 +264,8 @@ def decoding(what: str, path: str) -> Iterator[None]:
     Raises
     ------
     RequestError
-        If the library raises anything but an error of this project's, an error of the machine, a
-        lack of memory or an interruption.
+        If the library raises anything except an `AosplanError`, an error of the operating system,
+        `MemoryError` or an interruption.
     """
     import warnings
 
@@ -271,7 +278,7 @@ def decoding(what: str, path: str) -> Iterator[None]:
     except BaseException as error:  # noqa: BLE001 (a panic is no Exception)
         if isinstance(error, OSError) and error.errno is not None:
             raise SurroundingsError(f"cannot read '{path}': {_reason(error)}") from None
-        # What a panic says is about the library's own code.
+        # The text of a panic describes the library's code, not the file.
         lines = str(error).strip().splitlines() if isinstance(error, Exception) else []
         reason = f": {lines[0].strip()}" if lines else ""
         raise RequestError(f"'{path}' is not a {what} that can be read{reason}") from None
@@ -279,10 +286,10 @@ def decoding(what: str, path: str) -> Iterator[None]:
 
 @contextmanager
 def silent(descriptor: int) -> Iterator[None]:
-    """Keep what a library of another language prints away from stdout (1) or stderr (2)."""
+    """Discard what a compiled library prints to stdout (1) or stderr (2)."""
     try:
         kept = os.dup(descriptor)
-    except OSError:  # it is closed: nothing to keep clean
+    except OSError:  # the descriptor is closed, so nothing can be printed
         yield
         return
     (sys.stdout if descriptor == 1 else sys.stderr).flush()
@@ -297,7 +304,7 @@ def silent(descriptor: int) -> Iterator[None]:
 
 
 def check_input(path: str) -> None:
-    """Refuse a file that is not there, for libraries that open it themselves.
+    """Refuse a file that cannot be opened, before a library opens it.
 
     Raises
     ------
@@ -311,12 +318,12 @@ def check_input(path: str) -> None:
 
 
 def check_output(path: str, *, force: bool) -> None:
-    """Refuse an output path before any work is done for it.
+    """Refuse an output path that cannot be written, before any work is done.
 
     Raises
     ------
     RequestError
-        If it is a folder, its folder does not exist, or it exists and `force` is false.
+        If it is a folder, if its folder does not exist, or if it exists and `force` is false.
     """
     if path == "-":
         return
@@ -334,10 +341,10 @@ def check_output(path: str, *, force: bool) -> None:
 
 
 def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
-    """Write several files: all of them whole, or none.
+    """Write several files: all of them completely, or none.
 
-    Each goes to a temporary file beside its target first, and only when all of them are on
-    the disk do they take their names.
+    Each file is written to a temporary file in the same folder.  The temporary files are renamed
+    only when all of them are on the disk.
 
     Raises
     ------
@@ -390,12 +397,15 @@ def _write_beside(path: str, content: bytes) -> str:
 
 
 def _target(path: str) -> str:
-    """What is written: a link stays, and what it points to is replaced."""
+    """The file to replace: for a link, the file that the link points to."""
     return os.path.realpath(path)
 
 
 def _place(temporary: str, path: str, *, force: bool) -> str | None:
-    """Give a file its name; the name under which an earlier file is kept, None if there was none."""
+    """Rename a temporary file to its final name, and keep an earlier file under another name.
+
+    The result is that other name, or None if there was no earlier file.
+    """
     if not os.path.lexists(path):
         earlier = None
     elif force:
@@ -423,7 +433,7 @@ def _remove(path: str) -> None:
     if path:
         try:
             os.unlink(path)
-        except OSError:  # it may never have come into being
+        except OSError:  # it may not exist
             return
 
 
@@ -438,7 +448,9 @@ def _reason(error: OSError) -> str:
 
 
 def is_locked(error: OSError) -> bool:
-    """Whether Windows refused to touch a file because a program, such as a spreadsheet, has it open."""
+    """Whether Windows refused access because another program, such as a spreadsheet, has the file
+    open.
+    """
     return getattr(error, "winerror", None) in (5, 32, 33)
 
 
@@ -448,7 +460,7 @@ def _refused(path: str, error: OSError) -> SurroundingsError:
 
 
 def located(name: str, folder: str) -> str:
-    """A file name from a request file, looked for beside that file first."""
+    """Resolve a file name from a request file: first in that file's folder, then as given."""
     beside = os.path.join(folder, name)
     if not folder:
         return name
@@ -461,10 +473,10 @@ def located(name: str, folder: str) -> str:
 
 
 def is_file_name(name: str) -> bool:
-    """Whether a name has an extension or a folder, so that it names a file and not a preset."""
+    """Whether a name has an extension or a folder, so that it is a file and not a preset."""
     return os.path.splitext(name)[1] != "" or os.sep in name
 
 
 def is_pattern(name: str) -> bool:
-    """Whether a name is a pattern such as ``tiles/*.laz``, and not the name of an existing file."""
+    """Whether a name is a pattern such as ``tiles/*.laz`` and not the name of an existing file."""
     return any(mark in name for mark in "*?[") and not os.path.lexists(name)

@@ -1,4 +1,4 @@
-"""Local metres to latitude and longitude on the WGS 84 ellipsoid."""
+"""Conversion between local metres and latitude and longitude on the WGS 84 ellipsoid."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 FARTHEST_M = 1e6
-"""Grids reach no farther from their origin."""
+"""Greatest distance [m] of a point from the origin of its local frame."""
 
 
 def to_wgs84(
     origin: tuple[float, float], east_m: Sequence[float], north_m: Sequence[float]
 ) -> tuple[list[float], list[float]]:
-    """Latitudes and longitudes of points given east and north of an origin.
+    """Latitudes and longitudes of points that are given as metres east and north of an origin.
 
-    The local frame is azimuthal equidistant: distance and azimuth from the origin are true on
-    the ellipsoid, everywhere on earth.  Between neighbours r from the origin, distances are
-    off by at most r²/(6 R²) of themselves: 1e-9 at 500 m, 2e-6 at 20 km.
+    The local frame is an azimuthal equidistant projection: distance and azimuth from the origin are
+    exact on the ellipsoid, everywhere on earth.  The distance between two neighbouring points at r
+    from the origin has a relative error of at most r²/(6 R²), where R is the earth's radius: 1e-9
+    at 500 m, 2e-6 at 20 km.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def to_wgs84(
     Returns
     -------
     latitudes, longitudes
-        Lists of N, degrees; longitudes in [-180, 180).
+        Lists of N angles [deg]; longitudes in [-180, 180).
     """
     from pyproj import Geod
 
@@ -60,7 +61,7 @@ def to_wgs84(
 def to_local(
     origin: tuple[float, float], latitudes: Sequence[float], longitudes: Sequence[float]
 ) -> tuple[list[float], list[float]]:
-    """Metres east and north of an origin, of points given on earth: the inverse of `to_wgs84`."""
+    """Metres east and north of an origin for latitudes and longitudes: the inverse of `to_wgs84`."""
     from pyproj import Geod
 
     count = len(latitudes)
@@ -75,16 +76,16 @@ def to_local(
 
 
 def local_crs(latitude: float, longitude: float) -> str:
-    """The local frame of `to_wgs84` as a coordinate system that PROJ and GIS programs read."""
+    """The local frame of `to_wgs84` as a PROJ string, which GIS programs read."""
     return f"+proj=aeqd +lat_0={latitude:.9f} +lon_0={longitude:.9f} +datum=WGS84 +units=m +no_defs"
 
 
 def path_parts(
     longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
 ) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
-    """A path as pieces of which none crosses the antimeridian: the columns of each.
+    """Split a path into parts that do not cross the antimeridian; the columns of each part.
 
-    A leg across it is cut there, on the straight line in longitude and latitude.
+    A leg that crosses it is cut there, on the straight line in longitude and latitude.
     """
     if max(longitude) - min(longitude) <= 180.0:
         return [(longitude, latitude, altitude_m)]

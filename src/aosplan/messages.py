@@ -1,4 +1,4 @@
-"""Messages of a plan: what bound it, and what the user should know."""
+"""Messages of a plan: limits that took effect, and warnings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Limit(NamedTuple):
-    """What bound the result: a quantity, its value, the bound it met, and why."""
+    """A limit that took effect: the quantity, its value, the bound that it reached, and the reason."""
 
     quantity: str
     value: float
@@ -15,7 +15,7 @@ class Limit(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A warning: a short code for programs, a sentence for people."""
+    """A warning: a short code for programs and a sentence for people."""
 
     code: str
     message: str

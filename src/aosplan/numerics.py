@@ -1,8 +1,8 @@
-"""One formula for floats and for arrays.
+"""Formulas that work on floats and on arrays.
 
-A kernel is written once, as arithmetic on its arguments and calls on a namespace `xp`:
-`SCALARS` works on floats with `math`, so that a plain command never imports numpy; numpy
-serves arrays, in blocks that stay in the processor's cache.
+A kernel is written once, as arithmetic on its arguments and calls of a namespace `xp`.  For floats,
+`xp` is `SCALARS`, which uses `math`, so that a plain command does not import numpy.  For arrays it
+is numpy, applied to blocks that fit the processor's cache.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     """A float, or an array of them."""
 
 BLOCK = 8192
-"""Elements per block: 64 KiB an operand, so that a kernel's temporaries fit the L2 cache."""
+"""Elements per block: 64 KiB per operand, so that a kernel's temporaries fit the L2 cache."""
 
 
 class _Scalars:
-    """The few numpy functions that the kernels use, for floats."""
+    """The numpy functions that the kernels use, for floats."""
 
     minimum = staticmethod(min)
     maximum = staticmethod(max)
@@ -47,20 +47,20 @@ SCALARS = _Scalars()
 
 
 def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
-    """Apply a kernel to floats at once, or to broadcast arrays block by block.
+    """Apply a kernel to floats directly, or to broadcast arrays block by block.
 
     Parameters
     ----------
     kernel
-        ``kernel(xp, *arguments)``, returning ``(value, valid)``: the value, and whether the
+        ``kernel(xp, *arguments)`` returns ``(value, valid)``: the value, and whether the
         arguments are in its domain.
     arguments
-        Floats, or anything numpy can broadcast.
+        Floats, or anything that numpy can broadcast.
 
     Returns
     -------
     float or ndarray
-        The value where it is valid and ``nan`` elsewhere.
+        The value if the arguments are in the domain, and ``nan`` otherwise.
     """
     if all(isinstance(argument, (float, int)) for argument in arguments):
         try:
@@ -71,7 +71,7 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
             ZeroDivisionError,
             OverflowError,
             ValueError,
-        ):  # numpy would say inf or nan: not valid either
+        ):  # numpy would give inf or nan, which is not valid either
             return math.nan
         return float(value) if valid else math.nan
 
@@ -96,36 +96,37 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def triangle(distance: Any, xp: Any = SCALARS) -> Any:
-    """max(0, 1 - |u|): how much two intervals of length 1 overlap that are u apart."""
+    """Overlap max(0, 1 - |u|) of two intervals of length 1 whose centres are u apart."""
     return xp.maximum(1.0 - abs(distance), 0.0)
 
 
 def heading_axis(heading_deg: float) -> tuple[float, float]:
-    """East and north of the unit vector along a heading, clockwise from true north."""
+    """East and north components of the unit vector along a heading, clockwise from true north."""
     heading = math.radians(math.fmod(heading_deg, 360.0))
     return math.sin(heading), math.cos(heading)
 
 
 def turned(first: Any, second: Any, axis: tuple[float, float]) -> tuple[Any, Any]:
-    """East and north as x along a heading and y to its right; x and y as east and north.
+    """Convert between (east, north) and (x along a heading, y to its right).
 
-    Both are the same reflection, which is its own inverse.
+    Both directions are the same reflection, which is its own inverse.
 
     Parameters
     ----------
     first, second
-        East and north, or x and y; floats or arrays.
+        East and north, or x and y: floats or arrays.
     axis
-        `heading_axis` of the heading.
+        Result of `heading_axis` for the heading.
     """
     east, north = axis
     return first * east + second * north, first * north - second * east
 
 
 def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Smallest number in [low, high] at which a condition holds that, once true, stays true.
+    """Smallest number in [low, high] for which a condition is true.
 
-    `holds(high)` must be true.  Bisection to the last bit; the result is on the true side.
+    The condition must be monotone (once true, it stays true), and `holds(high)` must be true.  The
+    bisection goes on to the last bit, and the condition is true for the result.
     """
     if holds(low):
         return low
@@ -140,10 +141,11 @@ def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def smallest_root(excess: Callable[[float], float], low: float, high: float) -> float:
-    """Smallest number in [low, high] at which a function that never rises is at most 0.
+    """Smallest number in [low, high] for which a function that never increases is at most 0.
 
-    `excess(high)` must be.  The Illinois method (Dowell and Jarratt, 1971), every fourth step a
-    bisection; the result is on the right side, and its neighbour below is not, but for rounding.
+    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with a
+    bisection at every fourth step.  The function is at most 0 for the result and, within rounding,
+    above 0 for the next smaller float.
     """
     above, below = excess(low), excess(high)
     if above <= 0.0:
@@ -156,7 +158,7 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
         if step % 4 == 0 or not low < guess < high:
             guess = middle
         value = excess(guess)
-        # An end that stays twice counts half as much, so that it moves the next time.
+        # The value at an end that is kept twice is halved, so that the next step moves this end.
         if value <= 0.0:
             above, high, below = (0.5 * above if guess != middle else above), guess, value
         else:
@@ -165,7 +167,7 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
 
 
 def smallest_whole(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Smallest whole number in [low, high] at which a condition holds; `holds(high)` is true."""
+    """Smallest whole number in [low, high] for which a condition is true; `holds(high)` must be."""
     while low < high:
         middle = (low + high) // 2
         if holds(middle):

@@ -1,7 +1,6 @@
-"""What other installed distributions add: formats, cameras and drones, by entry points.
+"""Formats, cameras and drones that other installed distributions add by entry points.
 
-The metadata of distributions is read only for a name that is not built in, so that a start stays
-quick.
+The metadata of distributions is read only for a name that is not built in, to keep the start fast.
 """
 
 from __future__ import annotations
@@ -12,18 +11,18 @@ from aosplan.errors import RequestError
 
 
 def plugin(group: str, name: str) -> Any:
-    """The object that an installed distribution offers by a name in a group; None if none does.
+    """The object that an installed distribution registers under a name in a group, or None.
 
     Raises
     ------
     RequestError
-        If it cannot be loaded.
+        If the object cannot be loaded.
     """
     return next((value for _, value in _loaded(group, name)), None)
 
 
 def plugins(group: str) -> dict[str, Any]:
-    """All objects that installed distributions offer in a group, by name."""
+    """All objects that installed distributions register in a group, by name."""
     return dict(_loaded(group))
 
 

@@ -1,8 +1,9 @@
-"""Quantities read and shown: text or numbers in, floats in metres, degrees and seconds out.
+"""Parsing and printing of quantities: numbers and text become floats in metres, degrees, seconds.
 
-Every value a user writes, on the command line, in a file or in Python, comes through one of
-these functions, so the same units are converted (feet, knots), and the same mistakes get the same
-answers: percent taken for a fraction, text in a number, infinities.
+Every value that a user gives, on the command line, in a file or in Python, is parsed by one of
+these functions.  The same units are therefore converted everywhere (feet, knots), and the same
+mistakes get the same messages: a percentage instead of a fraction, text instead of a number,
+infinity.
 """
 
 from __future__ import annotations
@@ -38,21 +39,21 @@ _FOREIGN = {
 
 
 def number(value: Any, name: str, unit: str = "") -> float:
-    """A finite number, in a unit that may be written behind it: ``"40m"``, ``"130ft"``.
+    """A finite number, which may be followed by its unit: ``"40m"``, ``"130ft"``.
 
     Parameters
     ----------
     value
         A number in `unit`, or text that may end in `unit` or in a unit that is converted to it.
     name
-        What messages call it.
+        Name of the value in messages.
     unit
         The unit of the result.
 
     Raises
     ------
     RequestError
-        If it is not a finite number, or has a unit of another quantity.
+        If it is not a finite number, or if its unit is of another quantity.
     """
     if isinstance(value, str):
         return _from_text(value.strip(), name, unit)
@@ -66,7 +67,7 @@ def number(value: Any, name: str, unit: str = "") -> float:
 
 
 def positive(value: Any, name: str, unit: str = "") -> float:
-    """A number above zero."""
+    """A number greater than 0."""
     result = number(value, name, unit)
     if result <= 0.0:
         raise RequestError(f"{name} {shown(value)} is not above zero", _unit_hint(unit))
@@ -74,15 +75,15 @@ def positive(value: Any, name: str, unit: str = "") -> float:
 
 
 def at_least_zero(value: Any, name: str, unit: str = "") -> float:
-    """A number that is not negative."""
+    """A number that is at least 0."""
     result = number(value, name, unit)
     if result < 0.0:
         raise RequestError(f"{name} {shown(value)} is below zero", _unit_hint(unit))
-    return result + 0.0  # no negative zero in what is written out
+    return result + 0.0  # -0.0 would be written out as such
 
 
 def whole(value: Any, name: str) -> int:
-    """A whole number from 1."""
+    """A whole number that is at least 1."""
     result = number(value, name)
     if result < 1.0 or result != math.floor(result) or result >= 2**53:
         raise RequestError(f"{name} {shown(value)} is not a whole number from 1")
@@ -90,7 +91,7 @@ def whole(value: Any, name: str) -> int:
 
 
 def index(value: Any, name: str) -> int:
-    """A whole number from 0."""
+    """A whole number that is at least 0."""
     result = number(value, name)
     if result < 0.0 or result != math.floor(result) or result >= 2**53:
         raise RequestError(f"{name} {shown(value)} is not a whole number from 0")
@@ -98,7 +99,7 @@ def index(value: Any, name: str) -> int:
 
 
 def share(value: Any, name: str) -> float:
-    """A share between 0 and 1; text may say ``98%``."""
+    """A share between 0 and 1; text may be a percentage such as ``98%``."""
     text = value.strip() if isinstance(value, str) else ""
     result = number(text[:-1], name) / 100.0 if text.endswith("%") else number(value, name)
     if not 0.0 <= result <= 1.0:
@@ -107,7 +108,7 @@ def share(value: Any, name: str) -> float:
 
 
 def share_above_zero(value: Any, name: str) -> float:
-    """A share above 0, at most 1."""
+    """A share that is greater than 0 and at most 1."""
     result = share(value, name)
     if result == 0.0:
         raise RequestError(f"{name} {shown(value)} is not above zero")
@@ -115,7 +116,7 @@ def share_above_zero(value: Any, name: str) -> float:
 
 
 def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
-    """A parser for one of a few words."""
+    """A parser that accepts one of the given words."""
     allowed = tuple(choices)
 
     def parse(value: Any, name: str) -> str:
@@ -130,7 +131,7 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
 
 
 def flag(value: Any, name: str) -> bool:
-    """True or false; text may say so."""
+    """True or false, also as text."""
     if isinstance(value, str) and value.strip().lower() in ("true", "false"):
         return value.strip().lower() == "true"
     if not isinstance(value, bool):
@@ -139,7 +140,7 @@ def flag(value: Any, name: str) -> bool:
 
 
 def or_best(parse: Callable[[Any, str], Any]) -> Callable[[Any, str], Any]:
-    """A parser that also takes the word ``best``: whichever value proves the best."""
+    """A parser that also accepts the word ``best``: the program then chooses the value."""
 
     def parsed(value: Any, name: str) -> Any:
         return "best" if value == "best" else parse(value, name)
@@ -157,13 +158,13 @@ def word(value: Any, name: str) -> str:
 
 
 def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
-    """A place on earth, ``LAT,LON`` in degrees or a pair of numbers.
+    """A place on earth: ``LAT,LON`` in degrees, or two numbers.
 
     Raises
     ------
     RequestError
-        If it is not two numbers in range; a latitude beyond 90 that would do as a
-        longitude is taken for a swap.
+        If it is not two numbers in range.  If the latitude is beyond 90 degrees but would be a
+        valid longitude, the hint suggests that the two are swapped.
     """
     parts = value.split(",") if isinstance(value, str) else value
     if not isinstance(parts, (list, tuple)) or len(parts) != 2:
@@ -188,7 +189,7 @@ def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
 
 
 def percent_hint(value: Any) -> str:
-    """The hint for a percentage written as a plain number, or nothing."""
+    """The hint for a percentage that is written as a plain number; empty for other values."""
     try:
         percent = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -197,7 +198,7 @@ def percent_hint(value: Any) -> str:
 
 
 def nearest_hint(name: str, known: Iterable[str]) -> str:
-    """The hint that names the nearest of the known names, or nothing."""
+    """The hint that names the most similar known name; empty if none is similar."""
     import difflib
 
     close = difflib.get_close_matches(name.lower()[:100], list(known), n=1, cutoff=0.5)
@@ -205,7 +206,9 @@ def nearest_hint(name: str, known: Iterable[str]) -> str:
 
 
 def preset_hint(name: str, titles: Mapping[str, str]) -> str:
-    """The hint that names the presets that a word may mean, by their names and titles, or nothing."""
+    """The hint that lists the presets whose name or title resembles a word; empty if there are
+    none.
+    """
     word = _squashed(name)
     parts = [each for each in titles if each.startswith(f"{name.lower()}-")]
     if not parts and len(word) > 2:
@@ -245,7 +248,7 @@ def _unit_hint(unit: str) -> str:
 
 
 def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
-    """A share as the exact number that was written: ``0.98``, ``"0.98"``, ``"98%"``.
+    """A share as the exact number that the user wrote: ``0.98``, ``"0.98"``, ``"98%"``.
 
     Raises
     ------
@@ -269,28 +272,31 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
 
 
 def _fraction(text: str) -> Fraction | None:
-    """The exact value of a decimal or a percentage; None for one of absurd length."""
+    """The exact value of a decimal or a percentage; None if it is longer than about 400 digits."""
     if len(text) > 400 or "_" in text:
         return None
     digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
-    # Fraction would write out every zero of an exponent such as 1e-999999999.
+    # Fraction would expand an exponent such as 1e-999999999 into all of its digits.
     if not digits.is_finite() or abs(digits.adjusted()) > 400:
         return None
     return Fraction(digits) / (100 if text.endswith("%") else 1)
 
 
 def shown(value: Any) -> str:
-    """A value as messages quote it: one printable line of bounded length."""
+    """A value for a message: one line of printable characters, shortened if it is long."""
     try:
         text = value if isinstance(value, str) else repr(value)
-    except ValueError:  # an integer of thousands of digits
+    except ValueError:  # an integer with thousands of digits
         text = f"a number of {value.bit_length()} bits"
     text = text.encode("unicode_escape").decode() if not text.isprintable() else text
     return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"
 
 
 def percent(value: float) -> str:
-    """A share in per cent with one decimal; just below 100 % with as many as show that it is less."""
+    """A share in per cent with one decimal.
+
+    A share just below 100 % gets as many decimals as are needed to show that it is less.
+    """
     shown = 100.0 * value
     decimals = 1
     while decimals < 9 and value < 1.0 and float(f"{shown:.{decimals}f}") >= 100.0:
@@ -299,7 +305,7 @@ def percent(value: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Hours, minutes and seconds; the first units are left out if they are zero."""
+    """A duration in hours, minutes and seconds; leading units that are zero are left out."""
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     parts = ((hours, "h"), (minutes, "min"), (rest, "s"))
@@ -308,12 +314,12 @@ def duration(seconds: float) -> str:
 
 
 def length(metres: float) -> str:
-    """A length to two significant digits in metres, to three in kilometres."""
+    """A length with two significant digits in metres, or three in kilometres."""
     return f"{metres / 1e3:.3g} km" if metres >= 1e3 else f"{float(f'{metres:.2g}'):g} m"
 
 
 def rounded_up(value: float, digits: int = 4) -> str:
-    """A number as text of a few significant digits that is not below it."""
+    """A number rounded up to a few significant digits, as text."""
     text = f"{value:.{digits}g}"
     if 0.0 < value < math.inf and float(text) < value * (1.0 - 1e-13):
         unit = 10.0 ** (math.floor(math.log10(value)) + 1 - digits)

@@ -1,4 +1,4 @@
-"""What tables from files have in common: strict types, and one sentence for what is wrong."""
+"""Validation of tables from files: strict types, and one sentence that says what is wrong."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ def _as_tuple(value: Any) -> Any:
 
 
 Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
-"""Two numbers; a file has them as a list."""
+"""Two numbers, which are a list in a file."""
 
 Words = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
-"""Texts; a file has them as a list."""
+"""Several texts, which are a list in a file."""
 
 Pixels = Annotated[int, Field(gt=0, le=10**9)]
 
 
 class Document(BaseModel):
-    """A table of a file: unknown names are errors."""
+    """A table in a file; unknown names are errors."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class OpenDocument(BaseModel):
-    """A table that later versions may add names to."""
+    """A table that may get more names in later versions."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -44,13 +44,13 @@ Checked = TypeVar("Checked", bound=BaseModel)
 
 
 def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checked:
-    """A table as a document.
+    """Validate a table against a document model.
 
     Raises
     ------
     RequestError
-        If it is none; the message names the file and the place in it, the hint the nearest of
-        the names that are known there.
+        If it does not match; the message names the file and the place in it, and the hint the
+        most similar name that is known there.
     """
     try:
         return model.model_validate(table)
@@ -68,7 +68,7 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
 
 
 def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Names that a document knows where an unknown one was found: its own, or an inner table's."""
+    """Names that are allowed where an unknown name was found, in the document or a table inside it."""
     for part in place[:-1]:
         if isinstance(part, str) and part in model.model_fields:
             model = next(_documents_in(model.model_fields[part].annotation), model)
@@ -83,7 +83,7 @@ def _documents_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _is_branch(part: Any) -> bool:
-    """Whether a part of an error's place names a type of a union, not a name of the file."""
+    """Whether a part of an error's location is a member of a union type, not a name in the file."""
     return isinstance(part, str) and (
         part in {"str", "float", "int"} or part.startswith(("constrained", "tuple", "function"))
     )

@@ -1,4 +1,4 @@
-"""Text for XML: whatever a name holds, it stays text."""
+"""Text for XML: escaped, so that a name never becomes markup."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import html
 import re
 
 LONGEST = 200
-"""Letters of a name that are shown."""
+"""Greatest number of characters of a name that are shown."""
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def xml_text(text: str) -> str:
-    """Text as XML 1.0 takes it: escaped, shortened, without characters that it forbids."""
+    """Text for XML 1.0: escaped, shortened, and without the characters that XML forbids."""
     return escaped(text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…")
 
 
 def escaped(text: str) -> str:
-    """The whole text as XML 1.0 takes it: escaped, without characters that it forbids."""
+    """Text of any length for XML 1.0: escaped and without the characters that XML forbids."""
     return html.escape(_FORBIDDEN.sub("\ufffd", text))
