@@ -1,4 +1,4 @@
-"""The camera: its intrinsics, the cameras known by name, and disparity.
+"""The camera: intrinsics, camera presets, and disparity.
 
 - `aosplan.camera.camera`: intrinsics, ground resolution and footprint.
 - `aosplan.camera.presets`: the built-in cameras, each with its source.

@@ -1,4 +1,4 @@
-"""Cameras: intrinsics, and what they see of the focal plane."""
+"""Cameras: intrinsics, ground resolution and footprint on the focal plane."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from dataclasses import dataclass
 from aosplan.errors import RequestError
 
 SMALLEST, LARGEST = 1e-6, 1e9
-"""Bounds of a camera's lengths [mm] and numbers of pixels."""
+"""Bounds of a camera's lengths [mm] and of its image size [px]."""
 
 
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera that looks straight down.
 
-    The image's width lies across the heading (y), its height along it (x).
+    The image width is across the heading (y) and the image height along it (x).
 
     Parameters
     ----------
     name
-        How the output calls the camera.
+        Name of the camera in the output.
     focal_length_mm
-        Physical focal length, not its 35 mm equivalent.
+        Physical focal length, not the 35 mm equivalent.
     sensor_width_mm, sensor_height_mm
-        Size of the part of the sensor that the image shows.
+        Size of the part of the sensor that becomes the image.
     image_width_px, image_height_px
         Size of the image.
 
@@ -67,7 +67,7 @@ class Camera:
     def from_field_of_view(
         cls, fov_deg: float, image_width_px: int, image_height_px: int, *, name: str = "custom"
     ) -> Camera:
-        """A camera known by its horizontal field of view [deg]; its sensor is taken 1 mm wide."""
+        """A camera with a horizontal field of view [deg]; its sensor width is set to 1 mm."""
         if not 0.0 < fov_deg < 180.0:
             raise RequestError(f"field of view {fov_deg:g} is not between 0 and 180 degrees")
         focal = 0.5 / math.tan(math.radians(fov_deg) / 2)
@@ -76,22 +76,22 @@ class Camera:
 
     @property
     def focal_length_px(self) -> float:
-        """Focal length in pixels of the image's width."""
+        """Focal length in pixels, for the pixel pitch along the image width."""
         return self.focal_length_mm * self.image_width_px / self.sensor_width_mm
 
     @property
     def fov_deg(self) -> tuple[float, float]:
-        """Field of view across the image's width and height [deg]."""
+        """Fields of view along the image width and along the image height [deg]."""
         width = math.atan(0.5 * self.sensor_width_mm / self.focal_length_mm)
         height = math.atan(0.5 * self.sensor_height_mm / self.focal_length_mm)
         return math.degrees(2 * width), math.degrees(2 * height)
 
     def gsd_m(self, altitude_m: float) -> float:
-        """Ground sampling distance: metres of the focal plane per pixel of the width."""
+        """Ground sampling distance: size of a pixel on the focal plane along the image width [m]."""
         return altitude_m / self.focal_length_px
 
     def altitude_for_gsd_m(self, gsd_m: float) -> float:
-        """Altitude above the focal plane [m] at which a pixel covers `gsd_m`."""
+        """Altitude above the focal plane [m] at which the ground sampling distance is `gsd_m`."""
         return gsd_m * self.focal_length_px
 
     def footprint_m(self, altitude_m: float) -> tuple[float, float]:

@@ -22,5 +22,5 @@ class CameraDocument(Document):
 
 
 def read_camera(path: str) -> Camera:
-    """A camera from a TOML or JSON file."""
+    """Read a camera from a TOML or JSON file."""
     return Camera(**checked(CameraDocument, read_table(path), path).model_dump())

@@ -1,10 +1,10 @@
-"""From occluders and a camera to disparities and the baseline.
+"""Disparity of occluders, and the baseline of the coverage rule.
 
-An occluder of size o at height H above the focal plane, seen from altitude h by a camera of
-focal length f (pixels), is f o/(h - H) pixels large, and moves by f b (1/(h-H) - 1/h)
-between two samples b apart.  Their ratio is the normalised disparity d̂ = b H/(h o): it does
-not depend on the camera until the occluder is smaller than a pixel, when a disparity has to
-reach one pixel to separate anything.
+An occluder of size o at height H above the focal plane is seen from altitude h by a camera with
+focal length f (pixels).  Its image is f o/(h - H) pixels large, and it moves by
+f b (1/(h-H) - 1/h) pixels between two samples that are b apart.  The ratio of the two is the
+normalised disparity d̂ = b H/(h o), which does not depend on the camera.  The exception is an
+occluder that is smaller than a pixel: it has to move by one pixel.
 """
 
 from __future__ import annotations
@@ -20,36 +20,37 @@ if TYPE_CHECKING:
 
 
 MOST_SHARES = 4_000_000
-"""Slabs times knots of a baseline curve."""
+"""Limit of the number of slabs times the number of knots of a baseline curve."""
 
 
 def occluder_px(
     occluder_size_m: float, height_m: float, altitude_m: float, focal_length_px: float
 ) -> float:
-    """Projected size of an occluder [px], at least one pixel.
+    """Size of an occluder in the image, at least one pixel [px].
 
-    Heights and altitude count from the focal plane, height below altitude.
+    `height_m` and `altitude_m` are above the focal plane, and the height is below the altitude.
     """
     return max(focal_length_px * occluder_size_m / (altitude_m - height_m), 1.0)
 
 
 def disparity_px(baseline_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any) -> Any:
     """Shift of an occluder between neighbouring registered samples [px]."""
-    # b f (1/(h-H) - 1/h), without the cancellation of the two terms.
+    # b f (1/(h-H) - 1/h), rewritten so that no two similar terms are subtracted.
     return baseline_m * focal_length_px * height_m / ((altitude_m - height_m) * altitude_m)
 
 
 def baseline_for_disparity_px(
     disparity: Any, height_m: Any, altitude_m: Any, focal_length_px: Any
 ) -> Any:
-    """Baseline [m] at which an occluder moves by a number of pixels: `disparity_px` solved for b."""
+    """Baseline [m] at which an occluder moves by a number of pixels: inverse of `disparity_px`."""
     return disparity * (altitude_m - height_m) * altitude_m / (focal_length_px * height_m)
 
 
 def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
-    """Height above which a share of the occluders lies that are spread evenly between two heights.
+    """Height above which a share of the occluders between two heights lies.
 
-    It is counted upwards from the bottom: the lowest occluders decide, and nothing cancels.
+    The occluders are distributed uniformly in height.  The formula starts at the bottom, because
+    the lowest occluders determine the baseline, and to avoid cancellation.
     """
     return bottom_m + (1.0 - coverage) * (top_m - bottom_m)
 
@@ -57,9 +58,9 @@ def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
 def unit_baseline_m(
     occluder_size_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any, xp: Any = SCALARS
 ) -> Any:
-    """Baseline [m] at which an occluder has d̂ = 1; one smaller than a pixel counts as one pixel.
+    """Baseline [m] at which an occluder has d̂ = 1; an occluder is at least one pixel large.
 
-    Heights above 0; floats, or arrays with numpy as `xp`.
+    Heights are above 0.  Takes floats, or arrays with numpy as `xp`.
     """
     by_size = occluder_size_m * altitude_m / height_m
     by_pixel = baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
@@ -68,10 +69,10 @@ def unit_baseline_m(
 
 
 class CoverageBaseline(NamedTuple):
-    """The baseline of the coverage rule, and the occluder that decides it.
+    """The baseline of the coverage rule, and the occluder that determines it.
 
-    `occluder_size_m` at `height_m` has d̂ = 1 at `baseline_m`; the wanted share of the
-    occluders has at least that.
+    An occluder of size `occluder_size_m` at `height_m` has d̂ = 1 at `baseline_m`.  The wanted
+    share of the occluders has d̂ >= 1 there.
     """
 
     baseline_m: float
@@ -82,7 +83,7 @@ class CoverageBaseline(NamedTuple):
 def coverage_share(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, baseline_m: float
 ) -> float:
-    """Share of the occluders with d̂ >= 1 at a baseline (the paper's Fig. 6b)."""
+    """Share of the occluders with d̂ >= 1 at a baseline (Fig. 6b of the paper)."""
     if baseline_m <= 0.0:
         return 0.0
     covered = [
@@ -96,26 +97,28 @@ def coverage_share(
 def coverage_baseline(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, coverage: float
 ) -> CoverageBaseline:
-    """Smallest baseline at which a share of the occluders has d̂ >= 1: the paper's rule.
+    """Smallest baseline at which a share of the occluders has d̂ >= 1: the coverage rule of the
+    paper.
 
-    Low occluders move least, so it is they that decide.  Within a slab the occluders are
-    spread evenly in height.
+    The lowest occluders move least and therefore determine the baseline.  Within a slab, occluders
+    are distributed uniformly in height.
 
     Parameters
     ----------
     slabs
-        At least one, of positive weight; heights from the focal plane, all below the altitude.
+        At least one slab of positive weight; heights are above the focal plane and below
+        `altitude_m`.
     altitude_m
-        Above the focal plane.
+        Altitude above the focal plane.
     focal_length_px
-        Focal length; occluders smaller than a pixel count as one pixel.
+        Focal length; occluders smaller than a pixel are treated as one pixel large.
     coverage
         Wanted share, above 0 and at most 1.
 
     Raises
     ------
     InfeasibleError
-        If occluders reach down to the focal plane and all of them are asked for.
+        If `coverage` includes occluders on the focal plane, which have no disparity.
     """
     if len(slabs) == 1:
         slab = slabs[0]
@@ -138,7 +141,7 @@ def coverage_baseline(
 
 
 def uncovered(coverage: float) -> str:
-    """What is said of a coverage that includes occluders on the focal plane."""
+    """Error message for a coverage that includes occluders on the focal plane."""
     return f"coverage {coverage:g} asks for every occluder, and some stand on the focal plane"
 
 
@@ -152,11 +155,12 @@ def _unit_baseline_m(
 
 
 def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
-    """Baseline over altitude, and the share of the occluders with d̂ >= 1 there.
+    """Baseline divided by altitude, and the share of the occluders with d̂ >= 1 at that baseline.
 
-    One knot for each end of a slab, by rising baseline; occluders on the focal plane itself
-    never have d̂ >= 1 and have no knot.  Of very many slabs only some of the ends have one, evenly
-    chosen, the widest among them.  Pixels are not considered.
+    The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
+    bottom on the focal plane has no knot, because occluders there have no disparity.  If there are
+    very many slabs, only every n-th knot is kept, always including the largest baseline.  The size
+    of a pixel is ignored.
     """
     ends = {
         slab.occluder_size_m / height
@@ -173,7 +177,7 @@ def _covering_baseline_m(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, coverage: float
 ) -> float:
     def covers(baseline_m: float) -> bool:
-        # Shares add up to 1 only within rounding.
+        # Rounding may leave the sum of all shares just below 1.
         share = coverage_share(slabs, altitude_m, focal_length_px, baseline_m)
         return share >= coverage * (1.0 - 1e-15)
 
@@ -188,7 +192,7 @@ def _covering_baseline_m(
 def _deciding(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, baseline_m: float
 ) -> tuple[Slab, float]:
-    """The slab in which d̂ = 1 is reached at a baseline, and the height at which it is."""
+    """The slab that has d̂ = 1 at a baseline, and the height in it at which d̂ = 1."""
 
     def outside(slab: Slab) -> float:
         height = _unit_height_m(slab, altitude_m, focal_length_px, baseline_m)
@@ -202,7 +206,7 @@ def _deciding(
 def _unit_height_m(
     slab: Slab, altitude_m: float, focal_length_px: float, baseline_m: float
 ) -> float:
-    """Height from which occluders of a slab have d̂ >= 1 at a baseline."""
+    """Height above which the occluders of a slab have d̂ >= 1 at a baseline."""
     if math.isinf(baseline_m):
         return 0.0
     by_size = slab.occluder_size_m * altitude_m / baseline_m
@@ -212,16 +216,17 @@ def _unit_height_m(
 
 def _share_above(slab: Slab, height_m: float) -> float:
     if slab.top_m == slab.bottom_m:
-        # A height that was computed from this very slab's baseline counts as reached.
+        # The baseline may have been computed from this height, so equality is tested with a
+        # tolerance.
         return 1.0 if slab.top_m >= height_m * (1.0 - 1e-12) else 0.0
     share = (slab.top_m - height_m) / (slab.top_m - slab.bottom_m)
     return min(max(share, 0.0), 1.0)
 
 
 class Slab(NamedTuple):
-    """Occluders of one size, spread evenly between two heights, which may be the same.
+    """Occluders of one size, distributed uniformly between two heights, which may be equal.
 
-    `weight` is their share among all slabs, up to a common factor.
+    `weight` is the slab's share of all occluders, up to a factor that is the same for all slabs.
     """
 
     bottom_m: float

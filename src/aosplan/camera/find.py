@@ -1,4 +1,4 @@
-"""The camera that a name or a file stands for."""
+"""Finding a camera by preset name or file."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from aosplan.units import preset_hint
 
 
 def find_camera(name: str) -> Camera:
-    """A camera by its preset's name, from a file, or from another distribution.
+    """A camera from a preset, a file, or another installed distribution.
 
     Raises
     ------
     RequestError
-        If there is neither; the hint names the nearest preset.
+        If there is no such preset or file; the hint names the most similar preset.
     """
     from aosplan.camera.presets import CAMERAS, CameraPreset
 

@@ -1,12 +1,13 @@
-"""Cameras that airborne optical sectioning is flown with.
+"""Presets of cameras that are used for airborne optical sectioning.
 
-Each preset is a pinhole model of one still image: the field of view along the image width is
-``2 * atan(sensor_width_mm / (2 * focal_length_mm))``. Fields of view that makers state are nominal
-and describe the uncorrected image, so a lens with barrel distortion sees a little more than the
-pinhole model says. Where the two differ by more than about 2 %, ``assumed`` says so; the pinhole
-model then understates the footprint, which makes the planned overlap larger, never smaller.
+Each preset is a pinhole model of a still image.  The field of view along the image width is
+``2 * atan(sensor_width_mm / (2 * focal_length_mm))``.  The fields of view that manufacturers
+publish are nominal values of the uncorrected image; a lens with barrel distortion therefore sees
+slightly more than the pinhole model.  If the two differ by more than about 2 %, ``assumed`` says
+so.  The pinhole model then underestimates the footprint, and the real overlap is larger than
+planned.
 
-Fisheye modes (GoPro "wide", for one) have no pinhole model and are left out.
+Fisheye modes (such as GoPro "wide") have no pinhole model and are not included.
 """
 
 from __future__ import annotations
@@ -15,24 +16,24 @@ from typing import NamedTuple
 
 
 class CameraPreset(NamedTuple):
-    """One camera as its maker specifies it (image width is the longer side)."""
+    """A camera as its manufacturer specifies it; the image width is the longer side."""
 
     title: str
-    """Name to show, for example "DJI Mavic 3T, thermal camera"."""
+    """Name for output, for example "DJI Mavic 3T, thermal camera"."""
     band: str
     """"thermal", "colour" or "multispectral"."""
     focal_length_mm: float
-    """Focal length on that sensor, calibrated where somebody published it; no 35 mm equivalent."""
+    """Physical focal length [mm], calibrated if a calibration is published; not a 35 mm equivalent."""
     sensor_width_mm: float
-    """Width of the sensor area that the image shows."""
+    """Width of the part of the sensor that becomes the image."""
     sensor_height_mm: float
-    """Height of the sensor area that the image shows."""
+    """Height of the part of the sensor that becomes the image."""
     image_width_px: int
     image_height_px: int
     source: str
-    """Who says so."""
+    """Where the numbers are published."""
     assumed: str = ""
-    """Which number is derived or assumed, and how; empty if none is."""
+    """Which number is derived or assumed, and how; empty if none is derived or assumed."""
 
 
 CAMERAS: dict[str, CameraPreset] = {

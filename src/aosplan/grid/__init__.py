@@ -1,4 +1,4 @@
-"""Grids: where samples lie relative to each other, in units of the baseline.
+"""Grids: positions of the samples relative to each other, in baselines.
 
 - `aosplan.grid.patterns`: trimmed grids, rectangles, lines and lanes.
 - `aosplan.grid.spiral`: spirals.

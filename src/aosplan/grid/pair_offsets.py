@@ -1,4 +1,4 @@
-"""Pairs of sites on a lattice, counted by their offset."""
+"""Counts of pairs of sites on a lattice by their offset."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 DIRECT_PAIRS = 4_000_000
-"""Lattice offsets times sites up to which counting pairs directly beats a transform."""
+"""Number of lattice offsets times sites up to which direct counting is faster than a transform."""
 
 
 def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArray[np.float64]:
@@ -19,14 +19,14 @@ def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArra
     Parameters
     ----------
     mask
-        Shape (rows, columns), true where there is a site.
+        Shape (rows, columns); true for each lattice point that is a site.
     reach_y, reach_x
-        Largest offsets wanted, below the number of rows and columns.
+        Largest offsets to count; smaller than the number of rows and of columns.
 
     Returns
     -------
     ndarray
-        Shape (2 reach_y + 1, 2 reach_x + 1), whole numbers; offset (0, 0) in the middle.
+        Shape (2 reach_y + 1, 2 reach_x + 1), whole numbers; offset (0, 0) is in the middle.
     """
     import numpy as np
 

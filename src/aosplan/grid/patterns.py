@@ -1,10 +1,12 @@
-"""Patterns: which sites a plan uses, before metres enter.
+"""Patterns of sites, in baselines.
 
-A pattern is a rectangle of rows and columns, less a few sites, or a spiral
-(`aosplan.grid.spiral`).  Columns run along the heading (x), rows across it (y); the pitch between
-columns is 1 baseline, between rows `row_pitch` baselines.  A *frame* is a rectangle together
-with the range of sample counts that a kind of grid fits into it; frames come in rising order of
-samples, so a solver walks them instead of every count.
+A pattern is a rectangle of rows and columns, from which a few sites may be removed, or a spiral
+(`aosplan.grid.spiral`).  Columns are along the heading (x), rows across it (y).  The distance
+between neighbouring columns is 1 baseline, and between neighbouring rows `row_pitch` baselines.
+
+A *frame* is a rectangle together with the range of sample counts for which a kind of grid uses it.
+Frames are ordered by increasing number of samples, so that a solver goes through frames instead of
+every single count.
 """
 
 from __future__ import annotations
@@ -24,20 +26,20 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 LATTICES = ("trimmed", "rectangle", "square", "line", "lanes")
-"""Kinds of grid whose sites lie in rows and columns."""
+"""Kinds of grid with sites in rows and columns."""
 
 GRIDS = (*LATTICES, "spiral")
-"""Kinds of grid by name."""
+"""All kinds of grid by name."""
 
 NARROWEST_TURNS = 2.0
-"""Least pitch of a spiral's turns: from there on each sample more lowers the shortfall."""
+"""Smallest distance between a spiral's turns: above it, each sample reduces the shortfall of V."""
 
 MOST_SITES = 5_000_000
-"""More sites than this are refused: a plan keeps every waypoint in memory."""
+"""Largest number of sites; a plan keeps every waypoint in memory."""
 
 
 class Pattern(NamedTuple):
-    """A rectangle of sites, less `removed` ones, each a (row, column)."""
+    """A rectangle of sites without those in `removed`, which are (row, column) tuples."""
 
     rows: int
     columns: int
@@ -61,16 +63,18 @@ class Pattern(NamedTuple):
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """Distances between neighbours along x and y, in baselines."""
+        """Distances between neighbouring sites along x and y, in baselines."""
         return 1.0, self.row_pitch
 
     @property
     def nearest(self) -> float:
-        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        """Least distance between two sites in baselines: the larger of their distances along x and
+        y.
+        """
         return min(1.0, self.row_pitch)
 
     def sites(self) -> Iterator[tuple[int, int]]:
-        """The sites as (row, column) in flight order: line by line, every other one back."""
+        """The sites as (row, column) in flight order: every other line is flown in reverse."""
         gone = set(self.removed)
         for row in range(self.rows):
             columns = range(self.columns) if row % 2 == 0 else range(self.columns - 1, -1, -1)
@@ -79,15 +83,15 @@ class Pattern(NamedTuple):
                     yield row, column
 
     def offsets(self) -> Iterator[tuple[float, float]]:
-        """The sites as (x, y) from the middle of the rectangle, in baselines and flight order."""
+        """The sites as (x, y) from the centre of the rectangle, in baselines and in flight order."""
         middle_x, middle_y = 0.5 * (self.columns - 1), 0.5 * (self.rows - 1)
         for row, column in self.sites():
             yield column - middle_x, (row - middle_y) * self.row_pitch
 
     def steps(self) -> Counter[tuple[float, float]]:
-        """Ways along x and y from site to site in flight order, in baselines, and how often each.
+        """Steps along x and y from site to site in flight order, in baselines, and their counts.
 
-        A line that lacks no site is counted at once.
+        The steps of a line without removed sites are counted without a loop over its sites.
         """
         gone: dict[int, set[int]] = {}
         for row, column in self.removed:
@@ -113,11 +117,11 @@ class Pattern(NamedTuple):
 
 
 Sites = Pattern | Spiral
-"""A pattern of either kind."""
+"""A pattern of any kind."""
 
 
 class Frame(NamedTuple):
-    """A rectangle, and the counts from `fewest` to `most` that a kind of grid fits into it."""
+    """A rectangle, and the sample counts from `fewest` to `most` for which a kind of grid uses it."""
 
     rows: int
     columns: int
@@ -126,50 +130,52 @@ class Frame(NamedTuple):
     most: int
 
     def pattern(self, samples: int) -> Pattern:
-        """The pattern of this many samples in the frame."""
+        """The pattern of this frame with a given number of samples."""
         surplus = self.rows * self.columns - samples
         return Pattern(self.rows, self.columns, self.row_pitch, _trimmed(self, surplus))
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Extents of its patterns along x and y, in baselines."""
+        """Size of the rectangle along x and y, in baselines."""
         return self.columns - 1.0, (self.rows - 1) * self.row_pitch
 
     @property
     def longer_side(self) -> float:
-        """The longer side of its patterns, in baselines."""
+        """The longer side of the rectangle, in baselines."""
         return max(self.extent)
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """Distances between neighbours along x and y, in baselines."""
+        """Distances between neighbouring sites along x and y, in baselines."""
         return 1.0, self.row_pitch
 
     @property
     def nearest(self) -> float:
-        """Least distance of two sites, the larger of those along x and y, in baselines."""
+        """Least distance between two sites in baselines: the larger of their distances along x and
+        y.
+        """
         return min(1.0, self.row_pitch)
 
     @property
     def whole(self) -> Pattern:
-        """The pattern of the most samples that the frame takes."""
+        """The pattern with the largest number of samples of this frame."""
         return self.pattern(self.most)
 
 
 class SpiralFrame(NamedTuple):
-    """A single spiral, as a frame of the one count that it has."""
+    """A spiral as a frame, for the single sample count that it has."""
 
     fewest: int
     turn_pitch: float
 
     @property
     def most(self) -> int:
-        """The same count."""
+        """The largest sample count, which is also the smallest."""
         return self.fewest
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Extents along x and y, in baselines."""
+        """Size along x and y, in baselines."""
         return self.whole.extent
 
     @property
@@ -179,12 +185,12 @@ class SpiralFrame(NamedTuple):
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """As of the spiral."""
+        """Distances between neighbours along and across the spiral, in baselines."""
         return self.whole.pitch
 
     @property
     def nearest(self) -> float:
-        """As of the spiral."""
+        """Least distance between two sites of the spiral, as `Spiral.nearest` defines it."""
         return self.whole.nearest
 
     @property
@@ -193,7 +199,7 @@ class SpiralFrame(NamedTuple):
         return Spiral(self.fewest, self.turn_pitch)
 
     def pattern(self, samples: int) -> Spiral:
-        """The spiral, of the one count there is."""
+        """The spiral; `samples` has to be its sample count."""
         assert samples == self.fewest
         return self.whole
 
@@ -202,19 +208,21 @@ AnyFrame = Frame | SpiralFrame
 
 
 def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[AnyFrame]:
-    """Frames of a kind of grid in rising order of samples, without end.
+    """Frames of a kind of grid by increasing number of samples, without end.
 
-    ``trimmed`` takes every count, the smallest r x r or r x (r+1) rectangle that holds it;
-    ``rectangle`` those rectangles whole; ``square`` n x n; ``line`` one row; ``lanes`` a
-    number of rows `lane_pitch` baselines apart; ``spiral`` every count, with turns `lane_pitch`
-    baselines apart.
+    - ``trimmed``: every count, in the smallest rectangle of r x r or r x (r+1) sites that holds it
+    - ``rectangle``: the same rectangles without removed sites
+    - ``square``: n x n sites
+    - ``line``: one row
+    - ``lanes``: `lanes` rows that are `lane_pitch` baselines apart
+    - ``spiral``: every count, with turns that are `lane_pitch` baselines apart
     """
     for index in count(1):
         yield frame_at(grid, index, lanes=lanes, lane_pitch=lane_pitch)
 
 
 def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> AnyFrame:
-    """The frame of a kind of grid at a place of the sequence, from 1."""
+    """The frame of a kind of grid at an index of the sequence `frames`, counted from 1."""
     if grid == "spiral":
         return SpiralFrame(index, lane_pitch)
     if grid == "line":
@@ -230,12 +238,14 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
 
 
 def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Sites:
-    """The smallest pattern of a kind with at least this many samples (trimmed, spiral: exactly).
+    """The smallest pattern of a kind with at least this many samples.
+
+    Trimmed grids and spirals have exactly this number.
 
     Raises
     ------
     RequestError
-        If that is more than `MOST_SITES`.
+        If it has more than `MOST_SITES`.
     """
     check_size(samples)
     index = index_for(grid, samples, lanes=lanes)
@@ -244,7 +254,7 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
 
 
 def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
-    """Place of the first frame of a kind of grid that takes so many samples."""
+    """Index of the first frame of a kind of grid that holds this many samples, counted from 1."""
     if grid in ("line", "spiral"):
         return samples
     if grid == "square":
@@ -256,22 +266,23 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 
 
 def check_size(samples: int, wanted: str = "the grid has") -> None:
-    """Refuse a plan whose waypoints would not fit in memory."""
+    """Refuse a plan with more waypoints than fit in memory."""
     if samples > MOST_SITES:
         raise RequestError(too_many_sites(wanted, samples), "ask for less, or for fewer samples")
 
 
 def too_many_sites(wanted: str, samples: int) -> str:
-    """What is said of more sites than one plan may have."""
+    """Error message for more sites than one plan may have."""
     return f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have"
 
 
 @lru_cache(maxsize=512)
 def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
-    """Sites to leave out: farthest from the centre first, as point-mirrored pairs.
+    """Sites to remove: in point-symmetric pairs, those farthest from the centre first.
 
-    Ties go by (row, column); an odd last one goes alone.  Working from the corners inward
-    touches only what is removed.
+    Sites at equal distances are ordered by (row, column); for an odd surplus the last one has no
+    partner. The search starts at the corners, so that only removed sites and their neighbours are
+    visited.
     """
     if surplus <= 0:
         return ()
@@ -289,11 +300,12 @@ def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
 
 
 def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
-    """Sites by falling distance from the centre, ties by (row, column).
+    """Sites by decreasing distance from the centre; equal distances are ordered by (row, column).
 
-    Distances are squares of whole numbers in half pitches, so ties are exact.  A site and
-    its mirror images across both axes share one entry of the heap, named by its distances
-    (u, v) to the axes; (u, v) is followed by (u, v - 2), and at v's maximum by (u - 2, v).
+    Distances are squares of whole numbers of half pitches, so that ties are exact.  A site and its
+    mirror images across both axes share one entry of the heap, which has their distances (u, v)
+    from the axes.  After (u, v) the entry (u, v - 2) is added, and if v is at its maximum also (u -
+    2, v).
     """
     u_most, v_most = rows - 1, columns - 1
     heap = [(-(u_most**2 + v_most**2), u_most, v_most)]
@@ -315,15 +327,15 @@ def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
 def local_sites(
     pattern: Sites, baseline_m: float, heading_deg: float
 ) -> tuple[list[float], list[float]]:
-    """Sites of a pattern in flight order, east and north of the rectangle's centre [m].
+    """Sites of a pattern in flight order, as metres east and north of the rectangle's centre.
 
-    x runs along the heading, y to its right; columns lie along x and rows along y.
+    x points along the heading and y to its right; columns are along x and rows along y.
     """
     axis = heading_axis(heading_deg)
     east, north = [], []
     for along, across in pattern.offsets():
         to_east, to_north = turned(along * baseline_m, across * baseline_m, axis)
-        # Adding zero turns a negative zero into a plain one.
+        # Adding zero turns -0.0 into 0.0.
         east.append(to_east + 0.0)
         north.append(to_north + 0.0)
     return east, north

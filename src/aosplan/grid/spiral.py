@@ -1,9 +1,10 @@
-"""Spirals: sites along one line that winds inward and out again, before metres enter.
+"""Double spirals: sites on one line that winds inwards and out again, in baselines.
 
-Two arms of an Archimedean spiral meet in the middle, each the other turned by half a circle; their
-turns lie an even distance apart.  The drone flies in along one and out along the other, straight
-from site to site, each one baseline from the one before.  The middle of the sites is that of
-the spiral, whatever their number, and a spiral is part of each longer one by an even number.
+Two arms of an Archimedean spiral meet in the centre; one is the other rotated by half a turn.  The
+distance between turns is constant.  The drone flies inwards along one arm and outwards along the
+other, straight from site to site, and consecutive sites are one baseline apart.  The centre of the
+sites is the centre of the spiral for every number of sites.  A spiral is contained in every longer
+spiral whose number of sites differs by an even number.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 class Spiral(NamedTuple):
     """The innermost sites of a double spiral whose turns are `turn_pitch` baselines apart.
 
-    It passes its middle along x, the heading, and then turns to the right.
+    At its centre the spiral runs along x, the heading, and then turns to the right.
     """
 
     samples: int
@@ -29,12 +30,12 @@ class Spiral(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """One: a spiral is a single line of sites, wound up."""
+        """1, because all sites of a spiral are on a single line."""
         return 1
 
     @property
     def columns(self) -> int:
-        """All the sites of that line."""
+        """The number of sites on that line."""
         return self.samples
 
     @property
@@ -55,14 +56,16 @@ class Spiral(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Least distance of two sites, the larger of those along x and y, in baselines.
+        """Least distance between two sites in baselines: the larger of their distances along x and
+        y.
 
-        At most 1, and with turns 2 baselines apart or more at least 0.7: neighbours lie askew.
+        It is at most 1, and at least 0.7 if turns are 2 baselines apart or more.  It is less than 1
+        because neighbouring sites are not aligned with the axes.
         """
         return self._arm.reach[self.samples // 2][2]
 
     def offsets(self) -> Iterator[tuple[float, float]]:
-        """The sites as (x, y) from the middle, in baselines and flight order."""
+        """The sites as (x, y) from the centre, in baselines and in flight order."""
         arm = self._arm.sites[: self.samples // 2]
         yield from ((-x, -y) for x, y in reversed(arm))
         if self.samples % 2:
@@ -70,33 +73,33 @@ class Spiral(NamedTuple):
         yield from arm
 
     def steps(self) -> Counter[tuple[float, float]]:
-        """Ways along x and y from site to site, in baselines, and how often each."""
+        """Steps along x and y from site to site, in baselines, and how often each occurs."""
         return Counter((to_x - x, to_y - y) for (x, y), (to_x, to_y) in pairwise(self.offsets()))
 
     @property
     def _arm(self) -> Arm:
-        """The outward arm, long enough for the spiral."""
+        """The outward arm, extended to the number of sites that the spiral has."""
         arm = _arm(self.turn_pitch, self.samples % 2 == 1)
         arm.extend(self.samples // 2)
         return arm
 
 
 class Arm:
-    """One arm of a spiral as far as it was asked for, and what its first sites have in common.
+    """The sites of one arm of a spiral, computed as far as needed.
 
-    The first site lies a baseline from the middle, where there is one in the middle, else half.
-    `reach` holds, for each number of sites, the largest |x| and |y|, and the least distance.
+    If the centre is a site, the first site is one baseline from it, otherwise half a baseline.
+    `reach[n]` is for the first n sites: the largest |x|, the largest |y| and the least distance.
     """
 
     def __init__(self, turn_pitch: float, *, from_middle: bool) -> None:
         self.sites: list[tuple[float, float]] = []
         self.reach = [(0.0, 0.0, 1.0)]
-        self._growth = turn_pitch / math.pi  # radius over angle: the other arm lies between turns
+        self._growth = turn_pitch / math.pi  # radius / angle of each arm
         self._angle = (1.0 if from_middle else 0.5) / self._growth
         self._cells = {(0, 0): [(0.0, 0.0)]} if from_middle else {}
 
     def extend(self, samples: int) -> None:
-        """Wind on to a number of sites."""
+        """Extend the arm to a number of sites."""
         while len(self.sites) < samples:
             radius = self._growth * self._angle
             x, y = radius * math.cos(self._angle), radius * math.sin(self._angle)
@@ -107,7 +110,7 @@ class Arm:
             self._angle = self._next_angle()
 
     def _next_angle(self) -> float:
-        """Angle of the site a baseline on: r² + R² - 2 r R cos(Δ) = 1, by Newton's method."""
+        """Angle of the next site: r² + R² - 2 r R cos(Δ) = 1, solved by Newton's method."""
         start, growth = self._angle, self._growth
         here = growth * start
         angle = start + 1.0 / math.hypot(growth, here)
@@ -123,7 +126,10 @@ class Arm:
         return angle
 
     def _least_distance(self, x: float, y: float) -> float:
-        """Least distance to the sites so far, the larger of both axes; those within 1 are seen."""
+        """Least distance to the sites so far: the larger of the distances along x and y.
+
+        Only sites in neighbouring unit cells are compared, so the result is exact if it is below 1.
+        """
         column, row = math.floor(x), math.floor(y)
         around = (
             site
