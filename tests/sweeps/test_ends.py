@@ -1,5 +1,6 @@
 """Sweeps that end early: nothing is half there, and the rest makes the same bytes."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -209,17 +210,24 @@ def test_a_termination_leaves_whole_parts_alone(tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
 def test_a_worker_that_dies_is_an_error(tmp_path):
     def kill_workers(pid):
-        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
-            for child in children.read().split():
+        for child in children_of(pid):
+            with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
                 with open(f"/proc/{child}/cmdline", encoding="utf-8") as line:
-                    if "spawn_main" in line.read():
-                        os.kill(int(child), signal.SIGKILL)
+                    is_worker = "spawn_main" in line.read()
+                if is_worker:
+                    os.kill(child, signal.SIGKILL)
 
     status, error = ended(tmp_path, kill_workers)
     assert status == 1
     assert error.startswith("error: a worker process died")
     assert "--resume" in error
     assert error.count("\n") == 2
+
+
+def children_of(pid):
+    """The processes that a process has started and that have not ended."""
+    with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
+        return [int(child) for child in children.read().split()]
 
 
 def ended(folder, act):
@@ -255,8 +263,7 @@ def test_workers_end_when_the_first_process_is_killed(tmp_path):
     workers = []
 
     def kill(pid):
-        with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
-            workers.extend(map(int, children.read().split()))
+        workers.extend(children_of(pid))
         os.kill(pid, signal.SIGKILL)
 
     assert ended(tmp_path, kill)[0] == -signal.SIGKILL
