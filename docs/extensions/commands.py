@@ -5,11 +5,9 @@ from importlib import import_module
 from inspect import getclosurevars
 from re import fullmatch
 
-from aosplan import crs
 from aosplan import units as q
 from aosplan.cli.app import COMMANDS, GROUP
-from aosplan.planning import find
-from aosplan.planning import options as table
+from aosplan.planning import option_parsers as parsers
 from aosplan.planning.options import BY_NAME
 
 UNITS = {
@@ -35,25 +33,25 @@ DOMAINS = {
     q.flag: "given or not",
     q.word: "",
     q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
-    table.target_share: "from 0 to below 1, or a percentage",
-    table.altitude: "above 0, or a range such as `40..80`",
-    table.file_waypoints: "a whole number from 2",
-    table.heading_or_auto: "any number, `best`, or `auto`",
-    find.target_name: "`person` (lying), or width and length such as `2x4`, from 0.1 to 10 m",
-    find.contrast: "a number that is not 0",
-    find.radiance: "any number up to 1,000",
-    find.false_alarms: "a number from 1e-06 to 100",
-    crs.parse_unit: "a unit of length by its short name or its name in EPSG",
-    crs.parse_units: "one or two units of length by their short names or their names in EPSG",
-    table.payload: "a payload of [](presets.md#payloads)",
+    parsers.target_share: "from 0 to below 1, or a percentage",
+    parsers.altitude: "above 0, or a range such as `40..80`",
+    parsers.file_waypoints: "a whole number from 2",
+    parsers.heading_or_auto: "any number, `best`, or `auto`",
+    parsers.target_name: "`person` (lying), or width and length such as `2x4`, from 0.1 to 10 m",
+    parsers.contrast: "a number that is not 0",
+    parsers.radiance: "any number up to 1,000",
+    parsers.false_alarms: "a number from 1e-06 to 100",
+    parsers.length_unit: "a unit of length by its short name or its name in EPSG",
+    parsers.length_units: "one or two units of length by their short names or their names in EPSG",
+    parsers.payload: "a payload of [](presets.md#payloads)",
 }
-"""What the parsers of `aosplan.planning.options` accept."""
+"""What the parsers of `aosplan.planning.option_parsers` accept."""
 
 
 def domain(parse):
     """What an option's parser accepts, in words."""
     while isinstance(parse, partial):
-        parse = parse.args[0] if parse.func is table.bounded else parse.func
+        parse = parse.args[0] if parse.func is parsers.bounded else parse.func
     if parse in DOMAINS:
         return DOMAINS[parse]
     kept = getclosurevars(parse).nonlocals

@@ -6,6 +6,7 @@ Signals, streams and warnings are set up here before any other module is loaded.
 from __future__ import annotations
 
 import _thread
+import gc
 import os
 import signal
 import sys
@@ -20,6 +21,7 @@ def main() -> None:
             # The shell has closed this stream. Without a replacement, the next file that is opened
             # would get its descriptor.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
+    gc.set_threshold(100_000)  # looking for garbage among imports takes a twentieth of a plan
     # If Ctrl-C is ignored, as it is for a background job of a shell, it stays ignored.
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:

@@ -98,40 +98,8 @@ def are_same(one_m: float, other_m: float) -> bool:
     return math.isclose(one_m, other_m, rel_tol=SAME_UNIT)
 
 
-def parse_unit(value: Any, name: str) -> str:
-    """Check an option that takes one unit of length.
-
-    Raises
-    ------
-    RequestError
-        If the unit is not known.
-    """
-    text = str(value).strip()
-    if not unit_m(text):
-        raise RequestError(
-            f"{name} {shown(text)} is not a unit of length that is known",
-            "m, ft, us-ft, or a name of EPSG's such as 'Indian foot'",
-        )
-    return text
-
-
-def parse_units(value: Any, name: str) -> str:
-    """Check the option ``--units``: one unit for all axes, or one for x and y and one for z.
-
-    The two units are separated by a comma.
-
-    Raises
-    ------
-    RequestError
-        If a unit is not known.
-    """
-    across, comma, up = str(value).partition(",")
-    parts = [parse_unit(part, name) for part in ([across, up] if comma else [across])]
-    return ",".join(parts)
-
-
 def given_units(text: str) -> Units:
-    """Metres in the units that ``--units`` gives, as `parse_units` returns them."""
+    """Metres in the units that ``--units`` gives: one for all axes, or one for x and y and one for z."""
     across, _, up = text.partition(",")
     across_m = unit_m(across.strip())
     return Units(across_m, unit_m(up.strip()) if up else across_m)

@@ -7,7 +7,6 @@ import os
 import re
 import stat
 import sys
-import tempfile
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -380,6 +379,8 @@ def _write_beside(path: str, content: bytes) -> str:
     folder = os.path.dirname(_target(path))
     temporary = ""
     try:
+        import tempfile
+
         handle, temporary = tempfile.mkstemp(prefix=".aosplan-", dir=folder)
         with os.fdopen(handle, "wb") as file:
             file.write(content)

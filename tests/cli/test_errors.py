@@ -104,6 +104,7 @@ plan --altitude 40 --trigger distance --exposure-time 5m
 plan --altitude 40 --trigger distance --photo-interval -1
 plan --altitude 40 --wind-speed 5
 plan --altitude 40 --wind-from 90
+plan --altitude 40 --wind-speed 3 --wind-from best
 plan --altitude 40 --wind-speed 15 --wind-from 0
 plan --altitude 40 --wind-speed 99 --wind-from 45 --trigger distance
 plan --altitude 40 --wind-speed 5 --wind-from 0 --airspeed 4

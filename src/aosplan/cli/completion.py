@@ -87,9 +87,9 @@ TABLE = (".csv", ".parquet", ".jsonl")
 VALUES = {
     "altitude_frame": Values(_of("mission.mission", "FRAMES")),
     "area": Values(endings=AREA),
-    "autopilot": Values(_of("planning.options", "AUTOPILOTS")),
+    "autopilot": Values(_of("planning.option_parsers", "AUTOPILOTS")),
     "camera": Values(_cameras, REQUEST),
-    "camera_control": Values(_of("planning.options", "CAMERA_CONTROLS")),
+    "camera_control": Values(_of("planning.option_parsers", "CAMERA_CONTROLS")),
     "clear": Values(endings=AREA),
     "defaults": Values(lambda: ("none",), (".toml",)),
     "document": Values(_documents),
@@ -97,7 +97,7 @@ VALUES = {
     "forest": Values(_of("simulation.compare", "FORESTS")),
     "format": Values(_formats),
     "grid": Values(_of("grid.patterns", "GRIDS", "best")),
-    "ground": Values(_of("planning.options", "GROUND")),
+    "ground": Values(_of("planning.option_parsers", "GROUND")),
     "heading": Values(lambda: ("auto", "best")),
     "images": Values(endings=("/",)),
     "lane_pitch": Values(lambda: ("best",)),
@@ -105,7 +105,7 @@ VALUES = {
     "model": Values(_of("models.model", "MODELS")),
     "no_fly": Values(endings=AREA),
     "occlusion_map": Values(endings=(".png",)),
-    "opacity": Values(_of("planning.options", "OPACITY")),
+    "opacity": Values(_of("planning.option_parsers", "OPACITY")),
     "optimize": Values(_of("solver.problem", "OBJECTIVES")),
     "out": Values(endings=MISSION),
     "payload": Values(_payloads),
@@ -121,9 +121,9 @@ VALUES = {
     "scene": Values(_scenes, SCENE),
     "signature": Values(_of("models.signatures", "SIGNATURES")),
     "terrain": Values(endings=(".tif", ".tiff")),
-    "edges": Values(_of("planning.options", "EDGES")),
+    "edges": Values(_of("planning.option_parsers", "EDGES")),
     "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
-    "view": Values(_of("planning.options", "VIEWS")),
+    "view": Values(_of("planning.option_parsers", "VIEWS")),
 }
 """What is completed, by the name of an option or argument; numbers and places are not."""
 

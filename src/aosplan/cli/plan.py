@@ -26,7 +26,7 @@ from aosplan.cli.output import (
     writes_stdout,
 )
 from aosplan.errors import RequestError
-from aosplan.planning.find import PERSON
+from aosplan.planning.option_parsers import PERSON
 from aosplan.planning.planner import plan
 from aosplan.planning.user_defaults import request_of
 

@@ -1,6 +1,7 @@
 """Planning: one request, one plan.
 
-- `aosplan.planning.request`: the request; `aosplan.planning.options` its options and defaults.
+- `aosplan.planning.request`: the request; `aosplan.planning.options`: its options, their defaults and
+  their help; `aosplan.planning.option_parsers`: how their values are read.
 - `aosplan.planning.option_relations`: which options exclude each other, and which need another.
 - `aosplan.planning.request_file`: requests and saved plans from files.
 - `aosplan.planning.user_defaults`: the user's own defaults.
@@ -12,6 +13,6 @@
 - `aosplan.planning.planner`: `plan`, all of it in order.
 - `aosplan.planning.plan_warnings`: what the user should know of a plan.
 - `aosplan.planning.sensitivity`: what becomes of a plan if the scene is another.
-- `aosplan.planning.find`: the options of `--find`; `aosplan.planning.detection`: what they ask for.
+- `aosplan.planning.detection`: the probability of detection of what ``--find`` names.
 - `aosplan.planning.document`: the JSON document; `aosplan.planning.plan_schema` its schema.
 """

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.flight.find import find_drone
 from aosplan.messages import Message
 from aosplan.mission.mission import check_hold
 
@@ -53,6 +52,8 @@ def settled(request: _Aircraft) -> dict[str, Any]:
     found: dict[str, Any] = {}
     autopilot = request.autopilot
     if request.drone is not None:
+        from aosplan.flight.find import find_drone
+
         own = find_drone(request.drone).autopilot
         if autopilot not in (None, own):
             raise RequestError(

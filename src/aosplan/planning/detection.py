@@ -17,7 +17,7 @@ from aosplan.models.counted_detection import count_detection
 from aosplan.models.detection import DetectionModel
 from aosplan.models.signatures import SIGNATURES, Signature
 from aosplan.models.target_window import Target
-from aosplan.planning.find import PERSON, target_m
+from aosplan.planning.option_parsers import PERSON, target_m
 from aosplan.scenes.scene import Layer
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.planning.find import PERSON
-from aosplan.planning.options import BY_NAME, DEFAULTS, READING
+from aosplan.models.signatures import SIGNATURES
+from aosplan.planning.option_parsers import PERSON
+from aosplan.planning.options import BY_NAME, DEFAULTS, FIND_OPTIONS, READING
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -135,6 +136,12 @@ BEST = ("visibility", "contrast", "detection")
 
 LEFT_OPEN = ("grid", "heading", "trigger")
 """Options that a search leaves open."""
+
+DEFAULT_SIGNATURE = "thermal-dawn"
+"""Signature of a target for which no other is given."""
+
+OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
+"""Options that describe a signature by numbers, all of them together."""
 
 NOT_SEARCHED = {
     "resume_at": "a resumed mission has its sites already",
@@ -263,6 +270,50 @@ def check_search(values: Mapping[str, Any]) -> None:
         raise RequestError(
             f"--grid spiral with {which}: spirals are not searched", "leave --grid out"
         )
+
+
+def completed_target(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the options that go with ``--find``.
+
+    Parameters
+    ----------
+    values
+        Options by name; None counts as not given.
+
+    Returns
+    -------
+    dict
+        The options that are left, with their defaults.
+
+    Raises
+    ------
+    RequestError
+        If they are given without ``--find``, or contradict each other.
+    """
+    given = {name: BY_NAME[name].flag for name in FIND_OPTIONS[1:] if values[name] is not None}
+    if values["find"] is None:
+        if given:
+            raise RequestError(
+                f"{' and '.join(given.values())} without --find",
+                "give --find person, or --find WxL in metres",
+            )
+        return {}
+    own = [given[name] for name in OWN_SIGNATURE if name in given]
+    if own and "signature" in given:
+        raise RequestError(
+            f"--signature and {' and '.join(own)} say the same thing twice", "keep one of them"
+        )
+    if own and len(own) < len(OWN_SIGNATURE):
+        missing = [BY_NAME[name].flag for name in OWN_SIGNATURE if name not in given]
+        raise RequestError(
+            f"{' and '.join(own)} without {' and '.join(missing)}",
+            "a signature has a contrast, an offset of the canopy and a share of whole crowns; "
+            "or take --signature " + ", ".join(SIGNATURES),
+        )
+    found: dict[str, Any] = {"false_alarms": values["false_alarms"] or DEFAULTS["false_alarms"]}
+    if not own:
+        found["signature"] = values["signature"] or DEFAULT_SIGNATURE
+    return found
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:

@@ -11,10 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.flight.find import find_drone
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.planning.aircraft import camera_of_payload, settled
-from aosplan.planning.find import completed
 from aosplan.planning.option_relations import (
     ALTERNATIVES,
     LANE_OPTIONS,
@@ -23,6 +21,7 @@ from aosplan.planning.option_relations import (
     check_alternatives,
     check_needs,
     check_search,
+    completed_target,
     default_target,
     fitting,
     given_flags,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from aosplan.flight.drones import DronePreset
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # comparing field by field costs each start 2 ms to compile
 class PlanRequest:
     """What ``aosplan plan`` takes, checked; fields are its options with underscores.
 
@@ -156,7 +155,7 @@ class PlanRequest:
         if self.vhat is None and self.visibility is None:
             object.__setattr__(self, "vhat", default_target(vars(self)))
         check_search(vars(self))
-        for name, value in completed(vars(self)).items():
+        for name, value in completed_target(vars(self)).items():
             object.__setattr__(self, name, value)
         self._check_altitude()
         self._check_scene()
@@ -167,6 +166,12 @@ class PlanRequest:
             object.__setattr__(self, name, value)
         self._check_bounds()
         self._check_area()
+
+    def __eq__(self, other: object) -> bool:
+        return vars(self) == vars(other) if isinstance(other, PlanRequest) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(tuple(vars(self).values()))
 
     @property
     def searches(self) -> bool:
@@ -269,7 +274,7 @@ class PlanRequest:
                 )
 
     def _check_flight(self) -> None:
-        drone = None if self.drone is None else find_drone(self.drone)
+        drone = _drone_of(self.drone)
         carried = None if self.payload is None else camera_of_payload(self.payload)
         own_camera = self.focal_length is not None or self.fov is not None
         for name, value in {
@@ -335,6 +340,15 @@ class PlanRequest:
             )
         if self.line_length is not None and self.grid != "line":
             raise RequestError(f"--line-length with --grid {self.grid}", "it goes with --grid line")
+
+
+def _drone_of(name: str | None) -> DronePreset | None:
+    """The drone of a name, if there is one."""
+    if name is None:
+        return None
+    from aosplan.flight.find import find_drone
+
+    return find_drone(name)
 
 
 def _trusted_min(drone: DronePreset) -> float | None:

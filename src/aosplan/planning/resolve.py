@@ -15,9 +15,8 @@ from aosplan.camera.camera import Camera
 from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
-from aosplan.flight.find import find_drone
-from aosplan.planning.find import target_m
 from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.option_parsers import target_m
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver import refusals
 from aosplan.solver.alternatives import kinds
@@ -299,7 +298,11 @@ def _requirement_of(request: PlanRequest) -> Requirement:
 
 
 def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
-    drone = None if request.drone is None else find_drone(request.drone)
+    drone = None
+    if request.drone is not None:
+        from aosplan.flight.find import find_drone
+
+        drone = find_drone(request.drone)
     wind = None
     if request.wind_speed:
         wind = Wind(request.wind_speed, _filled(request.wind_from), _filled(request.airspeed))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from aosplan.solver.tradeoff import Row
 
 
-@dataclass(frozen=True)
 class Plan(PlanData):
     """What to fly, and what it will show.
 

@@ -393,7 +393,7 @@ class Search:
         if self.over_area:  # the grid and a pitch, so that every point has a grid around it
             along, across = x / columns, y / rows
         else:
-            from aosplan.planning.find import PERSON, target_m
+            from aosplan.planning.option_parsers import PERSON, target_m
 
             side = max(target_m(self.request.find or PERSON)) / self.altitude_m
             along = (x - side) / max(columns - 1, 1)

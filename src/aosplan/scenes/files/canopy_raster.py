@@ -71,7 +71,7 @@ def read_canopy(
         Where crowns begin, as a share of the canopy's height, 0 to 1.
     units
         Units instead of those that the raster states: ``us-ft`` for cells and heights, or
-        ``us-ft,m`` (`aosplan.crs.parse_units`).
+        ``us-ft,m`` (`aosplan.crs.given_units`).
 
     Returns
     -------

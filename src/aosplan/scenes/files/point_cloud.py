@@ -118,7 +118,7 @@ def read_voxels(
         Points below this height are not occluders.
     units
         Units of the coordinates instead of those that the files state: ``us-ft``, or ``us-ft,m``
-        if z has another one (`aosplan.crs.parse_units`).
+        if z has another one (`aosplan.crs.given_units`).
     opacity
         ``voxels``: a voxel is opaque if a point lies in it.  ``pulses``: what a voxel hides is
         fitted to the laser pulses (`aosplan.scenes.pulses`), and realised in smaller cells.

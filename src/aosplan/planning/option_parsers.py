@@ -1,0 +1,209 @@
+"""Parsers of the options of a plan: from what a user gives to a value within its domain.
+
+Each parser takes the given value (text, or what a file holds) and the name of the option for its
+messages.  Parsers of plain numbers are in `aosplan.units`.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from aosplan import units as q
+from aosplan.errors import RequestError
+from aosplan.models.signatures import PERSON_M
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+VIEWS = ("telecentric", "perspective")
+"""Targets of the measured model: each below an aperture of its own, or all below the same one."""
+
+EDGES = ("auto", "interior", "wrapped")
+"""Targets of the measured model: those whose rays stay on the plot, or all, as the plot wraps."""
+
+GROUND = ("auto", "class", "filter", "normalized")
+"""How the ground of a point cloud is found."""
+
+OPACITY = ("auto", "pulses", "voxels")
+"""Where the opacity of a point cloud comes from."""
+
+AUTOPILOTS = ("px4", "ardupilot")
+"""Flight controllers that take QGroundControl's plans."""
+
+CAMERA_CONTROLS = ("mavlink", "outputs")
+"""How PX4 triggers a camera: by MAVLink's camera protocol, or by its own outputs."""
+
+
+LARGEST = 1e9
+"""No quantity of a request is larger, and none that is not zero smaller than its inverse."""
+
+
+def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
+    """A quantity within the range in which products of several of them stay numbers."""
+    result = parse(value, name, **unit)
+    if result and not 1.0 / LARGEST <= abs(result) <= LARGEST:
+        raise RequestError(
+            f"{name} {q.shown(value)} is not between {1 / LARGEST:g} and {LARGEST:g}"
+        )
+    return result
+
+
+positive = partial(bounded, q.positive)
+at_least_zero = partial(bounded, q.at_least_zero)
+length = partial(bounded, q.positive, unit="m")
+height = partial(bounded, q.at_least_zero, unit="m")
+speed = partial(bounded, q.positive, unit="m/s")
+wind_speed = partial(bounded, q.at_least_zero, unit="m/s")
+seconds = partial(bounded, q.positive, unit="s")
+seconds_or_zero = partial(bounded, q.at_least_zero, unit="s")
+direction = partial(q.number, unit="deg")
+heading_or_best = q.or_best(direction)
+
+
+def target_share(value: Any, name: str) -> float | str:
+    """A target below 1, kept as it was written where a float would change it."""
+    exact = q.exact_share(value, name)
+    if not 0 <= exact < 1:
+        hint = (
+            "no finite number of samples reaches 1; ask for 0.98"
+            if exact == 1
+            else q.percent_hint(value) or "a target lies between 0 and 1, such as 0.98 or 98%"
+        )
+        raise RequestError(f"{name} {q.shown(value)} is not a share below 1", hint)
+    nearest = float(exact)
+    if isinstance(value, float) or q.exact_share(repr(nearest), name) == exact:
+        return nearest
+    return str(value)
+
+
+def altitude(value: Any, name: str) -> float | str:
+    """A height, or a range of heights such as ``40..80``."""
+    if not (isinstance(value, str) and ".." in value):
+        return length(value, name)
+    low, _, high = value.partition("..")
+    lowest, highest = length(low, name), length(high, name)
+    if not lowest < highest:
+        raise RequestError(
+            f"{name} {q.shown(value)} does not rise", "give a range such as 40..80, or one height"
+        )
+    return f"{lowest!r}..{highest!r}"
+
+
+def heading_or_auto(value: Any, name: str) -> float | str:
+    """A direction, ``best``, or ``auto``: along the longer side of an area."""
+    return "auto" if value == "auto" else heading_or_best(value, name)
+
+
+def payload(value: Any, name: str) -> str:
+    """What a DJI drone may carry."""
+    from aosplan.mission.dji_models import PAYLOADS
+
+    return q.one_of(PAYLOADS)(value, name)
+
+
+def length_unit(value: Any, name: str) -> str:
+    """Check an option that takes one unit of length.
+
+    Raises
+    ------
+    RequestError
+        If the unit is not known.
+    """
+    from aosplan.crs import unit_m
+
+    text = str(value).strip()
+    if not unit_m(text):
+        raise RequestError(
+            f"{name} {q.shown(text)} is not a unit of length that is known",
+            "m, ft, us-ft, or a name of EPSG's such as 'Indian foot'",
+        )
+    return text
+
+
+def length_units(value: Any, name: str) -> str:
+    """Check the option ``--units``: one unit for all axes, or one for x and y and one for z.
+
+    The two units are separated by a comma.
+
+    Raises
+    ------
+    RequestError
+        If a unit is not known.
+    """
+    across, comma, up = str(value).partition(",")
+    parts = [length_unit(part, name) for part in ([across, up] if comma else [across])]
+    return ",".join(parts)
+
+
+def file_waypoints(value: Any, what: str) -> int:
+    """A number of waypoints, at least 2."""
+    count = q.whole(value, what)
+    if count < 2:
+        raise RequestError(f"{what} {value} is too few", "a mission file has 2 waypoints or more")
+    return count
+
+
+PERSON = "person"
+"""A target that `target_m` knows by name."""
+
+SMALLEST_TARGET_M, LARGEST_TARGET_M = 0.1, 10.0
+"""Sides of a target."""
+
+LARGEST_CONTRAST = 1000.0
+
+
+def target_name(value: Any, name: str) -> str:
+    """``person``, or width and length in metres, such as ``0.5x1.7``."""
+    text = str(value).strip().lower().replace("×", "x")
+    if text == PERSON:
+        return text
+    sides = text.split("x")
+    if len(sides) != 2:
+        raise RequestError(
+            f"{name} {q.shown(value)} is not person and not WxL in metres",
+            "give person (0.5 x 1.7 m, lying), or width and length such as 2x4",
+        )
+    width, length = sorted(q.positive(side, name, unit="m") for side in sides)
+    for side in (width, length):
+        if not SMALLEST_TARGET_M <= side <= LARGEST_TARGET_M:
+            raise RequestError(
+                f"{name} {q.shown(value)}: a side of {side:g} m is not between {SMALLEST_TARGET_M:g} and "
+                f"{LARGEST_TARGET_M:g} m"
+            )
+    return f"{width:g}x{length:g}"
+
+
+def target_m(name: str) -> tuple[float, float]:
+    """Width and length [m] of what `target_name` returns."""
+    if name == PERSON:
+        return PERSON_M
+    width, length = (float(side) for side in name.split("x"))
+    return width, length
+
+
+def radiance(value: Any, name: str) -> float:
+    """A radiance in units of the spread between occluders."""
+    found = q.number(value, name)
+    if abs(found) > LARGEST_CONTRAST:
+        raise RequestError(
+            f"{name} {q.shown(value)} is beyond {LARGEST_CONTRAST:g}",
+            "it counts in units of the spread between occluders, not in degrees or grey values",
+        )
+    return found
+
+
+def contrast(value: Any, name: str) -> float:
+    """A contrast: a radiance that is not zero."""
+    found = radiance(value, name)
+    if found == 0.0:
+        raise RequestError(f"{name} 0: a target like the ground cannot be found")
+    return found
+
+
+def false_alarms(value: Any, name: str) -> float:
+    """False alarms a hectare."""
+    found = q.positive(value, name)
+    if not 1e-6 <= found <= 100.0:
+        raise RequestError(f"{name} {q.shown(value)} a hectare is not between 1e-06 and 100")
+    return found
