@@ -1,9 +1,9 @@
-"""Flights: what one battery reaches, each from the take-off and back to it.
+"""Splitting a path into flights, one per battery.
 
-A flight climbs to the height that its way to the first waypoint needs, flies there on the level at
-the transit speed, and comes back from its last one the same way, on one height that is safe from
-every waypoint.  If the take-off is not known it is taken to lie below the first waypoint of the
-plan.
+A flight starts and ends at the take-off point.  The drone climbs to the height at which it may
+fly to the first waypoint, and flies there horizontally at the transit speed.  From the last
+waypoint it returns in the same way, at one height that is safe from every waypoint.  If the
+take-off point is not known, it is assumed to be below the first waypoint of the plan.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 class Flight(NamedTuple):
-    """Waypoints of one battery, from `first` to `last`, and the way there and back.
+    """A flight: waypoints `first` to `last`, and the transits from and to the take-off point.
 
-    `samples` photos are taken.  Length and time count from the take-off to the landing.  On the
-    way to the first waypoint the drone is `climb_m` above the take-off, and `return_m` on the way
-    back, whichever waypoint it returns from.
+    `samples` is the number of photos.  Length and time are from take-off to landing.  During the
+    transit to the first waypoint the drone is `climb_m` above the take-off point, and during the
+    transit back `return_m`, which is the same for every waypoint.
     """
 
     first: int
@@ -39,10 +39,10 @@ class Flight(NamedTuple):
 
 
 class Home(NamedTuple):
-    """The take-off: metres east, north and up, in the axes of the track.
+    """The take-off point: metres east, north and up, in the axes of the track.
 
-    `ways_up_m` has the height that the level way to each waypoint is flown at, in the same axes;
-    None: that of the waypoint.
+    `ways_up_m` has the height of the horizontal transit to each waypoint, in the same axes.  If it
+    is None, the transit is at the height of the waypoint.
     """
 
     east_m: float
@@ -51,22 +51,24 @@ class Home(NamedTuple):
     ways_up_m: Sequence[float] | None = None
 
     def way_up_m(self, track: Track, place: int, *, back: bool = False) -> float:
-        """Height of the level way to a waypoint, or of the way back from any waypoint."""
+        """Height of the horizontal transit to a waypoint, or of the transit back, the same for all."""
         ways = track.up_m if self.ways_up_m is None else self.ways_up_m
         return max(ways) if back and self.ways_up_m is not None else ways[place]
 
     def level_m(self, track: Track, place: int) -> float:
-        """Level distance of a waypoint."""
+        """Horizontal distance between the take-off point and a waypoint."""
         return math.hypot(track.east_m[place] - self.east_m, track.north_m[place] - self.north_m)
 
     def way_m(self, track: Track, place: int, *, back: bool = False) -> float:
-        """Length of the way between the take-off and a waypoint: up, level, and up or down."""
+        """Length of the transit between the take-off point and a waypoint, including climb and
+        descent.
+        """
         level = self.level_m(track, place)
         up = self.way_up_m(track, place, back=back)
         return level + abs(up - self.up_m) + abs(up - track.up_m[place])
 
     def way_s(self, track: Track, place: int, timing: Timing, *, back: bool = False) -> float:
-        """Time of that way, there or back: it matters to the wind."""
+        """Time of the transit to or from a waypoint; the two differ if there is wind."""
         east, north = track.east_m[place] - self.east_m, track.north_m[place] - self.north_m
         sign, flown = -1.0 if back else 1.0, timing.transit
         up = self.way_up_m(track, place, back=back)
@@ -77,7 +79,7 @@ class Home(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Waypoints that one flight takes together: a site, or a line that is flown through."""
+    """Waypoints that have to be in one flight: a site, or a line that the drone flies through."""
 
     first: int
     last: int
@@ -93,7 +95,7 @@ def _parts(track: Track, timing: Timing) -> Iterator[_Part]:
 
 
 def _shorter(track: Track, timing: Timing, home: Home, part: _Part, longest_s: float) -> str:
-    """What makes a flight to one part shorter, with numbers."""
+    """Hint that says how the flight to one part could be shorter, with numbers."""
     there = home.way_s(track, part.first, timing)
     ways = there + home.way_s(track, part.last, timing, back=True)
     level = max(home.level_m(track, part.first), home.level_m(track, part.last))
@@ -116,15 +118,15 @@ def _shorter(track: Track, timing: Timing, home: Home, part: _Part, longest_s: f
 def flights_of(
     track: Track, timing: Timing, home: Home, longest_s: float = math.inf
 ) -> tuple[Flight, ...]:
-    """The fewest flights, taken in order, of which none is longer than a battery lasts.
+    """The smallest number of consecutive flights that are not longer than a battery lasts.
 
-    Sites stay in order, and each belongs to one flight; waypoints between the last site of a
-    flight and the first of the next belong to none.
+    The order of the sites does not change, and each site is in one flight.  Waypoints between the
+    last site of a flight and the first site of the next flight are in neither.
 
     Raises
     ------
     InfeasibleError
-        If one site, or one line that is flown through, takes longer than that.
+        If the flight to a single site, or to a line that is flown through, takes too long.
     """
     times, lengths = track.times_s(timing), track.lengths_m
     taken = [0, *accumulate(track.photo)]
@@ -149,7 +151,7 @@ def flights_of(
     if whole.time_s <= longest_s:
         return (whole,)
     parts = list(_parts(track, timing))
-    # When a flight would have had to take off to be at a part in time, and when it lands after it.
+    # Start and end of a flight to each part alone, on the clock of the path without breaks.
     begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
     landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
     worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])

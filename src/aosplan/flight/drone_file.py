@@ -14,7 +14,7 @@ Above = Annotated[Finite, Field(gt=0)]
 
 
 class DroneDocument(Document):
-    """A drone file; its names are those of `DronePreset`."""
+    """A drone file; the names are the fields of `DronePreset`."""
 
     title: str
     speed_mps: Above
@@ -32,11 +32,11 @@ class DroneDocument(Document):
 
 
 def read_drone(path: str) -> DronePreset:
-    """A drone from a TOML or JSON file.
+    """Read a drone from a TOML or JSON file.
 
     Raises
     ------
     RequestError
-        If it is none; the message names the file and the place in it.
+        If the file is not valid; the message names the file and the place in it.
     """
     return DronePreset(**checked(DroneDocument, read_table(path), path).model_dump())

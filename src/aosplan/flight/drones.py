@@ -1,12 +1,13 @@
-"""Drones that airborne optical sectioning is flown with.
+"""Presets of drones that are used for airborne optical sectioning.
 
-Makers publish top speeds, climb and hovering or flight times in still air; hardly any publishes
-an acceleration, and none a cruise speed for missions.  Those are ours, and `assumed` says so:
-2 m/s² is what small quadcopters reach at about 12 degrees of tilt, 10 m/s a cruise that leaves
-the gimbal time.  A published flight time runs a new battery empty: plan with less.
+Manufacturers publish top speeds, climb rates, and hovering or flight times in still air.  Few
+publish an acceleration, and none a cruise speed for missions.  aosplan assumes these two values,
+and the field `assumed` says so: small quadcopters reach 2 m/s² at a tilt of about 12 degrees, and
+at a cruise speed of 10 m/s the gimbal has time to stabilise.  A published flight time drains a new
+battery completely, so a plan should use less.
 
-`source` names the maker's page; `assumed` calls "unconfirmed" what we know of it from one
-reading alone.
+`source` names the manufacturer's page.  `assumed` marks values that come from a single unverified
+reading as "unconfirmed".
 """
 
 from __future__ import annotations
@@ -15,37 +16,41 @@ from typing import NamedTuple
 
 
 class DronePreset(NamedTuple):
-    """One drone as its maker, or its autopilot's defaults, describe it."""
+    """A drone as its manufacturer, or the defaults of its autopilot, specify it."""
 
     title: str
-    """Name to show, for example "DJI Mavic 3T"."""
+    """Name for output, for example "DJI Mavic 3T"."""
     speed_mps: float
-    """Cruise speed in missions: the default of --speed."""
+    """Cruise speed in missions, which is the default of --speed."""
     acceleration_mps2: float
     climb_mps: float
-    """Vertical speed that both climbs and descents keep to."""
+    """Vertical speed that both climb and descent can reach."""
     airspeed_mps: float
-    """Fastest through the air, without the sport mode that missions do not use."""
+    """Highest airspeed outside sport mode, which missions do not use."""
     endurance_min: float | None
-    """Longest flight in still air, until the battery is empty; None where it depends on the build."""
+    """Longest flight time in still air, until the battery is empty; None if it depends on the
+    build.
+    """
     most_waypoints: int | None
-    """Waypoints that one mission may have; None where nobody says."""
+    """Greatest number of waypoints in a mission; None if it is not published."""
     camera: str | None
-    """The camera's preset; None where any may be carried."""
+    """Name of the camera preset; None if the drone can carry different cameras."""
     photo_interval_s: float | None
-    """Shortest time between two photos of that camera; None where nobody says."""
+    """Shortest time between two photos of that camera; None if it is not published."""
     mission_formats: tuple[str, ...]
-    """Formats of mission files that it flies, as far as they are known."""
+    """Formats of mission files that the drone is known to fly."""
     source: str
-    """Who says so."""
+    """Where the numbers are published."""
     assumed: str
     """Which number is derived or assumed, and how."""
     autopilot: str = "dji"
-    """Whose flight controller flies it: one of `AUTOPILOTS`. It decides which files it takes."""
+    """Type of flight controller, one of `AUTOPILOTS`. It determines which mission files can be
+    used.
+    """
 
 
 AUTOPILOTS = ("px4", "ardupilot", "dji", "autel", "parrot")
-"""Flight controllers whose mission files differ."""
+"""Types of flight controllers, each with its own mission files."""
 
 _CRUISE = "cruise speed and acceleration assumed"
 _WPML = "waypoints of a mission: WPML specification, DJI Cloud API (indices up to 65,535)"
@@ -534,11 +539,13 @@ DRONES: dict[str, DronePreset] = {
 
 
 TRUSTED_SHARE = 2.0 / 3.0
-"""Share of the maker's longest flight in still air that is planned with: the rest is for wind, cold,
-an older battery, and the landing."""
+"""Share of the published flight time that a plan uses by default.
+
+The rest is a reserve for wind, cold, an older battery, and the landing.
+"""
 
 
 def trusted_min(drone: DronePreset) -> float | None:
-    """Minutes that a battery is planned with unless given; None if the maker says nothing."""
+    """Default flight time per battery in minutes; None if no flight time is published."""
     endurance = drone.endurance_min
     return None if endurance is None else round(TRUSTED_SHARE * endurance, 1)

@@ -1,4 +1,4 @@
-"""The drone that a name or a file stands for."""
+"""Finding a drone by preset name or file."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 
 def find_drone(name: str) -> DronePreset:
-    """A drone by its preset's name, from a file, or from another distribution (``aosplan.drones``).
+    """A drone from a preset, a file, or another installed distribution (``aosplan.drones``).
 
     Raises
     ------
     RequestError
-        If there is none of that name; the hint names those that it may mean.
+        If there is no such drone; the hint lists presets with similar names.
     """
     from aosplan.flight.drones import DRONES, DronePreset
 

@@ -1,12 +1,12 @@
-"""Flight time: straight legs from stop to stop with bounded speed, climb and acceleration.
+"""Flight time along straight legs, with limited speed, climb rate and acceleration.
 
-Between two stops the speed along a straight line is a trapezoid, or a triangle where the line is
-short.  With stops at every site each leg is such a line.  A drone that flies through its sites
-stops only where its course turns: it runs in over `Timing.run_in_m`, passes the sites at a steady
-speed, and runs out over the same length.
+Between two stops the speed over time is a trapezoid, or a triangle if the leg is short.  If the
+drone stops at every site, each leg is flown in this way.  A drone that flies through its sites
+stops only at turns: it accelerates over `Timing.run_in_m`, passes the sites at a constant speed,
+and decelerates over the same length.
 
-An autopilot holds ground speed as long as the air lets it: wind lowers the speed of a leg where
-the airspeed it would take is more than the drone has.
+An autopilot keeps the ground speed as long as its airspeed allows it.  Wind reduces the speed of a
+leg if keeping the speed would need more than the maximum airspeed.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import Sites
 
 STRAIGHT = 1e-6
-"""Sine of the smallest turn; what turns less flies straight on."""
+"""Sine of the smallest angle that counts as a turn."""
 
 
 SLOWEST_MPS = 1e-9
-"""Sites on top of each other would take no speed at all."""
+"""Lower limit of the speed; photos at the same place would otherwise give a speed of 0."""
 
 
 def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: Any = SCALARS) -> Any:
-    """Time from stop to stop: a trapezoid of speed, or a triangle if the leg is short.
+    """Time from stop to stop: the speed is a trapezoid, or a triangle if the leg is short.
 
     Takes floats, or arrays with numpy as `xp`.
     """
@@ -45,9 +45,9 @@ def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: An
 def passing_s(
     distance_m: float, length_m: float, speed_mps: float, acceleration_mps2: float
 ) -> float:
-    """Time from the stop at which a line begins until a distance along it is passed."""
+    """Time from the start of a line, where the drone stands still, until it has flown a distance."""
     left = length_m - distance_m
-    if left < distance_m:  # slowing down is speeding up, backwards
+    if left < distance_m:  # deceleration is acceleration reversed in time
         whole: float = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
         return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)
     ramp = 0.5 * speed_mps**2 / acceleration_mps2
@@ -57,9 +57,9 @@ def passing_s(
 
 
 def wind_mps(speed_mps: float, from_deg: float, heading_deg: float = 0.0) -> tuple[float, float]:
-    """Where the wind blows to, along a heading and to its right [m/s].
+    """Velocity of the air along a heading and to its right [m/s].
 
-    `from_deg` is where it comes from, clockwise from true north, as meteorologists say it.
+    `from_deg` is the direction that the wind comes from, clockwise from true north.
     """
     angle = math.radians(math.fmod(from_deg - heading_deg, 360.0))
     return -speed_mps * math.cos(angle) + 0.0, -speed_mps * math.sin(angle) + 0.0
@@ -68,11 +68,14 @@ def wind_mps(speed_mps: float, from_deg: float, heading_deg: float = 0.0) -> tup
 class Timing(NamedTuple):
     """How a drone flies between photos.
 
-    `wind` is where the wind blows to in the axes of the path, `airspeed_mps` the fastest the
-    drone flies through the air.  `climb_mps` bounds climbs and descents.  Flying through, a photo
-    is taken at most each `interval_s`, which bounds the speed by the baseline, and no run-in is
-    shorter than `least_run_in_m`.  To, from and between lines that are flown through the speed is
-    `transit_mps`; None: the same as along them.
+    - `wind`: velocity of the air in the axes of the path
+    - `airspeed_mps`: highest airspeed
+    - `climb_mps`: highest climb rate and descent rate
+    - `interval_s`: shortest time between photos in passing, which limits the speed to the baseline
+      divided by it
+    - `least_run_in_m`: shortest run-in
+    - `transit_mps`: speed to, from and between lines that are flown through; None: the speed along
+      them
     """
 
     speed_mps: float = 5.0
@@ -88,33 +91,34 @@ class Timing(NamedTuple):
 
     @property
     def transit(self) -> Timing:
-        """How the drone flies where it takes no photos."""
+        """Settings for parts of the flight without photos."""
         if self.transit_mps is None:
             return self
         return self._replace(speed_mps=self.transit_mps, interval_s=0.0)
 
     @property
     def run_in_m(self) -> float:
-        """Length before a line in which the drone reaches its speed; nothing where it stops."""
+        """Distance before a line over which the drone accelerates; 0 if it stops at every site."""
         ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
         return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
 
     def at(self, baseline_m: float) -> Timing:
-        """The same with the speed that photos a baseline apart leave to the camera."""
+        """The same settings, with the speed limited so that photos are at least `interval_s` apart."""
         if not (self.fly_through and self.interval_s):
             return self
         paced = max(baseline_m / self.interval_s, SLOWEST_MPS)
         return self._replace(speed_mps=min(self.speed_mps, paced), interval_s=0.0)
 
     def ground_speed_mps(self, x: float, y: float) -> float:
-        """Speed over ground in a direction, a unit vector.
+        """Ground speed in a direction that is given as a unit vector.
 
-        The airspeed g u - w is as long as the drone is fast: g = u w + √(A² - (u x w)²).
+        The airspeed |g u - w| is at most A, so the greatest ground speed is g = u·w + √(A² - (u x
+        w)²).
 
         Raises
         ------
         InfeasibleError
-            If the wind is stronger than the drone.
+            If the wind is faster than the highest airspeed.
         """
         along, across = x * self.wind[0] + y * self.wind[1], x * self.wind[1] - y * self.wind[0]
         left = self.airspeed_mps**2 - across**2
@@ -128,7 +132,9 @@ class Timing(NamedTuple):
         return min(self.speed_mps, fastest)
 
     def leg_speed_mps(self, x_m: float, y_m: float, up_m: float) -> float:
-        """Speed along a straight leg: level speed and climb both stay within their bounds."""
+        """Speed along a straight leg; its horizontal and vertical parts both stay within their
+        limits.
+        """
         level = math.hypot(x_m, y_m)
         length = math.hypot(level, up_m)
         speed = math.inf
@@ -140,7 +146,7 @@ class Timing(NamedTuple):
         return min(speed, self.climb_mps * length / abs(up_m)) if up_m else speed
 
     def leg_s(self, x_m: float, y_m: float = 0.0, up_m: float = 0.0) -> float:
-        """Time of a straight leg from stop to stop."""
+        """Time of a straight leg between two stops."""
         length = math.hypot(x_m, y_m, up_m)
         if not length:
             return 0.0
@@ -149,7 +155,9 @@ class Timing(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A leg in baselines, and how much shorter run-in and run-out leave it, in run-ins."""
+    """A leg in baselines, and by how many run-ins the run-out and run-in shorten it along each
+    axis.
+    """
 
     x: float
     y: float = 0.0
@@ -158,10 +166,10 @@ class Leg(NamedTuple):
 
 
 class Path(NamedTuple):
-    """A flight over a pattern: how often each leg occurs, and each line that is flown through.
+    """A flight over a pattern: the legs and the lines that are flown through, each with its count.
 
     Lengths are in baselines, in the axes of the pattern.  `courses` are the directions, as unit
-    vectors, in which photos are taken in passing.
+    vectors, in which the drone flies while it takes photos.
     """
 
     legs: tuple[tuple[Leg, int], ...]
@@ -171,7 +179,7 @@ class Path(NamedTuple):
 
     @classmethod
     def shortest(cls, samples: int, timing: Timing) -> Path:
-        """One straight line: without wind no pattern of so many sites is flown faster."""
+        """One straight line; without wind, no pattern with this number of samples is faster."""
         if timing.fly_through:
             return cls((), samples, ((samples - 1.0, 1),))
         return cls(((Leg(1.0), samples - 1),), samples)
@@ -189,7 +197,9 @@ class Path(NamedTuple):
         return math.fsum([*legs, *lines, 2.0 * turns * run])
 
     def time_s(self, baseline_m: float, timing: Timing) -> float:
-        """Time from the first site to the last, with a hold at each, or in passing."""
+        """Time from the first site to the last, with a hold at each site unless they are flown
+        through.
+        """
         flown = steady(timing.at(baseline_m), self.courses)
         run = flown.run_in_m
         between = flown.transit if timing.fly_through else flown
@@ -197,21 +207,21 @@ class Path(NamedTuple):
         if not timing.fly_through:
             return self.samples * flown.hold_s + math.fsum(legs)
         turns = sum(count for _, count in self.legs)
-        # From a stop to its speed a drone takes v/2a longer than at that speed all the way.
+        # Accelerating from a stop to speed v takes v/2a longer than flying the distance at v.
         ramp = run / flown.speed_mps + 0.5 * flown.speed_mps / flown.acceleration_mps2
         lines = (length * baseline_m / flown.speed_mps * count for length, count in self.lines)
         return math.fsum([*legs, *lines, 2.0 * turns * ramp])
 
 
 def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
-    """The same at the one speed that the wind leaves in every direction in which photos are taken."""
+    """The same settings at the highest speed that the wind allows on all courses."""
     if not (timing.fly_through and courses) or timing.wind == (0.0, 0.0):
         return timing
     return timing._replace(speed_mps=min(timing.ground_speed_mps(*course) for course in courses))
 
 
 def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
-    """The legs of a pattern in flight order, as they are flown."""
+    """The path of a flight over a pattern: its legs, and its lines if sites are flown through."""
     timing = timing or Timing()
     if timing.fly_through:
         return _flown_through(list(pattern.offsets()))
@@ -243,7 +253,8 @@ def _flown_through(sites: list[tuple[float, float]]) -> Path:
 
 
 class Line(NamedTuple):
-    """Sites that are flown through on one course: places of the first and the last, and the course.
+    """Sites that are flown through on one course: indices of the first and the last, and the
+    course.
 
     The course is a unit vector in the axes of the sites.
     """
@@ -257,10 +268,10 @@ class Line(NamedTuple):
 def lines_of(
     sites: Sequence[tuple[float, float]], spacing: float, along: tuple[float, float] = (1.0, 0.0)
 ) -> Iterator[Line]:
-    """Lines of sites along the heading, a whole number of spacings apart, in flight order.
+    """Lines of sites along the heading whose gaps are whole numbers of spacings, in flight order.
 
-    A trigger by distance meets all sites of such a line.  `along` is the heading as a unit
-    vector; lines run along it or back, and a site alone is flown through along it.
+    A distance trigger takes a photo at every site of such a line.  `along` is the heading as a unit
+    vector.  Lines run along it or opposite to it; a single site is flown through along it.
     """
     first = 0
     while first < len(sites):
@@ -281,6 +292,6 @@ def lines_of(
 
 
 def same_course(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether two unit vectors point the same way."""
+    """Whether two unit vectors have the same direction."""
     across = one[0] * other[1] - one[1] * other[0]
     return abs(across) < STRAIGHT and one[0] * other[0] + one[1] * other[1] > 0.0

@@ -1,10 +1,11 @@
-"""Photos in passing: how fast a drone may fly through its sites, and where it turns.
+"""Photos in passing: the highest speed, and the points where the drone turns.
 
-Three things bound the speed besides the wish: motion blur (the ground moves v t / GSD pixels
-during an exposure of t), the camera (no two photos within its shortest interval, so v <= b / T),
-and the drone.  Before the first site of a line the drone runs in over v² / 2a and at least a
-metre, after the last it runs out over as much, so that every photo is taken at steady speed; it stops at both ends, and
-the way from the one to the next is flown from stop to stop.
+Three limits apply in addition to the wanted speed: motion blur (the ground moves by v t / GSD
+pixels during an exposure time t), the camera (consecutive photos are at least its shortest interval
+T apart, so v <= b / T), and the drone.  Before the first site of a line the drone accelerates over
+v² / 2a, but at least one metre; after the last site it decelerates over the same distance.  All
+photos are therefore taken at constant speed.  The drone stops at both ends and flies from one line
+to the next from stop to stop.
 """
 
 from __future__ import annotations
@@ -20,29 +21,29 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 TRIGGERS = ("stop", "distance")
-"""How photos are taken: standing still, or each so many metres."""
+"""How photos are taken: at a stop, or by distance in passing."""
 
 
 class Bound(NamedTuple):
-    """A bound on the speed, and why."""
+    """An upper limit of the speed, and the reason."""
 
     speed_mps: float
     message: str
 
 
 def blur_speed_mps(gsd_m: float, blur_px: float, exposure_s: float) -> float:
-    """Speed at which the ground moves so many pixels during an exposure."""
+    """Speed at which the ground moves by `blur_px` pixels during an exposure."""
     return blur_px * gsd_m / exposure_s
 
 
 def ruling(wanted_mps: float, bounds: Sequence[Bound]) -> Bound | None:
-    """The bound that leaves the least speed, the first of equals; None where the wish is slower."""
+    """The limit with the lowest speed; None if the wanted speed is lower. Of equals, the first."""
     slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
     return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None
 
 
 class Sites(NamedTuple):
-    """Points in flight order, east and north [m], and at which of them a photo is taken."""
+    """Points in flight order, east and north [m], and for each point whether a photo is taken."""
 
     east_m: list[float]
     north_m: list[float]
@@ -50,10 +51,10 @@ class Sites(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Points with the height of the ground below [m], and how far the ways between them miss it.
+    """Points with the height of the ground below [m], and deviations of the ground between them.
 
-    A straight way comes up to `closer_by_m` nearer to the ground than its ends, and up to `farther_by_m`
-    farther away.
+    On a straight leg, the drone is up to `closer_by_m` closer to the ground than at the two ends of
+    the leg, and up to `farther_by_m` farther away.
     """
 
     sites: Sites
@@ -63,9 +64,9 @@ class Ground(NamedTuple):
 
 
 def with_turns(sites: Sites, *, spacing_m: float, run_in_m: float, heading_deg: float) -> Sites:
-    """Sites with the points before and after each line at which the drone turns.
+    """Sites with the turning points before and after each line.
 
-    Points without a photo stay where they are, between lines.
+    Points without a photo keep their place between the lines.
     """
     along = heading_axis(heading_deg)
 

@@ -1,8 +1,8 @@
-"""Terrain: the ground's height from a GeoTIFF, and a flight that keeps its height above it.
+"""Terrain: ground heights from a GeoTIFF, and a path at a constant height above the ground.
 
-Heights are read where they are needed, in windows of bounded size, and interpolated bilinearly
-between the centres of pixels.  Only differences of height matter to a mission that counts from
-its take-off, so any vertical datum will do as long as the file has one.
+Heights are read in windows of limited size and interpolated bilinearly between pixel centres.
+Missions use heights above the take-off point, which are differences of heights, so the file may
+have any vertical datum.
 """
 
 from __future__ import annotations
@@ -35,31 +35,31 @@ if TYPE_CHECKING:
 
 
 WINDOW_PX = 4_000_000
-"""Pixels read at a time (32 MB); more scattered points are read in parts."""
+"""Pixels per window (32 MB); points that are farther apart are read in several windows."""
 
 GROUND_M = (-600.0, 9000.0)
-"""Heights of the ground on earth; others mark pixels without data, tagged or not."""
+"""Range of ground heights on earth; values outside it are treated as missing, tagged or not."""
 
 METRES_PER_DEGREE = 111_320.0
 
 MOST_LOOKS = 5_000_000
-"""Places between the sites of a plan whose height is looked up at most."""
+"""Greatest number of places between the sites of a plan at which the height is read."""
 
 
 class Terrain:
-    """Heights of the ground from a raster; a context manager that holds the file open.
+    """Ground heights from a raster; a context manager that keeps the file open.
 
     Parameters
     ----------
     path
-        A GeoTIFF; its first band counts.
+        A GeoTIFF; the first band is read.
     units
-        Unit of its heights, instead of the one that it states (`aosplan.crs.unit_m`).
+        Unit of the heights, which replaces the one that the file states (`aosplan.crs.unit_m`).
 
     Raises
     ------
     RequestError
-        If there is no such raster, or it does not say where it lies or in which unit.
+        If there is no such raster, or if it has no location or no unit.
     MissingExtraError
         If rasterio is not installed.
     """
@@ -70,7 +70,7 @@ class Terrain:
         from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
 
         self.path = path
-        # A raster must not send GDAL over the network or into archives.
+        # A file name must not make GDAL open network resources or archives.
         if "://" in path or path.startswith("/vsi") or "\0" in path:
             raise RequestError(f"terrain {path!r} is not a file")
         check_input(path)
@@ -118,7 +118,7 @@ class Terrain:
         return crs_of_wkt(self._raster.crs.to_wkt(), f"terrain '{self.path}'")
 
     def _height_unit_m(self, crs: CRS, units: str | None) -> float:
-        """Metres in the unit of the heights: as given, from the band, or the vertical axis."""
+        """Metres in the unit of the heights: as given by the user, the band or the vertical axis."""
         if self._raster.dtypes[0].startswith("complex"):
             raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
         if units is not None:
@@ -135,7 +135,7 @@ class Terrain:
         )
 
     def _pixel_m(self, crs: CRS) -> float:
-        """The smaller side of a pixel on the ground, in the middle of the raster."""
+        """The shorter side of a pixel on the ground, at the centre of the raster."""
         a, b, left, d, e, top = self._transform
         rows, columns = 0.5 * self._raster.height, 0.5 * self._raster.width
         scale = ground_scale(crs, left + a * columns + b * rows, top + d * columns + e * rows)
@@ -149,7 +149,7 @@ class Terrain:
         Raises
         ------
         RequestError
-            If a point lies outside the raster, or in a hole of it.
+            If a point is outside the raster or at a pixel without data.
         """
         import numpy as np
 
@@ -157,12 +157,13 @@ class Terrain:
         x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
         a, b, left, d, e, top = self._transform
         x = np.asarray(x)
-        if self._turn:  # longitudes may count from 0 or from -180, and the raster may lie across
+        # longitudes may start at 0 or at -180, and the raster may cross the end of the range
+        if self._turn:
             x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
         along, down = x - left, np.asarray(y) - top
         columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
         inside = (columns >= 0) & (columns <= self._raster.width)
-        inside &= (rows >= 0) & (rows <= self._raster.height)  # a nan is not inside
+        inside &= (rows >= 0) & (rows <= self._raster.height)  # False for nan
         if not inside.any():
             self._refuse("does not cover", lat, lon, ~inside, self._whereabouts())
         if not inside.all():
@@ -174,7 +175,7 @@ class Terrain:
         return found * self._unit_m
 
     def _whereabouts(self) -> str:
-        """Where on earth the middle of the raster lies, as a hint."""
+        """A hint with the latitude and longitude of the raster's centre."""
         a, b, left, d, e, top = self._transform
         column, row = 0.5 * self._raster.width, 0.5 * self._raster.height
         x, y = left + a * column + b * row, top + d * column + e * row
@@ -200,7 +201,9 @@ class Terrain:
     def _read(
         self, columns: NDArray[Any], rows: NDArray[Any], found: NDArray[Any], part: slice
     ) -> None:
-        """Heights of a part of the points; parts that spread too far are halved."""
+        """Read the heights of some of the points; points that are too far apart are split in
+        halves.
+        """
         import numpy as np
         from rasterio.windows import Window
 
@@ -219,12 +222,12 @@ class Terrain:
         pixels = np.ma.filled(band.astype(float), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
             pixels = pixels * self._raster.scales[0] + self._raster.offsets[0]
-        # No ground is as low or as high as the values that mark pixels without data.
+        # Values outside this range mark pixels without data.
         low, high = (limit_m / self._unit_m for limit_m in GROUND_M)
         pixels[~((pixels >= low) & (pixels <= high))] = np.nan
         column, row = x.astype(int) - left, y.astype(int) - top
         u, v = x - x.astype(int), y - y.astype(int)
-        # A neighbour without weight may be a hole, or lie beyond the edge.
+        # A neighbour of weight zero may have no data or be outside the raster.
         right, below = (
             np.minimum(column + (u > 0), width - 1),
             np.minimum(row + (v > 0), height - 1),
@@ -235,7 +238,7 @@ class Terrain:
 
 
 def raise_unplaced(path: str) -> NoReturn:
-    """Refuse a raster without a place on earth."""
+    """Refuse a raster that has no coordinate reference system."""
     raise RequestError(
         f"terrain '{path}' has no coordinate reference system",
         "give it a coordinate system: gdal_edit.py -a_srs EPSG:CODE FILE",
@@ -247,7 +250,7 @@ def _between(start: Any, stop: Any, share: Any) -> Any:
 
 
 def _datum(crs: CRS) -> str:
-    """What the heights count from, as far as the raster says."""
+    """Name of the vertical datum, if the raster states one."""
     vertical = [sub.name for sub in crs.sub_crs_list if sub.is_vertical]
     if vertical:
         return str(vertical[0])
@@ -257,12 +260,12 @@ def _datum(crs: CRS) -> str:
 def follow(
     terrain: Terrain, sites: Sites, origin: tuple[float, float], *, tolerance_m: float
 ) -> Ground:
-    """Points that are to keep one height above the ground, and more where the way is too low.
+    """Add points to a path that keeps one height above the ground where the drone would be too low.
 
-    The ground between two points is looked at each half pixel; where it rises above the straight
-    line from end to end by more than `tolerance_m`, a point is put over the worst place, and both
-    halves are looked at again.  Of a path longer than `MOST_LOOKS` half pixels so many places are
-    looked at.
+    The height of the ground is read every half pixel along each leg.  If it is more than
+    `tolerance_m` above the straight line between the two ends, a point is added at the worst place,
+    and both parts are checked again.  If a path is longer than `MOST_LOOKS` half pixels, the places
+    are farther apart, so that there are `MOST_LOOKS`.
     """
     import numpy as np
 
@@ -303,9 +306,10 @@ def follow(
 
 
 def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:
-    """Places of a profile, its ends among them, between which it stays near the straight line.
+    """Indices of a profile between which it is nowhere too far above the straight line.
 
-    It rises above the lines from place to place by at most `tolerance_m`.
+    The first and the last index are included.  Between consecutive indices the profile is at most
+    `tolerance_m` above the straight line.
     """
     import numpy as np
 
@@ -344,10 +348,10 @@ def ways_ground_m(
     east_m: Sequence[float],
     north_m: Sequence[float],
 ) -> tuple[list[float], list[float]]:
-    """Lowest and highest ground on the straight way from one point to each of several.
+    """Lowest and highest ground along the straight line from one point to each of several others.
 
-    Points are east and north of an origin [m].  The ground is looked at each half pixel, or farther
-    apart if that would be more than `MOST_LOOKS` places in all.
+    Points are metres east and north of an origin.  Heights are read every half pixel, or farther
+    apart if there would be more than `MOST_LOOKS` places in total.
     """
     import numpy as np
 

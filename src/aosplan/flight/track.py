@@ -1,4 +1,4 @@
-"""Tracks: the points of a flight, and when each is reached."""
+"""Tracks: the points of a flight and the time at which the drone reaches each of them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 class Track:
     """Points of a flight in order: metres east, north and up, and whether a photo is taken.
 
-    Where it does not fly through, the drone stops at every point, and holds where it takes a
-    photo.
+    Unless sites are flown through, the drone stops at every point and holds at those with a photo.
     """
 
     east_m: Sequence[float]
@@ -41,7 +40,7 @@ class Track:
         return list(accumulate(starmap(math.hypot, self.legs), initial=0.0))
 
     def stops(self, timing: Timing) -> list[int]:
-        """Points at which the drone stands still: all, or those where its course turns."""
+        """Points at which the drone stops: all, or the turns if sites are flown through."""
         count = len(self.east_m)
         if not timing.fly_through or count < 2:
             return list(range(count))
@@ -54,13 +53,14 @@ class Track:
         return [0, *turns, count - 1]
 
     def times_s(self, timing: Timing) -> list[float]:
-        """When each point is reached, from a stop at the first; holds come after.
+        """Time at which each point is reached, starting at rest at the first; holds follow the
+        arrival.
 
-        Flying through, a line is flown as fast as its steepest leg allows, and lines without a
-        photo at the transit speed.
+        If sites are flown through, a whole line is flown at the speed that its steepest leg
+        allows.  Lines without photos are flown at the transit speed.
         """
         if not timing.fly_through:
-            # A grid has many legs and few that differ.
+            # A grid has many legs, but only a few different ones.
             known = {leg: timing.leg_s(*leg) for leg in set(self.legs)}
             holds = (timing.hold_s if photo else 0.0 for photo in self.photo)
             legs = (held + known[leg] for held, leg in zip(holds, self.legs, strict=False))
@@ -82,6 +82,6 @@ class Track:
 
 
 def _course(leg: tuple[float, float, float]) -> tuple[float, float] | None:
-    """Direction of a leg over ground; None where it goes straight up."""
+    """Horizontal direction of a leg; None if the leg is vertical."""
     level = math.hypot(leg[0], leg[1])
     return (leg[0] / level, leg[1] / level) if level else None

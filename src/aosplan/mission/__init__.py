@@ -1,9 +1,9 @@
 """The mission: waypoints in flight order, and the files that flight software loads.
 
-- `aosplan.mission.mission`: waypoints, how they are flown, and the split into flights.
-- `aosplan.mission.limits`: what a file of each target may hold.
+- `aosplan.mission.mission`: waypoints, flight settings, and the split into flights.
+- `aosplan.mission.limits`: limits of a file for each target.
 - `aosplan.mission.mavlink`: the commands of MAVLink missions.
-- `aosplan.mission.dji_models`: how DJI's files number drones and payloads.
-- `aosplan.mission.export`: from missions to the bytes of files.
-- `aosplan.mission.formats`: one file a format.
+- `aosplan.mission.dji_models`: numbers of drones and payloads in DJI's files.
+- `aosplan.mission.export`: conversion of missions to the bytes of files.
+- `aosplan.mission.formats`: one module per format.
 """

@@ -1,4 +1,4 @@
-"""Numbers by which DJI's files name drones and cameras.
+"""Numbers of drones and cameras in DJI's files.
 
 Source: DJI Cloud API documentation, 1.14 and as of March 2026, product support (type and sub_type of aircraft, type of
 cameras), as DJI WPML refers to it.
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class Drone(NamedTuple):
-    """droneEnumValue and droneSubEnumValue, and the name of the camera that is built in."""
+    """droneEnumValue and droneSubEnumValue, and the name of the built-in camera."""
 
     number: int
     variant: int
@@ -33,7 +33,7 @@ DRONES = {
     "dji-m4d": Drone(100, 0, "dji-m4d"),
     "dji-m4td": Drone(100, 1, "dji-m4td"),
 }
-"""Drones that fly DJI WPML."""
+"""Drones that fly DJI WPML missions."""
 
 PAYLOADS = {
     "dji-h20": 42,

@@ -1,7 +1,7 @@
 """Missions as files: the formats by name, and the bytes of each file.
 
-A format is a module of `aosplan.mission.formats` with a `FORMAT` and a
-``render(mission) -> bytes``, a pure function that gives the same bytes for the same mission.
+A format is a module in `aosplan.mission.formats` with a `FORMAT` and a pure function
+``render(mission) -> bytes``, which returns the same bytes for the same mission.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ MODULES = {
     "plan": "qgc_plan",
     "waypoints": "ardupilot",
 }
-"""Modules of `aosplan.mission.formats` by the name of the format."""
+"""Module names in `aosplan.mission.formats` by format name."""
 
 FORMER = {"qgc_plan": "plan", "wpml": "kmz"}
-"""Names that formats had before version 0.2, which are still understood."""
+"""Format names from before version 0.2, which are still accepted."""
 
 
 GROUP = "aosplan.formats"
-"""Entry points by which other distributions add formats: a module with `FORMAT` and `render`."""
+"""Group of entry points by which other distributions add formats: modules like the built-in ones."""
 
 
 def formats() -> dict[str, Format]:
@@ -50,12 +50,13 @@ def formats() -> dict[str, Format]:
 
 
 def choose(path: str, name: str | None = None) -> tuple[Format, str]:
-    """The format and path of an output: by name, by ``NAME:PATH``, or by the path's ending.
+    """The format and path of an output: by format name, by ``NAME:PATH``, or by the file's
+    extension.
 
     Raises
     ------
     RequestError
-        If no format of that name or ending is known.
+        If no format with this name or extension is known.
     """
     known = formats()
     name = FORMER.get(name or "", name)
@@ -90,13 +91,13 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
 
 
 def render(mission: Mission, chosen: Format) -> bytes:
-    """The bytes of a mission in a format, whatever the limits of its target.
+    """The bytes of a mission in a format; limits of the target are not checked.
 
     Raises
     ------
     RequestError
-        If the format needs a place and the mission has none, or cannot say how it is flown, or
-        where the mission's autopilot does not fly it.
+        If the format needs a location and the mission has none, if the format cannot express the
+        flight settings, or if the mission's autopilot does not fly it.
     """
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
@@ -119,16 +120,16 @@ def render(mission: Mission, chosen: Format) -> bytes:
 
 
 def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
-    """Contents of the files that missions need, by path: one file, or numbered ones.
+    """Contents of the files for some missions, by path: one file, or numbered files.
 
-    ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on where there are several
-    missions, or where one is more than its target takes.
+    ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on if there are several missions,
+    or if a mission is too large for one file.
 
     Raises
     ------
     RequestError
-        If a mission is beyond a limit that splitting does not cure, or stdout would have to
-        take several files.
+        If a mission exceeds a limit that splitting cannot satisfy, or if several files would be
+        written to stdout.
     """
     pieces = [
         piece
@@ -153,7 +154,7 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
 
 
 def size_of(chosen: Format) -> Callable[[Mission], int]:
-    """What counts against a format's limit: the points of the path, or the commands of a file."""
+    """The function that counts what a format limits: points of the path, or commands of the file."""
     from aosplan.mission.flown_path import path_size
 
     count: Callable[[Mission], int] = getattr(_module(chosen.name), "size", path_size)
@@ -161,7 +162,7 @@ def size_of(chosen: Format) -> Callable[[Mission], int]:
 
 
 def notes(mission: Mission, chosen: Format) -> list[str]:
-    """What a format's files take for granted of a mission, a sentence each."""
+    """Assumptions that a format makes about a mission, one sentence each."""
     said: Callable[[Mission], list[str]] | None = getattr(_module(chosen.name), "notes", None)
     return said(mission) if said else []
 
@@ -173,12 +174,12 @@ def _module(name: str) -> Any:
 
 
 def _may_be_added(prefix: str) -> bool:
-    """Whether what stands before a colon may be a format's name, not a drive or part of a path."""
+    """Whether the text before a colon can be a format name, rather than a drive or part of a path."""
     return len(prefix) > 1 and prefix.replace("-", "").isalnum()
 
 
 def _added(name: str) -> dict[str, Format]:
-    """The format of a name that another distribution adds, if one does."""
+    """The format that another distribution adds under a name, if there is one."""
     module = plugin(GROUP, name)
     return {} if module is None else {name: _format_of(module)}
 

@@ -1,11 +1,11 @@
-"""The path that a file lists: where the drone is told to fly, how fast, and what its camera does.
+"""The path in a mission file: the points, the speeds, and the commands of the camera.
 
-A mission has a waypoint for every photo.  With photos in passing a file needs only the ends of each
-line: the camera's distance trigger is switched on at the first photo and off half a spacing after
-the last one, so that a site which is reached a little early or late neither loses its photo nor
-takes another.  Points between them stay where the height bends.  A way to the first waypoint, or
-home, that is flown higher than the waypoint begins or ends straight above it: the drone climbs
-first.
+A mission has a waypoint for every photo.  If photos are taken in passing, a file needs only the
+ends of each line.  The distance trigger is switched on at the first photo.  It is switched off half
+a spacing after the last photo, so that a small error of the position neither drops the last photo
+nor adds another one.  Further points remain where the height changes along a line.  If the transit
+to the first waypoint or back home is higher than the waypoint, the path starts or ends vertically
+above it, because the drone climbs first.
 """
 
 from __future__ import annotations
@@ -22,22 +22,24 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 HIGHER_M = 0.5
-"""A way that is higher than its waypoint by less than this is flown on the waypoint's level."""
+"""A transit that is less than this above its waypoint is flown at the height of the waypoint."""
 
 BEND_M = 0.1
-"""Heights along a line that stay this near to straight lines between others are left out."""
+"""Points along a line are left out if the height is within this distance of a straight line."""
 
 LEAST_LEG_M = 0.5
-"""DJI's flight controllers take no shorter legs."""
+"""Shortest leg that DJI's flight controllers accept."""
 
 
 class PathPoint(NamedTuple):
     """One point of a file.
 
-    `speed_mps` is flown from here on.  The drone stops here if `stop`; otherwise it passes.  It
-    takes a photo here if `photo`; a distance trigger is switched on or off by `switch` (True, False,
-    None: neither).  `height_m` is above the take-off if `above_takeoff`, and otherwise above what
-    the mission's heights count from.
+    - `speed_mps`: speed from this point on
+    - `stop`: whether the drone stops here; otherwise it flies through
+    - `photo`: whether a photo is taken here
+    - `switch`: True switches the distance trigger on here, False switches it off, None does neither
+    - `height_m`: above the take-off point if `above_takeoff`, otherwise in the mission's altitude
+      frame
     """
 
     east_m: float
@@ -53,7 +55,7 @@ class PathPoint(NamedTuple):
 
 
 def flown_path(mission: Mission) -> list[PathPoint]:
-    """The points of a mission's file, from above its first waypoint to above its last."""
+    """The points of a mission's file, including those above the first and the last waypoint."""
     points = list(_stops(mission) if mission.settings.trigger == "stop" else _lines(mission))
     points = _without_short_legs(points)
     above = mission.above_takeoff_m()
@@ -72,7 +74,7 @@ def path_size(mission: Mission) -> int:
 
 
 def _without_short_legs(points: Sequence[PathPoint]) -> list[PathPoint]:
-    """The points without those where nothing happens and that lie on their neighbour."""
+    """Remove points without a command that are too close to their neighbour."""
     kept: list[PathPoint] = []
     for point in points:
         idle = not point.photo and point.switch is None
@@ -92,14 +94,14 @@ def _place(point: PathPoint) -> tuple[float, float, float]:
 
 
 def _above(point: PathPoint, height_m: float, speed_mps: float) -> PathPoint:
-    """The point straight above another one, where the drone turns to the level way or from it."""
+    """The point vertically above another one, at which the transit ends or starts."""
     east, north, latitude, longitude = point[:4]
     return PathPoint(east, north, latitude, longitude, height_m, speed_mps, above_takeoff=True)
 
 
 def _points(mission: Mission) -> Iterator[PathPoint]:
     ways, speed = mission.waypoints, mission.settings.speed_mps
-    assert ways.latitude is not None  # formats that are flown need a place
+    assert ways.latitude is not None  # formats that are flown require a location
     assert ways.longitude is not None
     columns = (ways.east_m, ways.north_m, ways.latitude, ways.longitude, mission.flown_m())
     for place in zip(*columns, strict=True):
@@ -113,7 +115,7 @@ def _stops(mission: Mission) -> Iterator[PathPoint]:
 
 
 def line_ends(mission: Mission) -> list[int]:
-    """Waypoints at which the course turns, the first and the last among them."""
+    """Indices of the waypoints at which the course turns, including the first and the last."""
     ways = mission.waypoints
     places = list(zip(ways.east_m, ways.north_m, strict=True))
     courses = [_course(one, other) for one, other in pairwise(places)]
@@ -131,7 +133,7 @@ def _course(start: tuple[float, float], stop: tuple[float, float]) -> tuple[floa
 
 
 def _lines(mission: Mission) -> Iterator[PathPoint]:
-    """Lines with photos in passing: their ends, and where the trigger goes on and off."""
+    """Points of lines with photos in passing: ends, bends, and where the trigger is switched."""
     points, spacing = list(_points(mission)), mission.settings.spacing_m
     photo = mission.waypoints.photo or [True] * len(points)
     ends, lines = line_ends(mission), photo_lines(mission)
@@ -156,14 +158,16 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
 
 
 def _is_off(points: Sequence[PathPoint], place: int, spacing_m: float) -> bool:
-    """Whether a line's end lies so near behind its last photo that the trigger goes off there."""
+    """Whether the end of a line is so close to its last photo that the trigger is switched off
+    there.
+    """
     return _apart(points[place - 1], points[place]) <= 0.9 * spacing_m
 
 
 def _after(
     points: Sequence[PathPoint], place: int, spacing_m: float, *, end: bool, near: bool
 ) -> PathPoint:
-    """The point half a spacing after a line's last photo: within the line, or beyond its end."""
+    """The point half a spacing after the last photo of a line: on the line, or beyond its end."""
     point, other = points[place], points[place - 1 if end else place + 1]
     length, off_m = _apart(point, other), 0.5 * spacing_m
     if off_m < LEAST_LEG_M:
@@ -189,7 +193,7 @@ def _apart(one: PathPoint, other: PathPoint) -> float:
 
 
 def _bends(line: Sequence[PathPoint]) -> Iterator[int]:
-    """Places between which the height stays near straight lines (Douglas and Peucker, 1973)."""
+    """Indices at which the height of a line leaves a straight line (Douglas and Peucker, 1973)."""
     along = [_apart(line[0], point) for point in line]
     waiting = [(0, len(line) - 1)]
     while waiting:

@@ -1,4 +1,4 @@
-"""What a format of mission files is called, and what it needs."""
+"""Description of a format of mission files: its name, its limits and what it requires."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 
 class Limits(NamedTuple):
-    """What a target takes in one file, from least to most; None: no bound is known.
+    """Smallest and largest values that a target accepts in one file; None if there is no known
+    bound.
 
-    Heights are those that the file says; `source` tells where the numbers stand.  `waypoints` counts
-    waypoints of the file, or all its commands, as `unit` says.
+    Heights are those in the file.  `source` says where the numbers are published.  `waypoints`
+    counts the waypoints of the file or all of its commands, as `unit` says.
     """
 
     target: str = ""
@@ -23,12 +24,13 @@ class Limits(NamedTuple):
 
 
 class Format(NamedTuple):
-    """What a format is called, which endings it serves, and what it needs.
+    """A format: its name and extensions, and what it requires.
 
-    `altitudes` says what its altitudes are above; `limits` what a file may hold, by the target
-    that reads it, the usual one first; `flown_by` which autopilots fly it, empty for files that
-    are not flown; `triggers` how its photos may be taken.  With `asks_drone` it is written only
-    for a drone that says that it flies the format.
+    - `altitudes`: what its altitudes can be relative to
+    - `limits`: limits of a file for each target that reads it, the usual target first
+    - `flown_by`: autopilots that fly it; empty if the file is not flown
+    - `triggers`: how photos may be triggered
+    - `asks_drone`: whether the format is written only for a drone that is known to fly it
     """
 
     name: str
@@ -43,5 +45,5 @@ class Format(NamedTuple):
 
     @property
     def written_as(self) -> str:
-        """How an output of this format is named on the command line."""
+        """How the user names an output of this format on the command line."""
         return self.suffixes[0] if self.suffixes else f"{self.name}:FILE"

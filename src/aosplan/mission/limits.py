@@ -1,4 +1,4 @@
-"""Limits of the programs that read missions, checked in this one place."""
+"""Checks of a mission against the limits of the program that reads its file."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:
-    """The limits of a mission: those of its autopilot, or the first of the format.
+    """The limits for a mission: those of its autopilot, or the format's first limits.
 
-    A number of waypoints that the user gives replaces the known one.
+    If the user gives a number of waypoints per file, it replaces the known limit.
     """
     wanted = mission.settings.autopilot
     limits = next((one for one in chosen.limits if one.target == wanted), chosen.limits[0])
@@ -34,13 +34,13 @@ def limits_of(mission: Mission, chosen: Format) -> Limits:
 
 
 def check_flown(mission: Mission, chosen: Format) -> None:
-    """Refuse a mission whose drone, trigger or heights a format cannot express.
+    """Refuse a mission if the format cannot express its drone, trigger or heights.
 
     Raises
     ------
     RequestError
-        If the drone is not known or flies other formats, the format has not such a trigger, or
-        it holds heights above the take-off alone.
+        If the drone is not known or does not fly this format, if the format does not have the
+        trigger, or if it only has heights above the take-off point.
     """
     settings = mission.settings
     flown = settings.mission_formats or ()
@@ -67,14 +67,14 @@ def check_flown(mission: Mission, chosen: Format) -> None:
 
 
 def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> list[Mission]:
-    """The mission in pieces that the format's target takes: consecutive, gapless, equally long.
+    """Split a mission into consecutive parts of about equal size that the format's target accepts.
 
-    Photos in passing of one line stay in one piece.  `size` counts what the limit counts.
+    A line with photos in passing is never split.  `size` counts what the limit applies to.
 
     Raises
     ------
     RequestError
-        If it is beyond a limit that splitting does not cure; the message has the number.
+        If the mission exceeds a limit that splitting cannot satisfy; the message has the number.
     """
     limits = limits_of(mission, chosen)
     path = flown_path(mission)
@@ -109,7 +109,7 @@ def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> l
 
 
 def _begins(mission: Mission) -> list[int]:
-    """Waypoints at which a file may begin: any, or the ends of lines that are flown through."""
+    """Waypoints at which a file may start: all, or starts of lines if lines are flown through."""
     if mission.settings.trigger == "stop":
         return list(range(len(mission.waypoints)))
     photo = mission.waypoints.photo

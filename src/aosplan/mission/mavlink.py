@@ -1,4 +1,4 @@
-"""A mission as MAVLink commands, which ArduPilot's and QGroundControl's files list.
+"""A mission as MAVLink commands, for the files of ArduPilot and QGroundControl.
 
 Numbers of commands and frames are those of MAVLink's common message set.
 """
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 ABSOLUTE, COMMAND, RELATIVE, TERRAIN = 0, 2, 3, 10
-"""Frames: above sea level, none, above home, above the ground."""
+"""Frames: above sea level; no position; above home; above the ground."""
 
 WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
     16, 20, 22, 93, 115, 178, 203, 205, 206, 2000,
 )  # fmt: skip
-"""Commands, in their order of number."""
+"""Command numbers, in increasing order."""
 
 REACHED_M = 0.5
-"""PX4 takes a site as reached only this near, not at its default of metres."""
+"""Acceptance radius of a site for PX4, whose default is several metres."""
 
 ARDUPILOT = Limits(
     "ardupilot",
@@ -46,7 +46,7 @@ PX4 = Limits(
 
 
 class Command(NamedTuple):
-    """One item of a mission; parameters that mean nothing, or leave as it is, are None."""
+    """One item of a mission; None stands for a parameter without a value or one to leave unchanged."""
 
     command: int
     frame: int
@@ -54,19 +54,19 @@ class Command(NamedTuple):
 
 
 def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
-    """What the autopilot does, from take-off to return.
+    """Commands for the autopilot, from take-off to return.
 
-    The drone climbs, flies to its first waypoint on the level, flies all of them with its nose and
-    its gimbal fixed, climbs, and returns.
+    The drone climbs, flies horizontally to its first waypoint, flies through all waypoints with
+    fixed yaw and gimbal, climbs, and returns.
 
-    PX4 sends a photo's command when the hold of its waypoint is over, as it leaves: half of the
-    hold comes after the photo, as a delay.
+    PX4 sends the photo command of a waypoint after its hold, just before it leaves.  Half of the
+    hold is therefore a delay after the photo.
 
     Raises
     ------
     RequestError
-        If heights are above the terrain and PX4 flies, which refuses such missions, or if the
-        autopilot does not stop for the hold.
+        If heights are above the terrain and the autopilot is PX4, which refuses such missions, or
+        if the autopilot does not stop for the hold.
     """
     settings = mission.settings
     own_yaw = autopilot == "px4"
@@ -89,7 +89,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
         if own_yaw:
             lead = (REACHED_M, 0.0, settings.yaw_deg % 360.0)
         else:
-            # ArduPilot turns to the next waypoint at each one, unless it is told again.
+            # ArduPilot turns towards the next waypoint unless the yaw is set again at each one.
             yield _plain(YAW, settings.yaw_deg % 360.0)
             lead, where = (0.0, 0.0, 0.0), _meant(*where)
         holds = point.photo and settings.trigger == "stop"
@@ -100,7 +100,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
         if holds and own_yaw:
             yield _plain(DELAY, hold)
         if point.switch is not None:
-            # Its third parameter takes the first photo at once.
+            # The third parameter makes the camera take the first photo at once.
             yield _plain(
                 BY_DISTANCE, settings.spacing_m if point.switch else 0.0, 0.0, float(point.switch)
             )
@@ -113,7 +113,9 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
 
 
 def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, float, float]:
-    """A place that ArduCopter does not take for "stay": zeros mean the current place or height."""
+    """A position that ArduCopter does not ignore; it takes zeros for the current position or
+    height.
+    """
     if abs(latitude) < 1e-7 and abs(longitude) < 1e-7:
         latitude = 1e-7
     return latitude, longitude, 0.01 if abs(height_m) < 0.01 else height_m
@@ -127,5 +129,5 @@ def _plain(
     fourth: float | None = 0.0,
     fifth: float = 0.0,
 ) -> Command:
-    """A command that is no place."""
+    """A command without a position."""
     return Command(command, COMMAND, (first, second, third, fourth, fifth, 0.0, 0.0))

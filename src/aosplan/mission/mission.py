@@ -1,4 +1,4 @@
-"""Missions: waypoints in flight order and how they are flown, ready to be written by any format."""
+"""Missions: waypoints in flight order and flight settings, from which every format is written."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 FRAMES = ("takeoff", "terrain")
-"""What the heights in a file are above: the take-off, or the ground below as the autopilot knows it."""
+"""Altitude frames of a file: above the take-off, or above the ground that the autopilot knows."""
 
 
 class Waypoint(NamedTuple):
     """One position of a flight.
 
-    East and north count from the centre of the grid, true north; the altitude from the ground
-    there.  Latitude and longitude are WGS 84 degrees, or None without a place; `ground_m` is the
-    ground's height above sea level, or None where it is not known.  Where `photo` is False the
-    drone only turns.
+    `east_m` and `north_m` are relative to the centre of the grid, with true north.  `altitude_m` is
+    above the ground at this position.  Latitude and longitude are WGS 84 degrees, or None without a
+    location.  `ground_m` is the height of the ground above sea level, or None if it is not known.
+    If `photo` is False, no photo is taken here.
     """
 
     index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
@@ -38,11 +38,12 @@ class Waypoint(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Waypoints(Sequence[Waypoint]):
-    """Waypoints in flight order, a column each of what `Waypoint` has; None: the same for all.
+    """Waypoints in flight order, as one column per field of `Waypoint`.
 
-    Columns, since a mission may have a million of them.  Iterating gives `Waypoint` values, which
-    pandas and polars take as rows; `columns` gives a dictionary, and GeoPandas reads the points by
-    ``GeoDataFrame.from_features``.
+    A column is None if all waypoints have the default of that field.  A mission may have a million
+    waypoints, and columns take less memory than tuples.  Iteration gives `Waypoint` values, which
+    pandas and polars accept as rows.  `columns` gives a dictionary.  ``GeoDataFrame.from_features`` of
+    GeoPandas reads the points.
     """
 
     east_m: Sequence[float]
@@ -58,7 +59,7 @@ class Waypoints(Sequence[Waypoint]):
 
     @property
     def __geo_interface__(self) -> dict[str, Any]:
-        """A GeoJSON FeatureCollection of points: longitude, latitude, height above ground.
+        """A GeoJSON FeatureCollection of points: longitude, latitude, height above the ground.
 
         Raises
         ------
@@ -105,20 +106,20 @@ class Waypoints(Sequence[Waypoint]):
     def __getitem__(self, place: slice) -> Waypoints: ...
 
     def __getitem__(self, place: int | slice) -> Waypoint | Waypoints:
-        """One waypoint, or the columns of several."""
+        """One waypoint, or the columns of a slice."""
         if isinstance(place, slice):
             return Waypoints(**{name: column[place] for name, column in self.columns().items()})
         index = range(len(self))[place]
         return Waypoint(index, **{name: column[index] for name, column in self.columns().items()})
 
     def columns(self) -> dict[str, Sequence[Any]]:
-        """The columns there are, by name."""
+        """The columns that are not None, by name."""
         named = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: column for name, column in named.items() if column is not None}
 
     @classmethod
     def of(cls, rows: Iterable[Waypoint]) -> Waypoints:
-        """The columns of single waypoints; what the first one lacks is left out."""
+        """Columns from single waypoints; fields that are None in the first waypoint are left out."""
         names = Waypoint._fields[1:]
         columns = dict(
             zip(names, map(list, zip(*(row[1:] for row in rows), strict=True)), strict=True)
@@ -130,19 +131,27 @@ class Waypoints(Sequence[Waypoint]):
 
 
 class FlightSettings(NamedTuple):
-    """How a mission is flown: what each format says beside the waypoints.
+    """How a mission is flown: what a format needs in addition to the waypoints.
 
-    The heading of the drone is fixed over the whole flight, clockwise from true north.  With
-    trigger ``stop`` the drone holds at each site and takes a photo; with ``distance`` it flies
-    on and the camera fires each `spacing_m`.  Latitude, longitude and height above sea level
-    of the take-off are None where they are not known; `takeoff_ellipsoid_m` is its height above
-    the WGS 84 ellipsoid, if the terrain file has such heights.  Heights are held above the take-off, or
-    with altitude frame ``terrain`` above the ground as the autopilot itself knows it.  The drone
-    takes `most_waypoints` in one file (the user says `file_waypoints`) and flies `mission_formats`, where that is known.  To, from and
-    between lines the speed is `transit_mps`; on the way to the first waypoint the drone is
-    `transit_climb_m` above the take-off, and on the way back from any waypoint `transit_return_m`.
-    None: the speed between photos, and the height of the highest waypoint.  PX4 triggers the camera by
-    `camera_control`: commands of MAVLink's camera protocol (``mavlink``), or its own outputs.
+    - The yaw of the drone is fixed for the whole flight, clockwise from true north.
+    - `trigger`: with ``stop`` the drone holds at each site and takes a photo; with ``distance`` it
+      flies on, and the camera takes a photo every `spacing_m`.
+    - Latitude, longitude and height above sea level of the take-off point are None if they are not
+      known.
+      `takeoff_ellipsoid_m` is its height above the WGS 84 ellipsoid, if the terrain file has such
+      heights.
+    - `altitude_frame`: heights are above the take-off point, or with ``terrain`` above the ground
+      that
+      the autopilot knows.
+    - `most_waypoints`: number of waypoints that the drone accepts in one file, if it is known;
+      `file_waypoints`: the number that the user gives.
+    - `mission_formats`: formats that the drone flies, if they are known.
+    - `transit_mps`: speed to, from and between lines; None: the speed between photos.
+    - `transit_climb_m`, `transit_return_m`: heights above the take-off point on the way to the
+      first
+      waypoint and on the way back from any waypoint; None: the height of the highest waypoint.
+    - `camera_control`: how PX4 triggers the camera, with the commands of MAVLink's camera protocol
+      (``mavlink``) or with its own outputs.
     """
 
     trigger: str = "stop"
@@ -169,11 +178,11 @@ class FlightSettings(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """What a format writes: waypoints in flight order, a summary of the plan, and the flight settings.
+    """What a format writes: waypoints in flight order, a summary of the plan, and flight settings.
 
-    `flight` counts from 1, of `flights` into which a plan is split; `part` from 1, of `parts`
-    into which a flight is split where a file cannot hold all of it.  `first_index` is the number of
-    its first waypoint in the whole plan, which counts from 0.
+    `flight` is the number of this flight, from 1, of the `flights` of a plan.  `part` is the number
+    of this file, from 1, of the `parts` into which a flight is split if one file cannot hold it.
+    `first_index` is the index of the first waypoint in the whole plan, from 0.
     """
 
     waypoints: Waypoints
@@ -187,7 +196,7 @@ class Mission(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What the mission is, in one line; it may hold any letters."""
+        """A one-line description of the mission; it may contain any characters."""
         scene = self.summary.get("scene")
         name = scene.get("name") if isinstance(scene, dict) else None
         photos = len(self.waypoints) if self.waypoints.photo is None else sum(self.waypoints.photo)
@@ -200,13 +209,13 @@ class Mission(NamedTuple):
 
     @property
     def has_place(self) -> bool:
-        """Whether the waypoints have latitudes and longitudes."""
+        """Whether the waypoints have latitude and longitude."""
         return self.waypoints.latitude is not None
 
     def above_takeoff_m(self) -> Sequence[float]:
-        """Height of each waypoint above the take-off.
+        """Height of each waypoint above the take-off point.
 
-        Where the ground's height is not known, it is taken for as high as the take-off.
+        If the height of the ground is not known, it is assumed to be that of the take-off point.
         """
         ground, takeoff = self.waypoints.ground_m, self.settings.takeoff_ground_m
         altitudes = self.waypoints.altitude_m
@@ -215,18 +224,19 @@ class Mission(NamedTuple):
         return [up + below - takeoff for up, below in zip(altitudes, ground, strict=True)]
 
     def flown_m(self) -> Sequence[float]:
-        """Height of each waypoint above what `FlightSettings.altitude_frame` says."""
+        """Height of each waypoint in the altitude frame of `FlightSettings`."""
         terrain = self.settings.altitude_frame == "terrain"
         return self.waypoints.altitude_m if terrain else self.above_takeoff_m()
 
     def climb_m(self) -> float:
-        """Height above the take-off at which the drone flies to its first waypoint."""
+        """Height above the take-off point at which the drone flies to its first waypoint."""
         climb = self.settings.transit_climb_m
-        # A later part of a flight begins elsewhere: what is safe from every waypoint is safe to it.
+        # A later part of a flight starts at another waypoint, so it takes the height that is safe
+        # for all.
         return self.return_m() if climb is None or self.part > 1 else climb
 
     def return_m(self) -> float:
-        """Height above the take-off at which the drone flies home, from whichever waypoint."""
+        """Height above the take-off point at which the drone returns, from whichever waypoint."""
         highest = max(*self.above_takeoff_m(), LEAST_CLIMB_M)
         return max(self.settings.transit_return_m or 0.0, highest)
 
@@ -236,9 +246,11 @@ class Mission(NamedTuple):
         return self.settings.transit_mps or self.settings.speed_mps
 
     def home(self) -> tuple[float, float]:
-        """Latitude and longitude of the take-off, or of the first waypoint where it is not known."""
+        """Latitude and longitude of the take-off point, or of the first waypoint if it is not
+        known.
+        """
         settings, ways = self.settings, self.waypoints
-        assert ways.latitude is not None  # formats that ask have a place
+        assert ways.latitude is not None  # formats that call this require a location
         assert ways.longitude is not None
         if settings.takeoff_latitude is None or settings.takeoff_longitude is None:
             return ways.latitude[0], ways.longitude[0]
@@ -246,14 +258,14 @@ class Mission(NamedTuple):
 
 
 def check_hold(autopilot: str | None, hold_s: float) -> None:
-    """Refuse a stop that an autopilot would fly through, or shorten.
+    """Refuse a hold that the autopilot would ignore or shorten.
 
     Raises
     ------
     RequestError
-        For ArduPilot, unless it is a whole number of seconds from 1 on (AP_Mission stores whole
-        seconds, and ArduCopter flies through a waypoint without a delay); for PX4, unless it is at
-        least `PX4_LEAST_HOLD_S`.
+        For ArduPilot, if the hold is not a whole number of seconds of at least 1: AP_Mission
+        stores whole seconds, and ArduCopter flies through a waypoint without a hold.  For PX4, if
+        it is shorter than `PX4_LEAST_HOLD_S`.
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(
@@ -269,21 +281,22 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
 
 
 PX4_LEAST_HOLD_S = 0.2
-"""PX4 stops for any hold above zero; each half of it should be longer than a shutter's lag."""
+"""PX4 stops for any hold above zero, but half of it has to be longer than the shutter lag."""
 
 LEAST_CLIMB_M = 5.0
-"""A drone climbs at least so high before it flies anywhere."""
+"""Lowest height above the take-off point at which a drone starts its horizontal flight."""
 
 STRAIGHT = 0.02
-"""Share by which a leg may miss the direction and the spacing of its line."""
+"""Relative tolerance for the direction and the spacing of the legs of a line."""
 
 
 def photo_lines(mission: Mission) -> list[tuple[int, int]]:
-    """First and last waypoint of each straight line along which the camera fires by distance.
+    """First and last waypoint of each straight line along which the camera is triggered by
+    distance.
 
-    Every waypoint with a photo is on one line: neighbours are one spacing apart, and legs that
-    turn or are of another length are on none.  Waypoints without a photo may lie between them, on
-    the straight line.  A line may be a single waypoint.
+    Every waypoint with a photo is on exactly one line.  On a line, photos are one spacing apart and
+    the course does not change.  Waypoints without a photo may be between them, on the straight
+    line. A line may consist of a single waypoint.
     """
     ways, spacing = mission.waypoints, mission.settings.spacing_m
     photo = ways.photo or [True] * len(ways)
@@ -314,7 +327,7 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
 
 
 class Share(NamedTuple):
-    """A flight's share of a mission: its first and last waypoint, and its heights there and back."""
+    """Part of a mission that one flight takes: first and last waypoint, and transit heights."""
 
     first: int
     last: int
@@ -323,7 +336,7 @@ class Share(NamedTuple):
 
 
 def split(whole: Mission, shares: Sequence[Share]) -> tuple[Mission, ...]:
-    """A mission a flight."""
+    """Split a mission into one mission per flight."""
     return tuple(
         whole._replace(
             waypoints=whole.waypoints[share.first : share.last + 1],
@@ -339,7 +352,7 @@ def split(whole: Mission, shares: Sequence[Share]) -> tuple[Mission, ...]:
 
 
 def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:
-    """Waypoints with latitudes and longitudes where a place is given for their east and north."""
+    """Waypoints with latitudes and longitudes, if the location of their origin is given."""
     if origin is None:
         return waypoints
     from aosplan.geodesy import to_wgs84

@@ -1,1 +1,1 @@
-"""Formats of mission files, one module each: a `FORMAT` and a ``render(mission) -> bytes``."""
+"""Formats of mission files, one module each, with a `FORMAT` and a ``render(mission) -> bytes``."""

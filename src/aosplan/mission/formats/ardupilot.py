@@ -1,7 +1,7 @@
-"""ArduPilot's ``.waypoints`` (QGC WPL 110): a line per command, fields between tabs.
+"""ArduPilot's ``.waypoints`` files (QGC WPL 110): one command per line, fields separated by tabs.
 
-The format has no room for words: the frame of each line says what its altitude is above.
-Rules: Mission Planner's MissionFile.cs, pymavlink's mavwp.py, QGroundControl's MissionItem.cc.
+The format has no comments; the frame of each line says what its altitude is relative to.
+Sources: Mission Planner's MissionFile.cs, pymavlink's mavwp.py, QGroundControl's MissionItem.cc.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ FORMAT = Format(
 
 
 def size(mission: Mission) -> int:
-    """Commands of the file, home among them."""
+    """Number of commands of the file, including the home position."""
     return 1 + sum(1 for _ in commands(mission, "ardupilot"))
 
 
 def render(mission: Mission) -> bytes:
-    """Row 0 is home, without which ArduPilot would take the take-off for it."""
+    """Write the mission; row 0 is home, because ArduPilot takes the first row as home."""
     ground = mission.settings.takeoff_ground_m or 0.0
     home = Command(WAYPOINT, ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *mission.home(), ground))
     lines = [

@@ -1,7 +1,7 @@
 """Autel's ``.kmz`` routes for Autel Enterprise and the EVO Max series.
 
-Elements and their order are those of Autel's Cloud API documentation (template.kml, waylines.wpml,
-common elements), which follows DJI's WPML in a namespace and with numbers of its own.
+Elements and their order follow Autel's Cloud API documentation (template.kml, waylines.wpml,
+common elements).  It is based on DJI's WPML, with its own namespace and its own numbers.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ DRONES = {"autel-evo-max-4t": 0, "autel-evo-max-4n": 1}
 """droneSubEnumValue of the drones whose droneEnumValue is 11000."""
 
 GIMBAL = 806
-"""payloadEnumValue: of the gimbals that the documentation lists, the one in files of the EVO Max."""
+"""payloadEnumValue of the gimbal in files of the EVO Max series, from the documented list."""
 
 
 def render(mission: Mission) -> bytes:
-    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml`` with constant timestamps.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""CSV: a header line and a line per waypoint, in flight order."""
+"""CSV: a header and one line per waypoint, in flight order."""
 
 from __future__ import annotations
 
@@ -17,11 +17,10 @@ FORMAT = Format("csv", (".csv",), "CSV", needs_place=False)
 
 
 def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
-    """Columns by name, each with its mark in a template: what is known of the waypoints.
+    """Known columns by name, each with the ``%`` format of its numbers.
 
-    Metres to a tenth of a millimetre, degrees to ten decimals (0.01 mm).  Heights are
-    `altitude_m` above the ground at the waypoint, the ground's `ground_m` above sea level, and
-    `above_takeoff_m`.
+    Metres have four decimals (0.1 mm), degrees ten (0.01 mm).  Heights are `altitude_m` above the
+    ground at the waypoint, `ground_m` of the ground above sea level, and `above_takeoff_m`.
     """
     ways = mission.waypoints
     known: dict[str, tuple[str, Sequence[Any] | None]] = {
@@ -41,22 +40,22 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
 
 
 def rows(template: str, *columns: Sequence[Any]) -> bytes:
-    r"""A row of text for each place in some columns, all by the same template.
+    r"""One row of text for each index of some columns, all with the same template.
 
     Parameters
     ----------
     template
-        As of the operator ``%``, with ``%d``, ``%.Nf`` and ``%s`` for the columns in their order.
-        No number is written as a negative zero.
+        A template for the operator ``%``, with ``%d``, ``%.Nf`` or ``%s`` for each column in
+        order.  No number is written as -0.
     columns
-        Numbers or texts, of equal lengths.
+        Numbers or texts, all of the same length.
 
     Examples
     --------
     >>> rows("%d: %.2f\n", range(3), [0.125, -0.001, 99.995])
     b'0: 0.12\n1: 0.00\n2: 100.00\n'
     """
-    # Rounding first, and adding zero, turns what would be written "-0.0" into a plain zero.
+    # Adding zero after rounding turns -0.0 into 0.0.
     plain = [
         [round(value, int(decimals)) + 0.0 for value in column] if decimals else column
         for column, decimals in zip(
@@ -67,7 +66,7 @@ def rows(template: str, *columns: Sequence[Any]) -> bytes:
 
 
 def render(mission: Mission) -> bytes:
-    """UTF-8 without BOM; longitude and latitude only with a place."""
+    """Write UTF-8 without BOM; longitude and latitude only if the mission has a location."""
     known = columns(mission)
     header = ",".join(known) + "\n"
     template = ",".join(mark for mark, _ in known.values()) + "\n"

@@ -1,9 +1,9 @@
 """DJI Fly's waypoint missions: a ``.kmz`` that replaces a mission on the remote controller.
 
-DJI documents no format for DJI Fly.  Its files have the members and elements of DJI WPML; what
-differs is taken from public planners whose files are flown: YMapper, FlyPath and the flight plans
-of HOT's Drone Tasking Manager.  All of them write the drone as 68, 0 whatever it is, name no
-camera, and say that DJI Fly takes no photos by distance or time.
+DJI does not document the format of DJI Fly.  Its files have the structure of DJI WPML.  The
+differences come from public planners whose files are flown: YMapper, FlyPath and the flight plans
+of HOT's Drone Tasking Manager.  All of them write drone number 68, 0 for every drone, and do not
+name a camera.  According to them, DJI Fly takes no photos by distance or time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ FORMAT = Format(
 
 
 def render(mission: Mission) -> bytes:
-    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times."""
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml`` with constant timestamps."""
     return wpml.render(mission, _FLY)
 
 

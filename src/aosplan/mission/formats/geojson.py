@@ -1,4 +1,4 @@
-"""GeoJSON (RFC 7946): a Point per waypoint in flight order, then the path as a LineString."""
+"""GeoJSON (RFC 7946): one Point per waypoint in flight order, then the path as a LineString."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _PLACE = "[%.10f, %.10f, %.4f]"
 
 
 def render(mission: Mission) -> bytes:
-    """Coordinates are longitude, latitude, altitude; the foreign member ``aosplan`` has the plan.
+    """Write longitude, latitude and altitude; the foreign member ``aosplan`` contains the plan.
 
-    A path across the antimeridian is cut there into a MultiLineString, as RFC 7946 asks.
+    A path across the antimeridian is cut into a MultiLineString, as RFC 7946 requires.
     """
     ways = mission.waypoints
-    assert ways.latitude is not None  # the format needs a place
+    assert ways.latitude is not None  # the format requires a location
     assert ways.longitude is not None
     known = columns(mission)
     properties = ", ".join(f'"{name}": {mark}' for name, (mark, _) in known.items())
@@ -47,7 +47,7 @@ def render(mission: Mission) -> bytes:
 
 
 def _path(lines: list[bytes]) -> bytes:
-    """The last feature: one line, or several if it is cut at the antimeridian."""
+    """The last feature: one line, or several if the path crosses the antimeridian."""
     parts = [line.removesuffix(b",\n") for line in lines]
     kind, places = b"LineString", parts[0]
     if len(parts) > 1:

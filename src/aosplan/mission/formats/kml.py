@@ -1,4 +1,4 @@
-"""KML 2.2 (OGC 07-147r2): a Point per waypoint in flight order, and the path."""
+"""KML 2.2 (OGC 07-147r2): one Point per waypoint in flight order, and the path."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ _PLACE = "%.10f,%.10f,%.4f"
 
 
 def render(mission: Mission) -> bytes:
-    """Placemarks have the numbers of the plan, from 0; a path across the antimeridian is cut there."""
+    """Write placemarks with the indices of the plan, from 0; the path is cut at the antimeridian."""
     ways = mission.waypoints
-    assert ways.latitude is not None  # the format needs a place
+    assert ways.latitude is not None  # the format requires a location
     assert ways.longitude is not None
     kind = "" if ways.photo is None else "<description>%s</description>"
     kinds = [] if ways.photo is None else [["photo" if shot else "turn" for shot in ways.photo]]

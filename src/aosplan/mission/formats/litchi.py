@@ -1,7 +1,7 @@
-"""Litchi's CSV of 46 columns: eight fields, fifteen pairs of an action, eight fields.
+"""Litchi's CSV with 46 columns: eight fields, fifteen pairs for actions, eight fields.
 
-Rules: litchiutilities.com/docs/litchiCsv.php, and DJI's Mobile SDK 4, which flies it.  Litchi
-keeps no heading mode in the file: set it to Custom (wd) after the import.
+Sources: litchiutilities.com/docs/litchiCsv.php, and DJI's Mobile SDK 4, which flies the mission.
+The file does not contain Litchi's heading mode; the user sets it to Custom (wd) after the import.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ HEADER = ",".join(
 
 
 def render(mission: Mission) -> bytes:
-    """Numbers are plain decimals, as some readers skip rows with others without a word."""
+    """Write plain decimals, because some readers silently skip rows with other numbers."""
     settings = mission.settings
     pitch = f"{settings.gimbal_pitch_deg:g}"
     aim, shoot = f"{_TILT},{pitch}", f"{_PHOTO},0"
@@ -73,7 +73,7 @@ def render(mission: Mission) -> bytes:
 
 
 def notes(mission: Mission) -> list[str]:
-    """What the file takes for granted."""
+    """Assumptions of the file, one sentence each."""
     back = (
         f"{FORMAT.title}: the file has no height for the way home: set the return height in DJI's app "
         f"to {mission.return_m():.0f} m or more, and the mission's end to return home"

@@ -1,8 +1,8 @@
-"""Parrot's ``.mavlink`` flight plan (QGC WPL 120), as the ANAFI, ANAFI Thermal and ANAFI USA fly it.
+"""Parrot's ``.mavlink`` flight plan (QGC WPL 120), which ANAFI, ANAFI Thermal and ANAFI USA fly.
 
-Commands, parameters and frames are those of Parrot's FlightPlan documentation, messages V1, and of
-its GroundSDK for Android, which ignores the hold of a waypoint and takes an acceptance radius of 0
-for 5 m.  The ANAFI Ai reads other parameters (V2) and is not served.
+Commands, parameters and frames follow Parrot's FlightPlan documentation, messages V1, and its
+GroundSDK for Android.  The GroundSDK ignores the hold of a waypoint and takes an acceptance radius
+of 0 for 5 m.  The ANAFI Ai reads other parameters (V2) and is not supported.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ FORMAT = Format(
 )
 
 DELAY, VIEW_MODE = 112, 50_000
-"""Commands of Parrot's own dialect: wait before the next one, and how the nose turns."""
+"""Commands of Parrot's own dialect: a delay before the next command, and the yaw mode."""
 
 REACHED_M = 0.5
-"""A site is reached only this near, not at the default of 5 m."""
+"""Acceptance radius of a site; the default is 5 m."""
 
 FULL_FRAME = 13.0
-"""Photos of the whole sensor as JPEG."""
+"""Photo format: the whole sensor as JPEG."""
 
 
 def render(mission: Mission) -> bytes:
-    """One command a line, fields between tabs, all of them in the frame above the take-off."""
+    """One command per line, fields separated by tabs, all heights above the take-off point."""
     lines = [
         f"{number}\t0\t{mav.RELATIVE}\t{command}\t"
         + "\t".join(f"{param:.8f}" for param in params)
@@ -59,12 +59,12 @@ def render(mission: Mission) -> bytes:
 
 
 def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
-    """Take-off, each site with a photo halfway through its hold, and return."""
+    """Take-off, the sites with a photo in the middle of each hold, and return."""
     settings = mission.settings
     pause = _plain(DELAY, settings.hold_s / 2.0)
     yield _plain(mav.TAKEOFF)
     yield _plain(mav.SPEED, 1.0, settings.speed_mps)
-    yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint, to the yaw that it says
+    yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint to the yaw that the waypoint gives
     yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     for point in flown_path(mission):
         lead = (0.0, REACHED_M, 0.0, round(settings.yaw_deg, 4) % 360.0)

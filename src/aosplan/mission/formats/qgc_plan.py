@@ -1,7 +1,7 @@
-"""QGroundControl's ``.plan``, for PX4 or ArduPilot.
+"""QGroundControl's ``.plan`` files, for PX4 or ArduPilot.
 
-Rules: QGroundControl's developer guide (file formats, plan) and its src/MissionManager, which
-asks for more keys than the guide.
+Sources: QGroundControl's developer guide (file formats, plan) and its src/MissionManager, which
+requires more keys than the guide lists.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _ITEMS = "<items>"
 
 
 def render(mission: Mission) -> bytes:
-    """One item a line; what has no value is null, as JSON knows no NaN."""
+    """Write one item per line; missing values are null, because JSON has no NaN."""
     settings = mission.settings
     autopilot = settings.autopilot or "px4"
     plan = {
@@ -69,12 +69,12 @@ def render(mission: Mission) -> bytes:
 
 
 def size(mission: Mission) -> int:
-    """Commands of the file, and home, which the autopilot keeps as one more."""
+    """Number of commands of the file, plus one for home, which the autopilot also stores."""
     return 1 + sum(1 for _ in commands(mission, mission.settings.autopilot or "px4"))
 
 
 def notes(mission: Mission) -> list[str]:
-    """What the file takes for granted."""
+    """Assumptions of the file, one sentence each."""
     if mission.settings.autopilot is not None:
         return []
     return [

@@ -1,6 +1,6 @@
 """DJI WPML: a ``.kmz`` for DJI Pilot 2 and FlightHub 2.
 
-Elements, their order and their values are those of DJI's Cloud API documentation (DJI WPML:
+Elements, their order and their values follow DJI's Cloud API documentation (DJI WPML:
 template.kml, waylines.wpml, common elements).
 """
 
@@ -53,13 +53,13 @@ _STOP = (
 )
 _THROUGH = (
     "<wpml:waypointTurnMode>toPointAndPassWithContinuityCurvature</wpml:waypointTurnMode>"
-    # Two curves of so many metres fit into the shortest leg.
+    # Two curves with this damping distance fit into the shortest leg.
     "<wpml:waypointTurnDampingDist>0.2</wpml:waypointTurnDampingDist>"
 )
 
 
 class Machine(NamedTuple):
-    """A drone's name and numbers, and the camera that it carries, if files name one."""
+    """A drone's name and numbers, and the camera that it carries if the files name one."""
 
     name: str
     drone: Drone
@@ -68,10 +68,10 @@ class Machine(NamedTuple):
 
 
 class Dialect(NamedTuple):
-    """How the files of one maker's application differ from those of DJI Pilot 2.
+    """How the files of another application differ from those of DJI Pilot 2.
 
-    `machine` names a mission's drone.  Files of DJI Fly (`fly`) name no camera and no lens, have
-    sites in ``waylines.wpml`` alone, and state a total distance and duration of 0.
+    `machine` finds the drone of a mission.  Files for DJI Fly (`fly`) name neither camera nor lens,
+    have the waypoints only in ``waylines.wpml``, and state a total distance and duration of 0.
     """
 
     namespace: str
@@ -80,7 +80,7 @@ class Dialect(NamedTuple):
 
 
 def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
-    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml``, with fixed times.
+    """A zip of ``wpmz/template.kml`` and ``wpmz/waylines.wpml`` with constant timestamps.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 
 
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
-    """The two documents by name, in pieces: what the application shows, and what the drone flies."""
+    """The two documents by name, in chunks: one for the application, and one that the drone flies."""
     settings = mission.settings
     speed, path = f"{settings.speed_mps:.2f}", flown_path(mission)
     machine = dialect.machine(mission)
@@ -187,11 +187,12 @@ def _payload(mission: Mission, machine: Machine) -> str:
 
 
 def _config(mission: Mission, machine: Machine) -> str:
-    """Where the drone goes before and after, and what it is."""
+    """The mission configuration: take-off, return, speeds, drone and payload."""
     settings = mission.settings
     _, drone, payload, _ = machine
     climb, back = f"{mission.climb_m():.2f}", f"{mission.return_m():.2f}"
-    # Its height is above the ellipsoid: the element is optional, and left out if that is unknown.
+    # The reference height is above the ellipsoid. The element is optional and left out if the
+    # height is not known.
     reference = ""
     if settings.takeoff_latitude is not None and settings.takeoff_ellipsoid_m is not None:
         latitude, longitude = mission.home()
@@ -219,9 +220,9 @@ def _config(mission: Mission, machine: Machine) -> str:
 
 
 def machine(mission: Mission) -> Machine:
-    """The drone and its payload, as DJI Pilot 2 knows them.
+    """The drone and its payload with their numbers in DJI Pilot 2.
 
-    A drone or payload that is not named is the one that the planned camera belongs to.
+    If the user names no drone or payload, they are taken from the planned camera.
     """
     settings = mission.settings
     maker, _, rest = _camera_name(mission).partition("-")
@@ -250,7 +251,7 @@ def machine(mission: Mission) -> Machine:
 
 
 PILOT = Dialect("http://www.dji.com/wpmz/1.0.2", machine)
-"""DJI Pilot 2 and FlightHub 2."""
+"""Files for DJI Pilot 2 and FlightHub 2."""
 
 
 def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
@@ -276,18 +277,18 @@ _ONE_COLOUR_TOKEN = {
     "dji-m4d",
     "dji-m4td",
 }
-"""Cameras whose colour photos DJI Pilot 2 and FlightHub 2 store as ``visable``, in DJI's spelling."""
+"""Drones whose colour photos DJI Pilot 2 and FlightHub 2 store as ``visable`` (DJI's spelling)."""
 
 
 def _lens(mission: Mission, machine: Machine) -> str:
-    """Which lens stores its photo: the planned one, by the token that DJI's own files have."""
+    """The lens whose photos are stored, with the token that DJI's own files use."""
     if _camera_name(mission).endswith("thermal"):
         return "ir"
     return "visable" if machine.carries in _ONE_COLOUR_TOKEN else "wide"
 
 
 def _heading(yaw_deg: float, *, fly: bool) -> str:
-    """The nose kept in one direction: a whole number of degrees from -180 to 180."""
+    """Elements for a fixed heading of the nose: a whole number of degrees from -180 to 180."""
     angle = round((yaw_deg + 180.0) % 360.0 - 180.0)
     return (
         "<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode>"
@@ -300,9 +301,10 @@ def _heading(yaw_deg: float, *, fly: bool) -> str:
 def _placemarks(
     mission: Mission, path: Sequence[PathPoint], heading: str, own: str, camera: tuple[str, str]
 ) -> Iterator[str]:
-    """Each waypoint; `own` is what one of the documents alone says, with marks for numbers.
+    """Placemarks of the waypoints.
 
-    `camera` are the actions that tilt it, and take a photo.
+    `own` has the elements of one of the two documents, with placeholders for numbers.  `camera` has
+    the actions that tilt the camera and take a photo.
     """
     groups = _actions(mission, path, *camera)
     for index, point in enumerate(path):
@@ -321,7 +323,7 @@ def _placemarks(
 
 
 class Group(NamedTuple):
-    """Actions at a waypoint, or by distance from it to another one."""
+    """Actions at one waypoint, or by distance between two waypoints."""
 
     number: int
     first: int
@@ -333,7 +335,7 @@ class Group(NamedTuple):
 def _actions(
     mission: Mission, path: Sequence[PathPoint], aim: str, shoot: str
 ) -> dict[int, list[Group]]:
-    """Action groups by waypoint: the gimbal at the first, then photos there or by distance."""
+    """Action groups by waypoint: the gimbal at the first, then photos at waypoints or by distance."""
     settings = mission.settings
     hover: tuple[str, ...] = ()
     hold = f"{settings.hold_s:.3f}"
@@ -370,7 +372,7 @@ def _group(
 
 @lru_cache(maxsize=8)
 def _work(spacing_m: float | None, actions: tuple[str, ...]) -> str:
-    """What a group does, and when; a mission has few kinds of groups."""
+    """Trigger and actions of a group; they are shared because a mission has few kinds of groups."""
     trigger = _wrap("actionTriggerType", "reachPoint")
     if spacing_m is not None:
         trigger = _wrap("actionTriggerType", "multipleDistance")
@@ -395,7 +397,7 @@ def _action(function: str, *parameters: str) -> str:
 
 
 def _take_photo(lens: str) -> str:
-    """A photo, stored by one lens: the M30 and M3D families need it named in every action."""
+    """Take a photo with one lens; the M30 and M3D families need the lens in every action."""
     return _action(
         "takePhoto",
         _wrap("payloadPositionIndex", 0),
