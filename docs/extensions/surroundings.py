@@ -30,7 +30,7 @@ def warnings():
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
             said.setdefault(code, text)
-    rows = ["| code | says |", "|---|---|"]
+    rows = ["| code | message |", "|---|---|"]
     rows += [f"| `{code}` | {said[code]} |" for code in sorted(said)]
     return "\n".join(rows)
 
