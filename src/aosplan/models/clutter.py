@@ -1,30 +1,32 @@
-"""Clutter of an integral image, and the threshold that a false-alarm rate sets.
+"""Clutter of an integral image, and the threshold for a given false-alarm rate.
 
-Radiances count in units of σ_c, the standard deviation between occluders.  The ground's mean is
-zero, the canopy's is M, and the ground has a texture of `TEXTURE`.  A share of σ_c² is common to
-whole crowns (crown share), the rest is each occluder's own.
+Radiances are in units of σ_c, the standard deviation between occluders.  The mean of the ground is
+zero, the mean of the canopy is M, and the ground has a texture of standard deviation `TEXTURE`.  A
+share of σ_c² is common to whole crowns (crown share); the rest is independent for each occluder.
 
 The detector takes the mean over a window of the target's size and subtracts the mean of the box
-around it.  With w and b for window and box, a covariance component R contributes
+around it.  With w for window and b for box, a covariance component R contributes
 
     R_ww - 2 R_wb + R_bb
 
-to the variance of the difference.  Of a place where the seen share is s, the difference has the mean M (1 - β) (T - s),
-β = S_wb/S_ww being the part of s that the box shares, and the variance sd²(s): what canopy
-contributes grows with 1 - s, what ground contributes with s².
+to the variance of this difference.  For a window with seen share s and no target, the difference
+has the mean M (1 - β) (T - s), where β = S_wb/S_ww is the part of s that the box shares, and the
+variance sd²(s).  The contribution of the canopy to sd² increases with 1 - s, that of the ground
+with s².
 
-**False alarms.**  The detector looks at every place in every direction.  The number of peaks of a
-Gaussian field above u standard deviations is its expected Euler characteristic (Adler 1981), here
-over place and direction, which repeats after half a turn:
+**False alarms.**  The detector evaluates every place in every direction.  The number of peaks of a
+Gaussian field above u standard deviations is its expected Euler characteristic (Adler 1981).  Here
+the field depends on place and direction, which repeats after half a turn:
 
-    χ(u) = A π √(λ_l λ_w λ_θ) (2π)^-2 (u² - 1) exp(-u²/2),
+    χ(u) = A π √(λ_l λ_w λ_θ) (2π)^-2 (u² - 1) exp(-u²/2).
 
-λ being the variances of the field's derivatives along the window, across it, and by direction.  So
-n_w = `PEAKS` χ(u)/Φ̄(u) windows are independent, and the threshold solves
+The λ are the variances of the field's derivatives along the window, across it, and with respect to
+direction.  n_w = `PEAKS` χ(u)/Φ̄(u) windows are therefore independent, and the threshold solves
 
-    E_s Φ̄((u - M (1 - β) (T - s))/sd(s)) = F/n_w.
+    E_s Φ̄((u - M (1 - β) (T - s))/sd(s)) = F/n_w,
 
-`PEAKS` = 0.6 is fitted to simulations: hard edges and a lattice of pixels have fewer peaks.
+where F is the allowed number of false alarms.  `PEAKS` = 0.6 is fitted to simulations: hard edges
+and a lattice of pixels have fewer peaks than a smooth field.
 """
 
 from __future__ import annotations
@@ -46,25 +48,27 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PEAKS = 0.6
-"""Peaks above a high threshold over those of a smooth Gaussian field."""
+"""Number of peaks above a high threshold divided by that of a smooth Gaussian field."""
 
 HECTARE_M2 = 10_000.0
 
 SEEN, OWN, GROUND, CROWN = range(4)
-"""Rows of the integrals of `aosplan.models.window_pairs`, and that of the crowns below them (`aosplan.models.crown_clutter`)."""
+"""Rows of the integrals of `aosplan.models.window_pairs`, and the row that
+`aosplan.models.crown_clutter` adds.
+"""
 
 
 class Radiances(NamedTuple):
-    """What clutter is made of.
+    """Radiances that determine the clutter.
 
     Attributes
     ----------
     canopy_offset
-        M, the canopy's mean over the ground's, in units of σ_c.
+        M, mean radiance of the canopy minus that of the ground, in units of σ_c.
     crown_share
-        Share of σ_c² that whole crowns have in common.
+        Share of σ_c² that is common to whole crowns.
     texture
-        Of the ground, in units of σ_c.
+        Standard deviation of the ground's texture, in units of σ_c.
     """
 
     canopy_offset: float
@@ -73,22 +77,22 @@ class Radiances(NamedTuple):
 
 
 class Clutter(NamedTuple):
-    """Variances of a detector's output, by what they come from.
+    """Variance of the detector's output, by its sources.
 
     Attributes
     ----------
     transparency
-        T.
+        T, transparency.
     square
-        E[s²].
+        E[s²], where s is the seen share.
     slope
-        M (1 - β): how far the mean of the output falls when s rises by one.
+        M (1 - β): decrease of the mean output per increase of s.
     canopy, ground
         Covariances of window with window, window with box, and box with box.
     rest
-        Variance of M times what the box sees, given s.
+        Variance, for given s, of M times the seen share of the box.
     roughness
-        √(λ_l λ_w λ_θ) of the output in units of its standard deviation [1/m²].
+        √(λ_l λ_w λ_θ) of the output divided by its standard deviation [1/m²].
     """
 
     transparency: float
@@ -100,11 +104,11 @@ class Clutter(NamedTuple):
     roughness: float
 
     def mean(self, share: Floats) -> Floats:
-        """Mean of the output where a share of the window is seen, and no target lies."""
+        """Mean of the output for a window with a seen share and without a target."""
         return self.slope * (self.transparency - share)
 
     def deviation(self, share: Floats, *, target: bool = False) -> Floats:
-        """Standard deviation of the output by the seen share; a target covers the ground below it."""
+        """Standard deviation of the output for a seen share; a target hides the ground below it."""
         ww, wb, bb = self.canopy
         hidden = (1.0 - share) / max(1.0 - self.transparency, 1e-12)
         variance = self.rest + hidden * (ww - 2.0 * wb) + bb
@@ -117,7 +121,7 @@ class Clutter(NamedTuple):
         return deviation
 
     def total_deviation(self, variance: float) -> float:
-        """Standard deviation over all places, s having this variance."""
+        """Standard deviation over all places, for a given variance of s."""
         parts = [ww - 2.0 * wb + bb for ww, wb, bb in (self.canopy, self.ground)]
         return math.sqrt(max(sum(parts) + self.rest + self.slope**2 * variance, 1e-12))
 
@@ -130,21 +134,21 @@ def clutter_of(
     *,
     local: bool = True,
 ) -> Clutter:
-    """Clutter from the integrals' means over all pairs of photos.
+    """Clutter from the means of the integrals over all pairs of photos.
 
     Parameters
     ----------
     mean
-        Mean of `aosplan.models.window_pairs.Pairs` over all ordered pairs of photos, and the row of
-        the crowns.
+        Mean of `aosplan.models.window_pairs.Pairs` over all ordered pairs of photos, with the row
+        for crowns.
     kernels
-        Those of the integrals.
+        Kernels of the integrals.
     transparency
-        T.
+        T, transparency of the canopy.
     radiances
-        What the clutter is made of.
+        Radiances of ground and canopy.
     local
-        Whether the detector subtracts the mean of the box; if not, that of the whole image.
+        Whether the detector subtracts the mean of the box; otherwise that of the whole image.
     """
     m, x, g = radiances
     window, box = mean.window, mean.box if local else 0.0 * mean.box
@@ -173,32 +177,32 @@ def clutter_of(
 
 
 def _roughness(fields: Floats, variance: float, kernels: Kernels) -> float:
-    """√(λ_l λ_w λ_θ), each λ from how much a covariance falls over a small step."""
+    """√(λ_l λ_w λ_θ), where each λ follows from the decrease of the covariance over a small step."""
     steps = np.array([kernels.step_m, kernels.step_m, kernels.turn])
     drops = 2.0 * np.maximum(fields[0] - fields[1:], 1e-15) / steps**2
     return float(np.sqrt(np.prod(drops / max(variance, 1e-15))))
 
 
 def independent_windows(level: float, roughness: float, area_m2: float = HECTARE_M2) -> float:
-    """n_w: windows of an area that are as good as independent at a level of u standard deviations."""
+    """n_w: number of independent windows in an area, for a level of u standard deviations."""
     from scipy.special import erfcx
 
-    level = max(level, 1.5)  # below, the Euler characteristic does not count peaks
-    # exp(-u²/2)/Φ̄(u), without the exponentials.
+    level = max(level, 1.5)  # below, the Euler characteristic is not the number of peaks
+    # exp(-u²/2)/Φ̄(u), without overflow.
     ratio = 2.0 / float(erfcx(level / math.sqrt(2.0)))
     peaks = area_m2 * math.pi * roughness * (level * level - 1.0) / (2.0 * math.pi) ** 2
     return max(PEAKS * peaks * ratio, 1.0)
 
 
 def threshold(clutter: Clutter, seen: SeenShare, false_alarms: float) -> float:
-    """u, the output above which there are so many false alarms a hectare.
+    """Threshold u, above which the output gives a certain number of false alarms per hectare.
 
     Parameters
     ----------
     clutter, seen
-        Of one plan over one scene.
+        Clutter and seen share of one plan over one scene.
     false_alarms
-        A hectare, above 0.
+        Number of false alarms per hectare, above 0.
     """
     from scipy.special import ndtr
 

@@ -1,4 +1,4 @@
-"""The measured model from a correlogram alone: quick, and an approximation."""
+"""The measured model approximated by a correlogram, which is faster."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ if TYPE_CHECKING:
 
 
 NOISE_POINTS = 4
-"""Points of the rule along an axis that blurs a table."""
+"""Number of quadrature points per axis for the mean of a table over position noise."""
 
 
 @lru_cache(maxsize=1024)
 def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
     """Sites of a pattern, and offsets between them with their numbers of pairs, in pitches.
 
-    An offset and its opposite are alike: one half of them does, the middle counting half.
+    An offset and its opposite are equivalent, so only half of them are returned; the offset 0 is
+    counted half.
     """
     mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
     mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
@@ -46,19 +47,19 @@ def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
 
 
 class CorrelogramModel:
-    """What a correlogram says of views from one altitude.
+    """Predictions from a correlogram for views from one altitude.
 
     Parameters
     ----------
     correlogram
-        Of the stand.
+        The correlogram of the stand.
     altitude_m
-        Above the focal plane.
+        Altitude above the focal plane.
     heading_deg
-        Of the patterns, clockwise from the correlogram's north.
+        Heading of the patterns, clockwise from the correlogram's north.
     hold_error_m
-        Standard deviation of the positions about their sites, per axis: p and ρ are means over
-        what it makes of the offsets.
+        Standard deviation of the positions around their sites, per axis.  p and ρ are then means
+        over the resulting offsets.
     """
 
     name = "correlogram"
@@ -81,7 +82,7 @@ class CorrelogramModel:
         self._predictions: Known = {}
 
     def at_heading(self, heading_deg: float) -> CorrelogramModel:
-        """The same model for patterns at another heading; both share what they have computed."""
+        """The same model for patterns at another heading; both share stored results."""
         turned = copy(self)
         turned.heading_deg = heading_deg
         return turned
@@ -98,35 +99,38 @@ class CorrelogramModel:
 
     @property
     def independent_baseline_m(self) -> float:
-        """Widest distance [m] between two views of which the plot can tell something."""
+        """Largest distance [m] between two views for which the plot is large enough."""
         return self.correlogram.reach * self.altitude_m
 
     @property
     def sharp_baseline_m(self) -> float:
-        """The same distance."""
+        """The same distance as `independent_baseline_m`."""
         return self.independent_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:
-        """The same distance."""
+        """The same distance as `independent_baseline_m`."""
         return self.independent_baseline_m
 
     @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline.
 
-        Each distinct offset of a lattice is looked up once, and each pair of a spiral's sites
-        once for all spirals of the same baseline.
+        Each distinct offset of a lattice is looked up once.  Each pair of sites of a spiral is
+        looked up once for all spirals with the same baseline.
         """
         if isinstance(pattern, Spiral):
             return self._predict_spiral(pattern, baseline_m)
-        # Rows lie to the right of the heading, columns along it, as east and north of a compass.
+        # Rows are to the right of the heading and columns along it, like east and north on a
+        # compass.
         pitch_m = baseline_m * pattern.row_pitch, baseline_m
         sites, apart, pairs = _lattice(pattern)
         return self._prediction(sites * pitch_m, apart * pitch_m, pairs, self.heading_deg)
 
     def _predict_spiral(self, spiral: Spiral, baseline_m: float) -> Prediction:
-        """From sums that grow with the sites, from the middle outward: each spiral's are there."""
+        """Prediction from cumulative sums over the sites from the centre outwards, shared by all
+        spirals.
+        """
         even = spiral.samples % 2 == 0
         key = spiral.turn_pitch, baseline_m, self.heading_deg, even
         if len(self._spirals.get(key, ((),))[0]) < spiral.samples:
@@ -151,16 +155,16 @@ class CorrelogramModel:
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The prediction itself."""
+        """The same as `predict`, which is fast enough."""
         return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at any known positions; takes time by N².
+        """Density and shortfall of samples at any known positions; the time grows with N².
 
         Parameters
         ----------
         positions_m
-            Shape (N, 2), N from 1: east and north of the middle.
+            Shape (N, 2), N >= 1: metres east and north of the centre.
         """
         points = np.asarray(positions_m, dtype=np.float64)
         alike = 0.0
@@ -171,19 +175,23 @@ class CorrelogramModel:
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of views at known positions, shape (N,), east and north of the middle."""
+        """p of views at known positions, shape (N,); positions are metres east and north of the
+        centre.
+        """
         points = np.asarray(positions_m, dtype=np.float64)
         return self._expected(self.correlogram.density_at, points, 0.0, 0.0)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """ρ of two views by their offset to the east and to the north."""
+        """ρ of two views for their offset to the east and to the north."""
         lag, direction_deg = self._polar(np.column_stack([x_m, y_m]), 0.0)
         return np.where(lag > 0.0, self.correlogram.correlation_at(lag, direction_deg), 1.0)
 
     def _prediction(
         self, sites_m: Floats, apart_m: Floats, pairs: Floats, heading_deg: float
     ) -> Prediction:
-        """Means of p over the sites, and of ρ over the distances with their numbers of pairs."""
+        """Means of p over the sites, and of ρ over the distances weighted by their numbers of
+        pairs.
+        """
         tables = self.correlogram
         density = float(
             self._expected(tables.density_at, sites_m, heading_deg, self.hold_error_m).mean()
@@ -200,7 +208,9 @@ class CorrelogramModel:
         heading_deg: float,
         deviation_m: float,
     ) -> Floats:
-        """Entries of a table at uncertain offsets, by a Gauss-Hermite rule along both axes."""
+        """Expected table entries for uncertain offsets, by Gauss-Hermite quadrature along both
+        axes.
+        """
         if deviation_m == 0.0:
             return table(*self._polar(offsets_m, heading_deg))
         points, weights = np.polynomial.hermite_e.hermegauss(NOISE_POINTS)
@@ -212,6 +222,6 @@ class CorrelogramModel:
         return expected
 
     def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
-        """Lags and directions of offsets to the right of a heading and along it."""
+        """Lags and directions of offsets that are given to the right of a heading and along it."""
         right, along = offsets_m.T / self.altitude_m
         return np.hypot(right, along), np.degrees(np.arctan2(right, along)) + heading_deg

@@ -1,18 +1,19 @@
-"""Detection through the voxels of a stand: counted, place by place.
+"""Probability of detection below the voxels of a stand, counted over all places.
 
-Clumped crowns are no independent slices.  Where the voxels are known, the integral image itself
-is made (`aosplan.scenes.integral_image`), telecentric: every place has the cameras around itself.
-The radiances of voxels and ground are drawn from a seed.  Then
+Clumped crowns are not independent slices.  If the voxels are known, the integral image itself is
+computed (`aosplan.scenes.integral_image`).  It is telecentric, so every place has the cameras
+around itself.  The radiances of voxels and ground are drawn from a random seed.
 
-- the seen share is the window's mean of the share of photos that see each pixel, over all places
-  and directions;
-- the threshold comes from the highest peaks of the detector's output without a target.  Beyond
-  them an exponential tail is assumed, whose scale is the mean of the `PEAKS` highest above the
-  next one.  A Gaussian tail would be off by 0.2 in detection on clumped crowns;
-- a target's output at a place is that of the canopy there plus η C s, and POD is the share of
-  places and directions at which it exceeds the threshold.
+- The seen share is the mean over the window of the share of photos that see each pixel.  It is
+  evaluated at all places and in all directions.
+- The threshold is found from the highest peaks of the detector's output without a target.  Beyond
+  them an exponential tail is assumed.  Its scale is the mean excess of the `PEAKS` highest peaks
+  over the next one.  A Gaussian tail would have an error of 0.2 in the probability for clumped
+  crowns.
+- The output for a target is that of the canopy at its place plus η C s.  POD is the share of places
+  and directions for which the output exceeds the threshold.
 
-The standard error comes from the four quarters of the plot.
+The standard error is computed from the four quarters of the plot.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PEAKS = 30
-"""Highest peaks from which the tail is taken."""
+"""Number of highest peaks from which the tail is estimated."""
 
 SEED = 1
-"""Of the radiances, the same for every plan."""
+"""Seed of the radiances, the same for every plan."""
 
 
 def count_detection(
@@ -67,13 +68,13 @@ def count_detection(
     Parameters
     ----------
     volume
-        What stands on the plot, which wraps.
+        The voxels of the plot, which is periodic.
     sites_m
-        Cameras around a place, east and north, shape (N, 2).
+        Camera positions around a place, metres east and north, shape (N, 2).
     altitude_m
-        Of the cameras above the focal plane.
+        Altitude of the cameras above the focal plane.
     target, signature, false_alarms, assumed
-        See `aosplan.models.detection.Detection`.
+        As in `aosplan.models.detection.Detection`.
     focal_height_m
         Height of the focal plane above the ground.
     """
@@ -92,7 +93,7 @@ def count_detection(
         peaks(output, integral.pitch_m), false_alarms * width_m * depth_m / HECTARE_M2
     )
     shares = np.clip(np.array(window.means(integral.seen)), 0.0, 1.0)
-    # A target covers the ground below it, in the window as well as in the box around it.
+    # A target hides the ground below it, in the window and in the box around it.
     part = target.area_m2 / window.box_m**2
     base = np.array(window.means(integral.canopy)) - around
     base += part * np.array(window.means(integral.seen * ground))
@@ -115,14 +116,14 @@ def count_detection(
 
 
 def tail_level(heights: Floats, number: float) -> float:
-    """The level that a number of peaks is expected to exceed, whole or not.
+    """The level that a given number of peaks is expected to exceed.
 
     Parameters
     ----------
     heights
-        Of all peaks, falling.
+        Heights of all peaks, in decreasing order.
     number
-        Above 0.
+        Expected number of peaks, above 0; it may be a fraction.
     """
     if number >= PEAKS or len(heights) <= PEAKS:
         index = min(max(math.ceil(number) - 1, 0), len(heights) - 1)
@@ -133,7 +134,7 @@ def tail_level(heights: Floats, number: float) -> float:
 
 
 def _error_of_quarters(found: Floats) -> float:
-    """Standard error of the mean of a map from its four quarters."""
+    """Standard error of the mean of a map, from its four quarters."""
     rows, columns = (count // 2 for count in found.shape)
     quarters = [
         found[i * rows : (i + 1) * rows, k * columns : (k + 1) * columns].mean()

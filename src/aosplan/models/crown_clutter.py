@@ -1,13 +1,14 @@
-"""Clutter that whole crowns have in common, in the integral image.
+"""Clutter from radiances that whole crowns have in common, in the integral image.
 
-Crowns are a field of radiances with the correlation ρ(r) = exp(-r²/(2 L²)) along the ground.  A
-ray from camera c to ground point t that ends in canopy at height H shows the field at
-t (1 - H/h) + c H/h.  Two such rays, which end at heights H and H' independently of each other, see
-it d = c H/h - c' H'/h apart, beside the offset of their targets.  A wide aperture and a deep
-canopy spread the crowns over the ground, and so their clutter.
+Crowns are described by a field of radiances along the ground with the correlation
+ρ(r) = exp(-r²/(2 L²)).  A ray from camera c to ground point t that ends in the canopy at height H
+shows the field at t (1 - H/h) + c H/h.  Two such rays end at independent heights H and H'.  They
+show the field at points that are d = c H/h - c' H'/h apart, in addition to the offset of their
+targets.  A wide aperture and a deep canopy spread each crown over the ground, which reduces its
+clutter.
 
-The means over window and box of the detector are taken with a Gaussian for the window, whose size
-is small beside a crown, and exactly for the box, which lies along the axes.  d is drawn from the
+The means over the detector's window and box use a Gaussian for the window, which is small compared
+with a crown, and the exact shape of the box, which is parallel to the axes.  d is sampled from the
 photos and from the heights at which rays end.
 """
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 DRAWN = 4096
-"""Pairs of rays that are drawn."""
+"""Number of pairs of rays that are sampled."""
 
 SEED = 1
 
@@ -41,23 +42,23 @@ def crown_covariances(
     target: Target,
     kernels: Kernels,
 ) -> tuple[Floats, Floats]:
-    """Covariances of the crowns' field for rays that both end in canopy.
+    """Covariances of the crowns' field for two rays that both end in the canopy.
 
     Parameters
     ----------
     sites_m
-        Cameras, shape (N, 2).
+        Camera positions, shape (N, 2).
     heights_m, ends
         Heights at which rays end, and their probabilities.
     altitude_m
-        Of the cameras.
+        Altitude of the cameras.
     target, kernels
-        The window, and the steps of its kernels.
+        The window, and the kernels with their steps.
 
     Returns
     -------
     window, box
-        Shapes (4,) and (2,), as the kernels are.
+        Shapes (4,) and (2,), in the order of the kernels.
     """
     rng = np.random.default_rng(SEED)
     places = []
@@ -67,13 +68,13 @@ def crown_covariances(
         places.append(sites * (heights / altitude_m)[:, None])
     apart = places[0] - places[1]
     near = 1.0 - float(ends @ heights_m) / altitude_m
-    # Second moments along an axis: of two points of the window, and of one and the box's middle.
+    # Second moments along an axis: of the offset of two points of the window, and with a shift.
     pair = near**2 * (target.width_m**2 + target.length_m**2) / 12.0
     moved = pair + 0.5 * (near * kernels.step_m) ** 2
     length = CROWN_LENGTH_M
 
     def gaussian(spread: float) -> float:
-        """Mean of ρ over offsets with a variance along either axis."""
+        """Mean of ρ over the sampled offsets and a Gaussian with a variance per axis."""
         wide = length**2 + spread
         return float((length**2 / wide * np.exp(-0.5 * (apart**2).sum(axis=1) / wide)).mean())
 
@@ -86,7 +87,7 @@ def crown_covariances(
 
 
 def _over_box(apart: Floats, spread: float, half: float) -> Floats:
-    """Mean of exp(-x²/(2 spread²)) over an interval around each place."""
+    """Mean of exp(-x²/(2 spread²)) over an interval around each offset."""
     from scipy.special import ndtr
 
     area: Floats = ndtr((apart + half) / spread) - ndtr((apart - half) / spread)
@@ -94,7 +95,7 @@ def _over_box(apart: Floats, spread: float, half: float) -> Floats:
 
 
 def _over_two_boxes(apart: Floats, spread: float, half: float) -> Floats:
-    """The same over the offsets of two points of two intervals."""
+    """Mean of exp(-x²/(2 spread²)) over the offsets between points of two equal intervals."""
     from scipy.special import ndtr
 
     def integral(x: Floats) -> Floats:

@@ -1,12 +1,14 @@
-"""Will it show a person lying there?  Probability of detection of a target under the canopy.
+"""Probability of detection of a target below the canopy, such as a person on the ground.
 
-With s the seen share of the target (`aosplan.models.seen_share`), u the threshold of the detector
-and sd the deviation of its output (`aosplan.models.clutter`), a target of contrast C is found with
+s is the seen share of the target (`aosplan.models.seen_share`), u the threshold of the detector,
+and sd the standard deviation of its output (`aosplan.models.clutter`).  A target of contrast C is
+detected with probability
 
     POD = E_s Φ̄((u - M (1 - β) (T - s) - η C s)/sd'(s)).
 
-η is the share of the signal that is left when the mean of the box, which holds the target, is
-XX a curve over C says what another contrast would give.
+η is the share of the signal that remains after the mean of the box, which contains the target, is
+subtracted.  sd' is the standard deviation if the target hides the ground below it.  A curve of POD
+over C shows the effect of other contrasts.
 """
 
 from __future__ import annotations
@@ -36,34 +38,35 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CURVE = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Contrasts of the curve, beside the signature's own."""
+"""Contrasts of the curve, in addition to that of the signature."""
 
 PERSON = Target(*PERSON_M)
 
 
 class Detection(NamedTuple):
-    """What of a target is seen, and how likely it is found.
+    """Seen share of a target and probability of its detection.
 
     Attributes
     ----------
     target
-        What is looked for.
+        Size of the target.
     signature
-        Of the target and the canopy.
+        Signature of the target and the canopy.
     assumed
-        Name of an assumed signature, or empty if the numbers were given.
+        Name of the assumed signature; empty if the user gave the numbers.
     false_alarms
-        A hectare.
+        Number of false alarms per hectare.
     seen
         Distribution of the seen share.
     threshold, deviation
-        Of the detector's output: u, and its standard deviation without a target, in σ_c.
+        Threshold u of the detector's output, and standard deviation of the output without a
+        target, both in units of σ_c.
     probability
-        POD.
+        POD, probability of detection.
     curve
-        Contrasts and the POD of each, rising.
+        Contrasts in increasing order, each with its POD.
     standard_error
-        Of `probability`, for want of more of the same forest; None if nothing is known of it.
+        Standard error of `probability` because of the limited plot; None if it is unknown.
     """
 
     target: Target
@@ -79,11 +82,11 @@ class Detection(NamedTuple):
 
     @property
     def unseen(self) -> float:
-        """Probability that the target is nearly unseen."""
+        """Probability that nearly nothing of the target is seen."""
         return 1.0 - self.seen.at_least(UNSEEN)
 
     def document(self) -> dict[str, Any]:
-        """``detection`` of a plan's JSON."""
+        """The object ``detection`` of a plan's JSON document."""
         return {
             "target_m": list(self.target),
             "probability": self.probability,
@@ -101,29 +104,29 @@ class Detection(NamedTuple):
 
 
 def contrasts(signature: Signature) -> list[float]:
-    """Contrasts of a curve: those of `CURVE` with the sign of the signature's, and its own."""
+    """Contrasts of the curve: those of `CURVE`, with the sign of the signature's, and its own."""
     sign = -1.0 if signature.contrast < 0.0 else 1.0
     return sorted({sign * contrast for contrast in CURVE} | {signature.contrast})
 
 
 class DetectionModel:
-    """Detection of one target through the independent slices of one scene, for any pattern.
+    """Detection of one target below the independent slices of one scene, for any pattern.
 
-    The pairs of photos are integrated once for each of their offsets; `for_search` makes a table
-    of them, after which a pattern and a baseline take about a millisecond.
+    The integrals over pairs of photos are computed once for each offset.  `for_search` tabulates
+    them; afterwards a pattern and a baseline take about a millisecond.
 
     Parameters
     ----------
     layers
-        Slices above the ground that the target lies on.
+        Slices, with heights above the ground on which the target lies.
     altitude_m
-        Of the cameras above that ground.
+        Altitude of the cameras above that ground.
     target
-        What is looked for.
+        Size of the target.
     signature, false_alarms
-        Of the detector; see `Detection`.
+        Parameters of the detector; see `Detection`.
     assumed
-        Name of an assumed signature.
+        Name of the assumed signature.
     local
         Whether the detector subtracts the mean of the box around its window.
     rigid
@@ -151,17 +154,17 @@ class DetectionModel:
         self._rigid = rigid
 
     def for_search(self) -> DetectionModel:
-        """The same, with a table of offsets from which any pattern is interpolated."""
+        """The same model with a table of offsets, from which it interpolates."""
         self.pairs.tabulate()
         return self
 
     def predict(self, pattern: Sites, baseline_m: float) -> Detection:
-        """Detection by a pattern flown at a baseline."""
+        """Detection with a pattern flown at a baseline."""
         offsets = baseline_m * np.array(list(pattern.offsets()), dtype=np.float64)
         return self._predict(offsets, *_offsets_of(pattern, baseline_m))
 
     def predict_positions(self, positions_m: Floats) -> Detection:
-        """Detection by photos from any positions, shape (N, 2), along the occluders' axes."""
+        """Detection with photos from any positions, shape (N, 2), along the axes of the occluders."""
         return self._predict(np.asarray(positions_m, dtype=np.float64), *_apart(positions_m))
 
     def _predict(self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats) -> Detection:
@@ -180,7 +183,7 @@ class DetectionModel:
         return self._detect(clutter, seen)
 
     def _mean(self, x_m: Floats, y_m: Floats, share: Floats) -> Pairs:
-        """Integrals' mean over offsets with their shares of all pairs."""
+        """Means of the integrals over offsets, weighted by their shares of all pairs."""
         near = (x_m <= self.pairs.reach_m) & (y_m <= self.pairs.reach_m)
         if np.count_nonzero(near) > TABLE**2:
             self.pairs.tabulate()
@@ -193,7 +196,9 @@ class DetectionModel:
         )
 
     def _with_crowns(self, mean: Pairs, sites_m: Floats) -> Pairs:
-        """The means with a row for crowns: rays that end in canopy, together or each for itself."""
+        """The means with a row for crowns: pairs of rays with the same occluder, and independent
+        pairs.
+        """
         pairs = self.pairs
         crowns = crown_covariances(
             sites_m,
@@ -234,7 +239,7 @@ class DetectionModel:
 
 
 def upright(signature: Signature) -> Signature:
-    """A signature whose contrast is not negative: what is colder is found as what is warmer."""
+    """The equivalent signature with positive contrast: a cold target is detected like a warm one."""
     if signature.contrast >= 0.0:
         return signature
     return Signature(-signature.contrast, -signature.canopy_offset, signature.crown_share)
@@ -243,7 +248,7 @@ def upright(signature: Signature) -> Signature:
 def detected(
     clutter: Clutter, seen: SeenShare, level: float, contrast: float, kept: float
 ) -> float:
-    """POD of a target of one contrast above a threshold; `kept` is η."""
+    """POD of a target of one contrast for a threshold; `kept` is η."""
     from scipy.special import ndtr
 
     share = seen.nodes
@@ -253,14 +258,14 @@ def detected(
 
 
 def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floats]:
-    """Distances along x and y between the photos of a pattern, and their shares of all pairs."""
+    """Distances along x and y between the photos of a pattern, with their shares of all pairs."""
     if not isinstance(pattern, Pattern):
         return _apart(baseline_m * np.array(list(pattern.offsets())))
     mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
     mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
     rows, columns = mask.shape
     pairs = offset_counts(mask, rows - 1, columns - 1)
-    # The integrals are the same in all four quadrants.
+    # The integrals are equal in all four quadrants, so the counts are added up in one.
     pairs = pairs[rows - 1 :] + np.pad(pairs[: rows - 1][::-1], ((1, 0), (0, 0)))
     pairs = pairs[:, columns - 1 :] + np.pad(pairs[:, : columns - 1][:, ::-1], ((0, 0), (1, 0)))
     y, x = np.nonzero(pairs)
@@ -270,9 +275,9 @@ def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floa
 
 
 def _apart(positions_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same for photos anywhere."""
+    """Distances along x and y between photos at any positions, with their shares of all pairs."""
     points = np.asarray(positions_m, dtype=np.float64)
     apart = np.round(np.abs(points[:, None] - points[None]).reshape(-1, 2), 6)
-    # As complex numbers they are sorted several times as fast as rows are.
+    # Sorting complex numbers is several times as fast as sorting rows.
     offsets, counts = np.unique(apart[:, 0] + 1j * apart[:, 1], return_counts=True)
     return offsets.real.copy(), offsets.imag.copy(), counts / float(len(points)) ** 2

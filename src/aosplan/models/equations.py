@@ -3,7 +3,7 @@
 =======  =======================  ======  ==========================================  =========
 symbol   public name              unit    meaning                                     range
 =======  =======================  ======  ==========================================  =========
-D        slice_density            1       share of a slice that occluders fill        [0, 1]
+D        slice_density            1       share of a slice filled with occluders      [0, 1]
 l        volume_height            m       thickness of the occluder volume            >= 0
 o        occluder_size            m       edge length of an occluder                  > 0
 p        density                  1       integrated density: share of the target     [0, 1]
@@ -22,11 +22,11 @@ b        baseline                 m       distance between neighbouring samples 
 a        aperture                 m       side of the sampled square                  >= 0
 =======  =======================  ======  ==========================================  =========
 
-The paper writes Eq. 2 as a double sum over the offsets of a square grid.  With its factor N
-it is the square of the one-dimensional sum of its appendix, and that sum is a cubic in the
-number of neighbours that still overlap; so every function here costs the same for any N.
+The paper writes Eq. 2 as a double sum over the offsets of a square grid.  With its factor N this is
+the square of the one-dimensional sum in the appendix.  That sum is a cubic polynomial of the number
+of neighbours that still overlap, so every function here takes the same time for any N.
 
-Scalars in, a float out; arrays broadcast.  Outside the domain the result is ``nan``.
+For scalars the result is a float; arrays are broadcast.  Outside the domain the result is ``nan``.
 """
 
 from __future__ import annotations
@@ -77,19 +77,19 @@ def visibility(
 ) -> Any:
     """Visibility V of a rows x columns grid, Eq. 2 in closed form.
 
-    V = 1 - E[X²] where X is the average of N samples that each hide a share p; written
-    without cancellation as T (1 + p (1 - K)) with K from `visibility_shortfall`.  For
-    d̂ >= 1 this is Eq. 3.
+    V = 1 - E[X²], where X is the average of N samples that each hide a share p.  It is computed
+    without cancellation as T (1 + p (1 - K)) with K from `visibility_shortfall`.  For d̂ >= 1 this
+    is Eq. 3.
 
     Parameters
     ----------
     density
         p, integrated density of one sample, 0 to 1.
-    rows, columns
+    Whole numbers, at least 1; a line of samples has rows = 1.
         Whole numbers from 1; a line of samples has rows = 1.
-    dhat
+    d̂, disparity between neighbours divided by projected occluder size, at least 0.
         d̂, disparity between neighbours over projected occluder size, at least 0.
-    transparency
+    T = 1 - p, for densities so close to 1 that 1 - p would lose its digits.
         T = 1 - p, for densities so near 1 that p alone has lost it.
 
     References
@@ -114,23 +114,23 @@ def mean_squared_error(
     *,
     transparency: Floats | None = None,
 ) -> Any:
-    """Mean squared error 1 - V = p (p + T K) of the average, to full precision near V = 1.
+    """Mean squared error 1 - V = p (p + T K) of the average, accurate also if V is close to 1.
 
-    Parameters as in `visibility`.  Source: Kurmi, Schedl and Bimber (2019), appendix.
+    The parameters are those of `visibility`.  Source: Kurmi, Schedl and Bimber (2019), appendix.
     """
 
     def equation(xp: Any, p: Any, _t: Any, k: Any, rest: Any) -> Any:
-        # p + T K = K + p (1 - K), which spares the rounding of T.
+        # p + T K = K + p (1 - K), which avoids the rounding error of T.
         return p * xp.minimum(k + p * rest, 1.0)
 
     return _of_grid(equation, density, transparency, rows, columns, dhat)
 
 
 def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
-    """Normalised visibility V̂ = (V - Vmin)/(Vmax - Vmin) of a grid, whatever its density.
+    """Normalised visibility V̂ = (V - Vmin)/(Vmax - Vmin) of a grid, which does not depend on p.
 
-    For d̂ >= 1 this is Eq. 4, 1 - 1/N.  Parameters as in `visibility`.  Accurate also where
-    it is tiny; near 1 `visibility_shortfall` has the digits.
+    For d̂ >= 1 this is Eq. 4, 1 - 1/N.  The parameters are those of `visibility`.  Very small
+    values are accurate; if V̂ is close to 1, `visibility_shortfall` has more digits.
 
     Examples
     --------
@@ -141,19 +141,19 @@ def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
 
 
 def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
-    """What a grid lacks to perfect averaging, K = 1 - V̂, to full precision near V̂ = 1.
+    """Shortfall K = 1 - V̂ of a grid from perfect averaging, accurate also if V̂ is close to 1.
 
-    K = κ(rows, d̂) κ(columns, d̂): the variance of the average over that of one sample.
-    Parameters as in `visibility`.
+    K = κ(rows, d̂) κ(columns, d̂) is the variance of the average divided by that of one sample.
+    The parameters are those of `visibility`.
     """
     return elementwise(lambda xp, *grid: _shortfall(xp, *grid)[::2], dhat, *_sides(rows, columns))
 
 
 def line_shortfall(samples: Floats, dhat: Floats) -> Any:
-    """κ(n, d̂): the shortfall 1 - V̂ of a single line of n samples.
+    """κ(n, d̂): shortfall 1 - V̂ of a single line of n samples.
 
-    Grids whose axes have pitches of their own multiply two of these.  Source: Kurmi, Schedl
-    and Bimber (2019), appendix (1-D case), summed.
+    The shortfall of a grid with different pitches along its axes is the product of two of these.
+    Source: Kurmi, Schedl and Bimber (2019), appendix (1-D case), with the sum in closed form.
     """
 
     def kernel(xp: Any, n: Any, d: Any) -> tuple[Any, Any]:
@@ -192,24 +192,25 @@ def _of_grid(
 
 
 def _sides(rows: Any, columns: Any) -> tuple[Any, ...]:
-    """Rows and columns, or only the rows of a square, so that one κ serves both axes."""
+    """Rows and columns; for a square only the rows, so that κ is computed once."""
     return (rows,) if rows is columns else (rows, columns)
 
 
 def _line(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
     """n κ(n, d̂) of a line, 1 - κ, and whether the arguments are in the domain.
 
-    With m neighbours in reach and e = 1 - m d̂, what is left of the last one's overlap, the
-    appendix' sum A = Σ (n-i) (1 - i d̂) gives n κ = (n + 2A)/n in the arrangement below, which
-    stays within three units in the last place where the plain cubic in m loses more than four.
+    m is the number of neighbours that overlap, and e = 1 - m d̂ the overlap of the last of them.
+    The sum A = Σ (n-i) (1 - i d̂) of the appendix gives n κ = (n + 2A)/n, arranged as below.  The
+    error of this arrangement is at most three units in the last place; that of the plain cubic in m
+    exceeds four.
     """
     valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
-    d = xp.minimum(d, 1.0)  # beyond 1 nothing overlaps
+    d = xp.minimum(d, 1.0)  # for d̂ > 1 there is no overlap, as for d̂ = 1
     others = n - 1.0
     m = xp.floor(xp.minimum(others, 1.0 / xp.maximum(d, 1e-300)))
     e = xp.maximum(1.0 - m * d, 0.0)
     summed = m + (m + 1.0) * (e - m / (3.0 * n) * (1.0 + 2.0 * e - d))
-    # While all n overlap, 1 - κ is linear in d̂: accurate where κ is nearly 1.
+    # If all n samples overlap, 1 - κ is linear in d̂; this form is accurate if κ is nearly 1.
     linear = d * (others * (n + 1.0) / (3.0 * n))
     overlapping = d * others <= 1.0
     summed = xp.where(overlapping, n * (1.0 - linear), summed)
@@ -224,7 +225,7 @@ def _shortfall(xp: Any, d: Any, rows: Any, columns: Any = None) -> tuple[Any, An
     else:
         sum_x, rest_x, valid_x = _line(xp, columns, d)
         valid = valid & valid_x
-    # One division by N rounds less than one by each number.
+    # A single division by N has a smaller rounding error than one division for each axis.
     return sum_y * sum_x / (rows * columns), rest_x + sum_x / columns * rest_y, valid
 
 
@@ -238,37 +239,37 @@ def dhat_for_shortfall(
     shortfall
         1 - V̂, above 0.
     rows, columns
-        Whole numbers from 1.
+        Whole numbers, at least 1.
     pitch_ratio
-        Pitch between rows over pitch between columns, at least 1.
+        Pitch between rows divided by pitch between columns, at least 1.
 
     Returns
     -------
     float
-        d̂ in [0, 1]; ``nan`` where 1 - 1/N is too little even at d̂ = 1.
+        d̂ in [0, 1]; ``nan`` if 1 - V̂ exceeds the target even at d̂ = 1.
     """
 
     def reached(dhat: float) -> float:
         return float(line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat))
 
     if not reached(1.0) <= shortfall:
-        # 1/N may have been rounded otherwise than here.
+        # The caller may have rounded 1/N differently.
         return 1.0 if reached(1.0) <= shortfall * (1.0 + 1e-15) else math.nan
     return smallest(lambda dhat: reached(dhat) <= shortfall, 0.0, 1.0)
 
 
-# --- Eq. 4 and 5 backwards: how many samples, how large an aperture -----------------------
+# --- Inverses of Eq. 4 and 5: number of samples and aperture ------------------------------
 
 
 def required_samples(vhat: float | str | Decimal | Fraction) -> int:
-    """Fewest samples N at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: Eq. 4 inverted, exactly.
+    """Fewest samples N at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: exact inverse of Eq. 4.
 
     Parameters
     ----------
     vhat
         Target V̂, at least 0 and below 1.  Text (``"0.98"``, ``"98%"``), `Decimal` and
-        `Fraction` are taken exactly.  A float was rounded before it came here, so it snaps
-        to 1 - 1/k where that is within one unit in the last place.
+        `Fraction` are exact.  A float has already been rounded; if 1 - 1/k is within one unit
+        in the last place of it for some k, this value is used instead.
 
     Raises
     ------
@@ -301,8 +302,8 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
 def required_samples_for_visibility(target: float, density: float) -> int | None:
     """Fewest samples at d̂ >= 1 that reach an absolute visibility: Eq. 3 solved for N.
 
-    N = ⌈p T / (Vmax - V)⌉; one sample where V <= Vmin; None where V >= Vmax, which no number
-    of samples reaches (unless p = 0, where one sample already has V = 1).
+    N = ⌈p T / (Vmax - V)⌉.  The result is 1 if V <= Vmin.  It is None if V >= Vmax, which no number
+    of samples reaches, except for p = 0, where one sample already has V = 1.
     """
     p = Fraction(density)
     gap = (1 - p * p) - Fraction(target)
@@ -316,8 +317,8 @@ def required_samples_for_visibility(target: float, density: float) -> int | None
 def aperture(samples: Floats, baseline: Floats) -> Any:
     """Side a = (√N - 1) b of the sampled square [m], Eq. 5.
 
-    The paper's own examples (14 m for 25 samples, 19.6 m for 49 at b = 2.8 m) are √N b, one
-    pitch more; its Fig. 7 is Eq. 5, which is followed here.
+    The examples in the paper's text (14 m for 25 samples, 19.6 m for 49 at b = 2.8 m) are √N b,
+    which is one pitch more.  Its Fig. 7 agrees with Eq. 5, which is used here.
 
     Parameters
     ----------
@@ -337,12 +338,12 @@ def aperture(samples: Floats, baseline: Floats) -> Any:
 
 
 def sampled_side(samples: Any, xp: Any = SCALARS) -> Any:
-    """√N - 1, the side of the sampled square in baselines, to full precision near N = 1."""
+    """√N - 1, the side of the sampled square in baselines, accurate also if N is close to 1."""
     return (samples - 1.0) / (xp.sqrt(samples) + 1.0)
 
 
 def baseline_for_aperture(aperture: Floats, samples: Floats) -> Any:
-    """Baseline b = a/(√N - 1) [m] that gives an aperture with N > 1 samples: Eq. 5 solved for b."""
+    """Baseline b = a/(√N - 1) [m] for an aperture a with N > 1 samples: inverse of Eq. 5."""
     return elementwise(
         lambda xp, a, n: (a / sampled_side(n, xp), (n > 1.0) & (a >= 0.0)),
         aperture,

@@ -1,17 +1,18 @@
-"""Visibility over the ground that a plan is for, by rays as they are.
+"""Visibility over the whole ground of a plan, with slanted rays.
 
-The visibility of a plan is that of a target below the middle of the grid; the paper's model looks
-straight down there.  A target beside the middle, at t on the ground, is seen along the rays from t to
-every sample, which are slanted and pass more of the canopy.
+The visibility of a plan is that of a target below the centre of the grid, and the model of the
+paper uses vertical rays.  A target elsewhere, at t on the ground, is seen along the rays from t to
+every sample.  These rays are slanted and pass through more of the canopy.
 
 - Uniform and layered scenes: a ray at angle θ passes with probability T^(sec θ) (Beer-Lambert, for
-  occluders without a direction).  With p_i(t) what sample i does not see of it,
-  V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i), K being the plan's own: what neighbours share hardly
-  changes with their common slant.
-- Measured scenes: the prediction for samples at c_i - t.  The stand is taken to be alike everywhere.
+  occluders without a preferred direction).  With p_i(t), the share of the target that sample i does
+  not see, V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i).  K is that of the plan, because a common
+  slant hardly changes what neighbouring rays share.
+- Measured scenes: the prediction for samples at c_i - t.  The stand is assumed to be the same
+  everywhere.
 
-The mean over the ground is by Gauss-Legendre quadrature with three points along either axis; the worst
-is the least of the four corners and those points.
+The mean over the ground is computed by Gauss-Legendre quadrature with three points per axis.  The
+worst value is the smallest at these points and the four corners.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ if TYPE_CHECKING:
     from aosplan.models.model import Prediction
 
 NODES = ((-math.sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (math.sqrt(0.6), 5.0 / 18.0))
-"""Gauss-Legendre points on -1 to 1, and weights whose sum is 1."""
+"""Gauss-Legendre points on [-1, 1], and weights with the sum 1."""
 
 MOST_RAYS = 1024
-"""Samples whose rays are followed; of more, as many spread over the grid."""
+"""Largest number of samples whose rays are evaluated; of more, a subset over the grid is used."""
 
 
 class GroundVisibility(NamedTuple):
-    """What a plan shows of the ground that it is for.
+    """Visibility over the ground of a plan.
 
     Attributes
     ----------
     size_m
-        Extents of that ground along and across the heading.
+        Size of the ground along and across the heading.
     density
-        Mean share of it that a sample does not see.
+        Mean over the ground of the share that a sample does not see.
     expected, worst_expected
-        V: its mean over the ground, and its least.
+        V: mean and smallest value over the ground.
     normalized
         V̂ of the mean: (V - (1 - p))/(p (1 - p)).
     """
@@ -63,14 +64,14 @@ class GroundVisibility(NamedTuple):
 def over_ground(
     size_m: tuple[float, float], at: Callable[[float, float], tuple[float, float]]
 ) -> GroundVisibility:
-    """Mean and worst over a rectangle of ground around the middle of a grid.
+    """Mean and worst visibility over a rectangle of ground around the centre of a grid.
 
     Parameters
     ----------
     size_m
-        Extents along x and y.
+        Size of the rectangle along x and y.
     at
-        p and V of a target at (x, y) from the middle.
+        Function that returns p and V of a target at (x, y) from the centre.
     """
     half_x, half_y = 0.5 * size_m[0], 0.5 * size_m[1]
     density = expected = 0.0
@@ -90,20 +91,20 @@ def over_ground(
 def of_statistics(
     prediction: Prediction, sites_m: Sequence[tuple[float, float]], altitude_m: float
 ) -> Callable[[float, float], tuple[float, float]]:
-    """p and V of a target beside the middle, in a uniform or layered scene.
+    """Function that returns p and V of a target at (x, y), in a uniform or layered scene.
 
     Parameters
     ----------
     prediction
-        Of the plan: its K.
+        Prediction of the plan, from which K is taken.
     sites_m
-        Samples along x and y from the middle.
+        Samples along x and y from the centre.
     altitude_m
-        Of the samples above the ground that they look at.
+        Altitude of the samples above the ground.
 
     Notes
     -----
-    The transparency straight down is that of the prediction, which has to be one of nadir rays.
+    The transparency straight down is taken from the prediction, which has to be for nadir rays.
     """
     log_t, shortfall = math.log(prediction.transparency), prediction.shortfall
     area = altitude_m * altitude_m
@@ -123,10 +124,10 @@ def of_statistics(
 
 
 def followed(pattern: Sites, baseline_m: float) -> list[tuple[float, float]]:
-    """Samples of a pattern along x and y from the middle, every so many of a large one."""
+    """Samples of a pattern along x and y from the centre; of a large pattern, every n-th sample."""
     step = max(1, -(-pattern.samples // MOST_RAYS))
     while step > 1 and math.gcd(step, pattern.columns) > 1:
-        step += 1  # or it would take some columns only
+        step += 1  # a step with a common factor would select some columns only
     return list(_every(step, pattern, baseline_m))
 
 

@@ -1,18 +1,19 @@
-"""The layered model: slices that block independently, each with its own kind of occluder.
+"""The layered model: independent slices, each with its own kind of occluder.
 
-Two samples see the same point through slice j with probability q_j² + D_j q_j τ_j, where
-q_j = 1 - D_j and τ_j is the overlap of the slice's occluders between the two views: the
-product of the triangles max(0, 1 - |Δ| H_j/(h o_j)) along both axes.  Slices being
-independent, the covariance of two samples is
+Two samples see the same point through slice j with probability q_j² + D_j q_j τ_j.  Here q_j = 1 -
+D_j, and τ_j is the overlap of the slice's occluders between the two views, which is the product of
+the triangles max(0, 1 - |Δ| H_j/(h o_j)) along both axes.  Because slices are independent, the
+covariance of two samples is
 
-    Cov = Π (q_j² + D_j q_j τ_j) - Π q_j² = T² (exp Σ log(1 + τ_j D_j/q_j) - 1),
+    Cov = Π (q_j² + D_j q_j τ_j) - Π q_j² = T² (exp Σ log(1 + τ_j D_j/q_j) - 1).
 
-and the shortfall its mean over all ordered pairs of samples, over p T.  One slice gives back
-Eq. 2.  A lattice needs each distinct offset once; slices without occluders and offsets that
-no slice reaches are skipped.
+The shortfall is the mean of Cov over all ordered pairs of samples, divided by p T.  For a single
+slice this is Eq. 2.  In a lattice, each distinct offset is computed once.  Slices without
+occluders, and offsets beyond the reach of all slices, are skipped.
 
-Rays off nadir (`aosplan.models.oblique_rays`) pass each slice with q_j^e instead, and noise of the positions
-(`aosplan.models.layered_noise`) is an expectation of Cov over what it makes of the offset.
+Rays off nadir (`aosplan.models.oblique_rays`) pass each slice with probability q_j^e instead of
+q_j. Position noise (`aosplan.models.layered_noise`) replaces Cov by its expected value over the
+noise.
 """
 
 from __future__ import annotations
@@ -45,10 +46,10 @@ if TYPE_CHECKING:
 
 
 GROUPS = 64
-"""Groups of offsets along an axis that a bound on the shortfall is taken from."""
+"""Number of groups of offsets along an axis, for the bound on the shortfall."""
 
 COUNTS_KEPT = 1 << 14
-"""Offsets up to which the numbers of a pattern's pairs are kept."""
+"""Largest number of offsets for which the counts of pairs of a pattern are stored."""
 
 
 class LayeredModel:
@@ -57,13 +58,13 @@ class LayeredModel:
     Parameters
     ----------
     layers
-        Slices with heights above the focal plane, each placed at its middle height.
+        Slices with heights above the focal plane; occluders are at the middle height of a slice.
     altitude_m
-        Above the focal plane and above every slice.
+        Altitude above the focal plane; it has to be above every slice.
     focal_length_px
-        If given, occluders count as at least one pixel large.
+        If given, occluders are treated as at least one pixel large.
     hold_error_m
-        Standard deviation of the positions about their sites, per axis.
+        Standard deviation of the positions around their sites, per axis.
     rays
         ``nadir``, ``oblique`` or ``cubes`` (`aosplan.models.oblique_rays`).
     """
@@ -90,7 +91,7 @@ class LayeredModel:
         self._predictions: Known = {}
 
     def _pairs_within(self, hold_error_m: float) -> RayPairs:
-        """Pairs of nadir rays whose samples have this standard deviation from their sites."""
+        """Pairs of nadir rays whose sample positions have a standard deviation around their sites."""
         deviation_m = math.sqrt(2.0) * hold_error_m
         return RayPairs(self._slices.covariance, self._slices.reach_m, deviation_m)
 
@@ -105,7 +106,7 @@ class LayeredModel:
         return self._slanted(self.hold_error_m)
 
     def at_heading(self, heading_deg: float) -> LayeredModel:  # noqa: ARG002 (the interface has it)
-        """The model itself: slices are the same from every direction."""
+        """The model itself, because slices have no direction."""
         return self
 
     @property
@@ -115,12 +116,12 @@ class LayeredModel:
 
     @property
     def transparency(self) -> float:
-        """Π q_j."""
+        """Transparency Π q_j of independent slices."""
         return self._slices.transparency
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which K = 1/N; under noise, up to less than rounding."""
+        """Baseline from which K = 1/N; with noise, up to rounding errors."""
         return self._reach_within(self.hold_error_m)
 
     def _reach_within(self, hold_error_m: float) -> float:
@@ -129,12 +130,12 @@ class LayeredModel:
 
     @property
     def sharp_baseline_m(self) -> float:
-        """Baseline at which even the lowest slice's occluders have d̂ = 1."""
+        """Baseline at which even the occluders of the lowest slice have d̂ = 1."""
         return float(self._slices.reach_m.max(initial=0.0))
 
     @property
     def rises_with_baseline(self) -> bool:
-        """Not if rays may be oblique; see `aosplan.models.uniform`."""
+        """True for nadir rays only; see `aosplan.models.uniform`."""
         return self.rays == "nadir"
 
     @remembered
@@ -147,7 +148,7 @@ class LayeredModel:
                 return Prediction(self.density, self.transparency, 1.0 / pattern.samples)
             points = baseline_m * np.array(list(pattern.offsets()))
             return self._predict_at(points, self.hold_error_m)
-        baseline_m = min(baseline_m, 1e300)  # infinity times no offset would be nan
+        baseline_m = min(baseline_m, 1e300)  # infinity times an offset of 0 would be nan
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
         offsets_x: Floats = baseline_m * np.arange(reach_x + 1.0)
@@ -161,10 +162,11 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, shortfall)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """A prediction that is no worse than that of nadir rays, in a time that N does not change.
+        """A prediction that is at least as good as with nadir rays, in a time that does not depend
+        on N.
 
-        What a pair shares decreases with its distance, so offsets are taken in groups, and each
-        group is evaluated at its farthest offset.
+        The covariance of a pair decreases with its distance.  Offsets are therefore grouped, and
+        each group is evaluated at its largest offset.
         """
         if isinstance(pattern, Spiral) or pattern.removed or pattern.samples <= GROUPS**2:
             return self.predict(pattern, baseline_m)
@@ -176,7 +178,7 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, max(least, 1.0 / pattern.samples))
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at known positions, shape (N, 2), from the middle."""
+        """Density and shortfall of samples at known positions from the centre, shape (N, 2)."""
         return self._predict_at(np.asarray(positions_m, dtype=np.float64), hold_error_m=0.0)
 
     def _predict_at(self, points: Floats, hold_error_m: float) -> Prediction:
@@ -186,30 +188,35 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, _shortfall_at(points, pairs, reach))
 
     def positions_shortfall(self, sites_m: ArrayLike) -> float:
-        """Shortfall 1 - V̂ of nadir samples flown at any sites, shape (N, 2); costs N²."""
+        """Shortfall 1 - V̂ of nadir samples flown at any sites, shape (N, 2); the time grows with
+        N².
+        """
         points = np.asarray(sites_m, dtype=np.float64)
         return _shortfall_at(points, self._pairs, self.independent_baseline_m)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,); rays off nadir pass more."""
+        """p of samples at known positions, shape (N,); slanted rays meet more occluders."""
         from aosplan.models.oblique_rays import hidden_shares
 
         log_transparency = self._slices.log_transparency
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_transparency)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Cov/(p T) of two nadir samples by their offset along either axis."""
+        """Correlation Cov/(p T) of two nadir samples for their offset along both axes."""
         return self._slices.covariance(np.abs(x_m), np.abs(y_m))
 
 
 def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
-    """Shortfall 1 - V̂ of nadir samples at just these positions, shape (N, 2) [m]; costs N²."""
+    """Shortfall 1 - V̂ of nadir samples at exact positions [m], shape (N, 2); the time grows with
+    N².
+    """
     count = len(points)
     block = max(1, TERMS_AT_ONCE // count)
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
-        near = np.triu((x < reach_m) & (y < reach_m), 1)  # each pair once, the later site second
+        # each pair once, with the later site second
+        near = np.triu((x < reach_m) & (y < reach_m), 1)
         total += float(pairs.at(x[near], y[near]).sum())
     return (count + 2.0 * total) / count**2
 
@@ -226,19 +233,19 @@ def layered_visibility(
     Parameters
     ----------
     layers
-        `Layer` values, or mappings with its names, or its four numbers in order: bottom and
-        top above the focal plane [m], share of the slice that blocks, occluder size [m].
+        `Layer` values, mappings with the names of its fields, or its four numbers in order: bottom
+        and top above the focal plane [m], share of the slice that blocks rays, occluder size [m].
     altitude
         h above the focal plane [m], above every layer.
     rows, columns
-        Whole numbers from 1.
+        Whole numbers, at least 1.
     baseline
-        b between neighbours on both axes [m].
+        b, distance between neighbours along both axes [m].
 
     Returns
     -------
     float
-        V; ``nan`` where an argument is outside its domain.
+        V; ``nan`` if an argument is outside its domain.
     """
     prediction = _prediction(layers, altitude, rows, columns, baseline)
     return math.nan if prediction is None else prediction.expected
@@ -253,7 +260,7 @@ def layered_shortfall(
 ) -> float:
     """Shortfall 1 - V̂ of a rows x columns grid over independent slices.
 
-    Parameters and domain as in `layered_visibility`.
+    The parameters and their domain are those of `layered_visibility`.
     """
     prediction = _prediction(layers, altitude, rows, columns, baseline)
     return math.nan if prediction is None else prediction.shortfall
@@ -262,7 +269,7 @@ def layered_shortfall(
 def _prediction(
     layers: Iterable[Any], altitude: float, rows: int, columns: int, baseline: float
 ) -> Prediction | None:
-    """The prediction of a rectangle; None where an argument is outside its domain."""
+    """The prediction for a rectangle; None if an argument is outside its domain."""
     model = _model(layers, altitude)
     if model is None or not _counts(rows, columns) or not baseline >= 0.0:
         return None
@@ -287,23 +294,23 @@ def _counts(*counts: float) -> bool:
 
 
 def _reach(count: int, pitch_m: float, reach_m: float) -> int:
-    """Largest offset, in pitches, that shares an occluder."""
+    """Largest offset, in pitches, at which two samples share an occluder."""
     if pitch_m * (count - 1) < reach_m:
         return count - 1
     return max(math.ceil(reach_m / pitch_m) - 1, 0) if pitch_m > 0.0 else count - 1
 
 
 def _groups(count: int, reach: int) -> tuple[Floats, Floats]:
-    """Farthest offsets of groups of pairs along a line, and their numbers of ordered pairs."""
+    """Largest offset of each group of pairs along a line, and the number of ordered pairs in it."""
     far = np.unique(np.linspace(0.0, reach, GROUPS).round())
-    up_to = count + far * (2.0 * count - far - 1.0)  # ordered pairs no farther apart
+    up_to = count + far * (2.0 * count - far - 1.0)  # ordered pairs up to this distance
     return far, np.diff(up_to, prepend=0.0)
 
 
 def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np.float64]:
-    """Ordered pairs of sites by offset, those of mirrored offsets added up: shape (y, x).
+    """Ordered pairs of sites by offset, with mirrored offsets added up: shape (y, x).
 
-    The covariance is the same in all four quadrants.
+    This is possible because the covariance is equal in all four quadrants.
     """
     if pattern.removed:
         mask = np.ones((pattern.rows, pattern.columns), dtype=bool)
@@ -321,4 +328,4 @@ def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np
 
 
 _kept_counts = lru_cache(maxsize=256)(_quadrant_counts)
-"""The same, kept for searches that ask at one baseline after another."""
+"""`_quadrant_counts` with stored results, for searches that try one baseline after another."""

@@ -1,18 +1,18 @@
-"""Blurred covariances: what two samples share, expected over the noise of their positions.
+"""Covariances of two samples as expected values over the noise of their positions.
 
-The layered model's covariance f(x, y) of two samples x, y apart is a product over slices, which no
-formula blurs.  But it is even along both axes, vanishes beyond the reach of every slice, and is
-smooth between the reaches Δ_j of single ones.  So it is kept as its values at the nodes of a few
-panels, once for all plans, and interpolated by a polynomial ℓ on each; what noise makes of it then
-is bilinear in that table F,
+The covariance f(x, y) of two samples that are (x, y) apart is a product over slices.  Its mean over
+Gaussian noise has no closed form.  But f is even along both axes, is zero beyond the reach of every
+slice, and is smooth between the reaches Δ_j of the slices.  It is therefore stored as values F at
+the nodes of a few panels, once for all plans, and interpolated by a polynomial ℓ in each panel.
+The expected value is then bilinear in F,
 
-    E[f(|x + η|, |y + η'|)] = w(x)ᵀ F w(y),   w_a(x) = E[ℓ_a(|x + η|)],
+    E[f(|x + η|, |y + η'|)] = w(x)ᵀ F w(y),   w_a(x) = E[ℓ_a(|x + η|)].
 
-and the weights w are integrals of polynomials against a Gaussian, one axis at a time.
+The weights w are integrals of polynomials times a Gaussian, separate for each axis.
 
-Panels are halved at the reach of a slice, or in the middle where none lies within, until f along an
-axis, where it is steepest, is interpolated to `TOLERANCE` of f(0, 0).  Blurred, and summed up to
-K, that leaves about as much of K.
+Panels are split at the reach of a slice, or in the middle if they contain none, until the
+interpolation of f along an axis, where it is steepest, has an error below `TOLERANCE` times f(0,
+0). The relative error of K is about as large.
 """
 
 from __future__ import annotations
@@ -33,27 +33,30 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-4
-"""Error of the interpolation where it is worst, at the reach of some slice, relative to f(0, 0)."""
+"""Largest error of the interpolation, at the reach of a slice, relative to f(0, 0)."""
 
 NODES = 6
-"""Nodes of a panel."""
+"""Number of nodes of a panel."""
 
 MOST_PANELS = 200
 
 QUADRATURE = 40
-"""Points of the Gauss-Legendre rule across the seventeen standard deviations of a Gaussian; a
-quarter of them does for a panel of one and a half."""
+"""Number of points of the Gauss-Legendre rule across seventeen standard deviations of a Gaussian.
+
+For a panel of one and a half standard deviations, a quarter of the points is enough.
+"""
 
 
 class BlurredTable:
-    """A function of two distances, ready to be blurred.
+    """A function of two distances whose expected value over noise can be computed.
 
     Parameters
     ----------
     function
-        f(x, y) of distances of equal shape, at least 0 [m]; symmetric, and 0 beyond the reaches.
+        f(x, y) of distances of equal shape, at least 0 [m]; symmetric, and 0 beyond the largest
+        reach.
     reaches_m
-        Distances at which its slope jumps; the largest is where it ends.
+        Distances at which the slope of f jumps; f is 0 beyond the largest.
     """
 
     def __init__(self, function: Callable[[Floats, Floats], Floats], reaches_m: Floats) -> None:
@@ -68,32 +71,32 @@ class BlurredTable:
         self._table.T[upper] = values
 
     def blurred(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
-        """Expected values where both distances of a pair have this standard deviation.
+        """Expected values if both distances of a pair are uncertain.
 
         Parameters
         ----------
         x_m, y_m
-            Distances along either axis, at least 0.
+            Mean distances along both axes, at least 0.
         deviation_m
-            Of the distance between two samples, above 0: σ√2.
+            Standard deviation of the distance between two samples, σ√2, above 0.
 
         Returns
         -------
         ndarray
-            Shape (y, x).
+            Expected values for all combinations, shape (y, x).
         """
         along_y, along_x = (self._weights(at, deviation_m) for at in (y_m, x_m))
         result: Floats = along_y @ self._table @ along_x.T
         return result
 
     def blurred_pairs(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
-        """The same for pairs of distances, shape (pairs,)."""
+        """Expected values for pairs of distances, shape (pairs,)."""
         along_y, along_x = (self._weights(at, deviation_m) for at in (y_m, x_m))
         result: Floats = np.einsum("pn,pn->p", along_y @ self._table, along_x)
         return result
 
     def _weights(self, at_m: Floats, deviation_m: float) -> Floats:
-        """w of distances, shape (distances, nodes)."""
+        """Weights w for the distances, shape (distances, nodes)."""
         low, high = self._panels.T
         weights = np.zeros((len(at_m), len(low), NODES))
         for centre in (at_m[:, np.newaxis], -at_m[:, np.newaxis]):
@@ -115,7 +118,7 @@ class BlurredTable:
 
 
 def _panels(profile: Callable[[Floats], Floats], reaches_m: Floats) -> Floats:
-    """Ends of panels on which a profile is interpolated well, shape (panels, 2)."""
+    """Panels in which a profile is interpolated accurately, as intervals, shape (panels, 2)."""
     allowed = TOLERANCE * float(profile(np.zeros(1))[0])
     nodes, _ = _rule(NODES)
     checks = np.linspace(0.0, 1.0, 4 * NODES + 1)
@@ -143,7 +146,7 @@ def _rule(count: int) -> tuple[Floats, Floats]:
 
 
 def _basis(within: Floats) -> Floats:
-    """Lagrange polynomials of a panel's nodes at places in [0, 1], one more axis of `NODES`."""
+    """Lagrange polynomials of a panel's nodes at positions in [0, 1], with a last axis of `NODES`."""
     nodes, _ = _rule(NODES)
     basis = np.ones((*within.shape, NODES))
     for node, other in permutations(range(NODES), 2):

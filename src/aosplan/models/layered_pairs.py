@@ -1,7 +1,7 @@
-"""Independent slices, and what two rays through them share.
+"""Independent slices, and the covariance of two rays through them.
 
-`Slices` has the functions of two sharp positions; `RayPairs` makes of one of them what is expected
-if the positions are uncertain.
+`Slices` has the covariance for exact positions.  `RayPairs` turns it into the expected value for
+uncertain positions.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TERMS_AT_ONCE = 1_000_000
-"""Offsets times slices evaluated at a time."""
+"""Largest number of offsets times slices that are evaluated at once."""
 
 PAIRS_AT_ONCE = 2000
-"""Pairs of scattered samples blurred at a time."""
+"""Number of pairs of scattered samples for which expected values are computed at once."""
 
 SPARSE = 1e-17
-"""Density below which the covariance is the mean of the overlaps to the last digit."""
+"""Density below which the covariance equals the mean of the overlaps in floating point."""
 
 LARGEST_LOG = 700.0
-"""Logarithm beyond which an exponential would be infinite; what it multiplies there is 0."""
+"""Largest exponent that does not overflow; larger ones are only multiplied by 0."""
 
 
 class Slices:
@@ -45,16 +45,16 @@ class Slices:
     layers
         Slices with heights above the focal plane.
     altitude_m
-        Above the focal plane and above every slice.
+        Altitude above the focal plane; it has to be above every slice.
     focal_length_px
-        If given, occluders count as at least one pixel large.
+        If given, occluders are treated as at least one pixel large.
 
     Attributes
     ----------
     density
-        D_j, share of each slice that occluders fill.
+        D_j, share of each slice that is filled with occluders.
     reach_m
-        Δ_j = o_j h/H_j, the offset at which an occluder of each slice has moved by its own size.
+        Δ_j = o_j h/H_j, the offset of two samples at which an occluder moves by its own size.
     log_transparency
         Σ log(1 - D_j).
     """
@@ -76,16 +76,16 @@ class Slices:
 
     @property
     def hidden(self) -> float:
-        """p, the share of the target that a nadir ray does not see."""
+        """p, share of the target that a nadir ray does not see."""
         return -math.expm1(self.log_transparency)
 
     @property
     def transparency(self) -> float:
-        """Π q_j, the share that a nadir ray sees."""
+        """Π q_j, share of the target that a nadir ray sees."""
         if -self.log_transparency < len(self.density):
             return math.exp(self.log_transparency)
-        # A large logarithm loses more digits than the product of all factors; q + lost is exactly
-        # 1 - D.
+        # If the logarithm is large, it loses more digits than the product of all factors. q + lost
+        # is exactly 1 - D.
         q = 1.0 - self.density
         lost = (1.0 - q) - self.density
         return float(q.prod()) * math.exp(float((lost / q).sum()))
@@ -94,28 +94,29 @@ class Slices:
         """Cov/(p T) of pairs of nadir rays whose samples are (x, y) apart.
 
         It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If nearly all of the target is hidden, this
-        would multiply the rounding errors of large logarithms, and the same value is computed as
-        (exp Σ log(1 - D_j (1 - τ_j)) - T)/p, a difference that loses digits if T is not small.
+        formula multiplies the rounding errors of large logarithms.  The same value is then computed
+        as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p, a difference that loses digits only if T is not
+        small.
         """
         p, t = self.hidden, self.transparency
         if p > 0.9:
             clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
             return np.asarray(np.maximum(clear - t, 0.0) / p)
         if 0.0 < p < SPARSE:
-            share = self.density / p  # whose sum is 1; t/p could be infinite
+            share = self.density / p  # the shares have the sum 1; t/p could overflow
             return self._sums(lambda tau: tau * share, x, y)
         scale = t / p if p > 0.0 else 0.0
         shared = scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))
-        return np.asarray(np.minimum(shared, 1.0))  # a correlation, which rounding would exceed
+        return np.asarray(np.minimum(shared, 1.0))  # rounding must not make a correlation exceed 1
 
     def slanted_covariance(self, length: float, x: Floats, y: Floats) -> Floats:
-        """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of rays of length e."""
+        """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of rays of relative length e."""
         odds = np.expm1(np.minimum(-length * self._log_q, LARGEST_LOG))
         logs = self._sums(lambda tau: np.log1p(tau * odds), x, y)
         return np.asarray(np.expm1(np.minimum(logs, LARGEST_LOG)))
 
     def _sums(self, term: Callable[[Floats], Floats], x: Floats, y: Floats) -> Floats:
-        """Sums over the slices of a function of τ_j, for pairs (x, y) apart."""
+        """Sums over the slices of a function of τ_j, for pairs that are (x, y) apart."""
         result = np.empty(len(x))
         block = max(1, TERMS_AT_ONCE // max(len(self.density), 1))
         for start in range(0, len(x), block):
@@ -127,16 +128,16 @@ class Slices:
 
 
 class RayPairs:
-    """What pairs of rays share by the offset of their samples, expected over position noise.
+    """Expected covariance of pairs of rays for the offset of their samples, with position noise.
 
     Parameters
     ----------
     sharp
-        The function of the distances x and y along both axes [m], of equal shape (pairs,).
+        Covariance as a function of the distances x and y along both axes [m], of shape (pairs,).
     reach_m
         Distances at which its slope jumps; beyond the largest it is 0.
     deviation_m
-        Standard deviation of the distance of two different samples along an axis.
+        Standard deviation of the distance between two different samples along an axis.
     """
 
     def __init__(
@@ -150,7 +151,7 @@ class RayPairs:
         return BlurredTable(self._sharp, self._reach_m) if noisy else None
 
     def at(self, x: Floats, y: Floats) -> Floats:
-        """Pairs of different samples (x, y) apart, shape (pairs,)."""
+        """Values for pairs of different samples that are (x, y) apart, shape (pairs,)."""
         if self._table is None:
             return self._sharp(x, y)
         parts = (slice(i, i + PAIRS_AT_ONCE) for i in range(0, len(x), PAIRS_AT_ONCE))
@@ -158,7 +159,9 @@ class RayPairs:
         return np.concatenate(blurred) if blurred else np.zeros(0)
 
     def at_crossings(self, x: Floats, y: Floats) -> Floats:
-        """Every crossing of the offsets, shape (y, x); the first one is a sample and itself."""
+        """Values for all combinations of the offsets, shape (y, x); the first is a sample with
+        itself.
+        """
         if self._table is None:
             along_y, along_x = np.meshgrid(y, x, indexing="ij")
             return self._sharp(along_x.ravel(), along_y.ravel()).reshape(along_y.shape)

@@ -1,7 +1,7 @@
-"""What pairs of slanted rays through slices share: interpolated between a few lengths of rays.
+"""Covariance of pairs of slanted rays through slices, interpolated over the length of rays.
 
-What two rays share grows nearly as exp(e) with the length e of the shorter one, so its logarithm is
-interpolated along e by a Chebyshev polynomial.
+The covariance of two rays increases nearly as exp(e) with the relative length e of the shorter one.
+Its logarithm is therefore interpolated over e by a Chebyshev polynomial.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LENGTHS = 5
-"""Lengths of rays between which the shared part is interpolated."""
+"""Number of ray lengths between which the covariance is interpolated."""
 
 LARGEST_SLANT = 30.0
-"""Logarithm of the share that a slanted ray loses to a nadir ray, from which on it counts as lost."""
+"""Logarithm of the loss of a slanted ray relative to a nadir ray, above which it is neglected."""
 
 
 class SlantedRays:
-    """Predictions from rays off nadir (`aosplan.models.oblique_rays`).
+    """Predictions with rays off nadir (`aosplan.models.oblique_rays`).
 
     Parameters
     ----------
     slices
         The slices.
     altitude_m
-        Above the focal plane.
+        Altitude above the focal plane.
     kind
         ``oblique`` or ``cubes``.
     deviation_m
-        Standard deviation of the distance of two samples along an axis.
+        Standard deviation of the distance between two samples along an axis.
     """
 
     def __init__(self, slices: Slices, altitude_m: float, kind: str, deviation_m: float) -> None:
@@ -54,7 +54,7 @@ class SlantedRays:
     def predict(
         self, pattern: Pattern, baseline_m: float, offsets_x_m: Floats, offsets_y_m: Floats
     ) -> Prediction:
-        """Prediction of a lattice; the offsets are those along either axis that share anything."""
+        """Prediction for a lattice; the offsets along each axis are those with a covariance."""
         rays = bundle(pattern, baseline_m, *self._rays)
         shared = self._along(
             rays.longest, lambda pairs: pairs.at_crossings(offsets_x_m, offsets_y_m)
@@ -63,7 +63,7 @@ class SlantedRays:
         return rays.predict(reach, lambda dy, dx, lengths: shared(np.s_[:, dy, dx], lengths))
 
     def predict_at(self, points_m: Floats) -> Prediction:
-        """Prediction of samples at any positions, shape (N, 2), from the middle."""
+        """Prediction for samples at any positions from the centre, shape (N, 2)."""
 
         def shared(x: Floats, y: Floats, shorter: Floats) -> Floats:
             longest = float(shorter.max(initial=1.0))
@@ -74,18 +74,18 @@ class SlantedRays:
     def _along(
         self, longest: float, evaluated: Callable[[RayPairs], Floats]
     ) -> Callable[[Any, Floats], Floats]:
-        """P(both clear)/(T_i T_k) - 1 of pairs, as a function of which pairs and of their lengths.
+        """P(both clear)/(T_i T_k) - 1 as a function of an index of pairs and of their lengths.
 
         Parameters
         ----------
         longest
             Length of the longest ray.
         evaluated
-            The pairs at one length: any array; the result's first argument is an index into it,
-            behind the axis of the lengths.
+            Function that evaluates the pairs at one length as an array.  The first argument of the
+            result is an index into this array, after the axis of the lengths.
         """
-        # Steps of the interval's width let tables of noise serve many apertures.  Of rays much
-        # longer than the shortest one nothing is left that could matter.
+        # The width of the interval is a power of two times 0.1, so that tables of noise can be used
+        # for many apertures. Rays much longer than the shortest one transmit too little to matter.
         longest = min(longest, 1.0 - LARGEST_SLANT / min(self._slices.log_transparency, -1e-9))
         half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
@@ -103,7 +103,7 @@ class SlantedRays:
     def _pairs_of(self, length: float) -> RayPairs:
         """Pairs of rays of one length, with their table of noise."""
         if length not in self._pairs:
-            if len(self._pairs) >= LENGTHS:  # a wider aperture has other lengths
+            if len(self._pairs) >= LENGTHS:  # a wider aperture needs other lengths
                 self._pairs.clear()
 
             def sharp(x: Floats, y: Floats) -> Floats:

@@ -1,27 +1,29 @@
-"""The measured model: the stand itself, voxel by voxel.
+"""The measured model: the voxels of the stand itself.
 
-Crowns and trunks are clumps: neither are slices independent, nor are occluders of one size.  But
-where every voxel is known, so is which targets each view hides (`aosplan.scenes.occlusion`), and the
-prediction is a count, exact for the plan's own sites and for any pattern.  With c the number of
-the N views that hide a target, over all n targets,
+Crowns and trunks are clumps, so slices are not independent and occluders differ in size.  But if
+every voxel is known, the targets that each view hides are also known (`aosplan.scenes.occlusion`).
+The prediction is then a count, which is exact for the sites of the plan, in any pattern.  With c,
+the number of the N views that hide a target, and sums over all n targets,
 
-    p̄ = Σ c / (N n),   V = 1 - Σ c² / (N² n),   K = (n Σ c² - (Σ c)²) / (Σ c (N n - Σ c)),
+    p̄ = Σ c / (N n),   V = 1 - Σ c² / (N² n),   K = (n Σ c² - (Σ c)²) / (Σ c (N n - Σ c)).
 
-the last in whole numbers, from V = 1 - p̄² - p̄ (1 - p̄) K.  Σ c² is also the sum of J n over all
-ordered pairs of views, where J is the share of targets that both of them hide.
+K follows from V = 1 - p̄² - p̄ (1 - p̄) K and is computed in whole numbers.  Σ c² is also the sum
+of J n over all ordered pairs of views, where J is the share of targets that both views hide.
 
-`density` is p̄, the mean over the plan's own views: rays off nadir pass more wood.  So V has a
-maximum at a finite aperture, and is not monotonic in the baseline; nor is V̂, strictly.  K may be
-less than 1/N: two views can also hide less of the same than chance would have it, and views that
-hide unlike shares of the plot spread less than their mean.
+`density` is p̄, the mean over the plan's own views, because rays off nadir meet more occluders.  V
+therefore has a maximum at a finite aperture and is not monotonic in the baseline; strictly, neither
+is V̂.  K may be less than 1/N: two views may hide fewer targets in common than by chance, and views
+that hide different shares of the plot reduce the variance between targets.
 
-**Edges.**  The plot wraps: its copies stand all around it, so every target has a canopy.  But a plot that
-was clipped out of a cloud is thin at its rim, and wrapping carries the rim into the middle: with ``edges``
-other than ``wrapped`` those targets alone count from which every ray stays on the plot.
+**Edges.**  The plot is periodic: copies of it surround it, so every target has a canopy.  But a
+plot that was clipped out of a cloud is sparse at its rim, and the copies bring this rim next to the
+other side.  With ``edges`` other than ``wrapped``, only those targets count whose rays all stay on
+the plot.
 
-**Noise.**  Positions that miss their sites by chance make V and p̄ chances, too.  Their expectations
-are means over whole flights, drawn from a seed: as many as take `REALISED_VIEWS` views, with their
-standard errors (`MeasuredModel.flown`).  The draws are the same for every plan, so plans compare.
+**Noise.**  If positions deviate randomly from their sites, V and p̄ are random, too.  Their
+expected values are means over whole flights, which are drawn from a random seed.  There are enough
+flights for `REALISED_VIEWS` views, and the means have standard errors (`MeasuredModel.flown`).  The
+draws are the same for every plan, so that plans can be compared.
 """
 
 from __future__ import annotations
@@ -52,20 +54,20 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
 LEAST_INTERIOR = 0.25
-"""Share of a plot's targets from which on those alone count whose rays stay on the plot."""
+"""Smallest share of a plot's targets with all rays on the plot for which only these count."""
 
 CACHE_OCTETS = 1 << 28
-"""Memory for views that a later prediction may use again."""
+"""Memory for views that later predictions may reuse [bytes]."""
 
 NOISE_SEED = 1
-"""Seed of the position noise; the draws of flight r are those of the pair (seed, r)."""
+"""Seed of the position noise; flight r is drawn from the seed (`NOISE_SEED`, r)."""
 
 REALISED_VIEWS = 400
-"""Views that the expectation over noise is taken from: flights times sites, two flights at least."""
+"""Views for the expected value over noise: flights times sites, but at least two flights."""
 
 
 class Flown(NamedTuple):
-    """An expectation over flights that miss their sites: how many, and its standard errors."""
+    """Expected prediction over flights with position noise: number of flights and standard errors."""
 
     prediction: Prediction
     flights: int
@@ -76,29 +78,29 @@ class Flown(NamedTuple):
 
 
 class MeasuredModel:
-    """What views from one altitude show through one volume of voxels.
+    """Predictions from one volume of voxels for views from one altitude.
 
     Parameters
     ----------
     volume
-        What stands on the plot; the plot wraps.
+        The voxels of the plot, which is periodic.
     altitude_m
-        Above the focal plane, and above everything that stands.
+        Altitude above the focal plane; it has to be above all voxels.
     heading_deg
-        Of the patterns, clockwise from north, which is the direction of the volume's rows.
+        Heading of the patterns, clockwise from north, the direction of increasing rows.
     view
-        ``telecentric``: each target in the middle of its own aperture.  ``perspective``: all
-        targets of the plot below one aperture, whose centre is the plot's.
+        ``telecentric``: each target is at the centre of its own aperture.  ``perspective``: all
+        targets of the plot are below one aperture, which is centred above the plot.
     targets_per_voxel
-        Targets along either side of a voxel; None for what the volume calls for.
+        Targets along each side of a voxel; None for the number that suits the volume.
     focal_height_m
         Height of the focal plane above the ground.
     hold_error_m
-        Standard deviation of the positions about their sites, east and north alike.
+        Standard deviation of the positions around their sites, east and north.
     edges
-        Which targets count: ``wrapped``, all, as the plot's copies stand around it; ``interior``, those
-        from which every ray stays on the plot; ``auto``, these if they are at least a quarter of the
-        plot, and otherwise all.
+        The targets that count.  ``wrapped``: all, with copies of the plot around it.
+        ``interior``: those whose rays all stay on the plot.  ``auto``: those of ``interior`` if
+        they are at least a quarter of the plot, otherwise all.
 
     Raises
     ------
@@ -141,7 +143,7 @@ class MeasuredModel:
         self._predictions: Known = {}
 
     def of_volume(self, volume: VoxelVolume) -> MeasuredModel:
-        """The same views of another volume."""
+        """A model with the same views of another volume."""
         _, altitude_m, focal_height_m = self._stand
         return MeasuredModel(
             volume,
@@ -153,7 +155,9 @@ class MeasuredModel:
         )
 
     def beside_the_middle(self, most_targets: int) -> MeasuredModel:
-        """The same views of targets, each below its own aperture, by no more targets if they are many."""
+        """A telecentric model of the same stand; with more than `most_targets` targets, one per
+        voxel.
+        """
         volume, altitude_m, focal_height_m = self._stand
         if self.view == "telecentric" and self.occlusion.targets <= most_targets:
             return self
@@ -167,7 +171,7 @@ class MeasuredModel:
         )
 
     def wrapped(self) -> MeasuredModel:
-        """The same model of all targets of the plot, which wraps; both share their views."""
+        """A model with all targets of the plot, which is periodic; both share their views."""
         return self._with_edges("wrapped")
 
     def _with_edges(self, edges: str) -> MeasuredModel:
@@ -177,19 +181,19 @@ class MeasuredModel:
         return other
 
     def interior_prediction(self, pattern: Sites, baseline_m: float) -> Prediction | None:
-        """The prediction of those targets whose rays stay on the plot; None if there is none."""
+        """The prediction for targets whose rays stay on the plot; None if there are none."""
         try:
             return self._with_edges("interior").predict(pattern, baseline_m)
         except RequestError:
             return None
 
     def interior(self, positions_m: ArrayLike) -> Window | None:
-        """Targets from which all rays to positions stay on the plot; None if all count, on and off.
+        """Targets whose rays to the positions all stay on the plot; None if all targets count.
 
         Raises
         ------
         RequestError
-            If ``edges`` is ``interior`` and there is none.
+            If ``edges`` is ``interior`` and there are none.
         """
         if self.edges == "wrapped":
             return None
@@ -209,16 +213,18 @@ class MeasuredModel:
         return Window(int(first[1]), int(first[0]), rows, columns)
 
     def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Targets at the low and the high ends of x and y from which some ray leaves the plot."""
+        """Width of the margins, in targets, at both ends of x and y from which some ray leaves the
+        plot.
+        """
         positions = np.asarray(positions_m, dtype=np.float64)
         volume, altitude_m, focal_height_m = self._stand
         rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
         low, high = -positions.min(axis=0), positions.max(axis=0)
         if self.view == "perspective":
-            # A ray between two places above the plot stays above it.
+            # A ray between two points above the plot stays above the plot.
             half = 0.5 * np.array(volume.size_m)
             low, high, rise = low - half, high - half, rise / (1.0 - rise)
-        # Whole voxels, so that the targets of each are taken together.
+        # Whole voxels, because all targets of a voxel are treated together.
         first, last = (
             np.ceil(np.maximum(side, 0.0) * rise / volume.voxel_m).astype(np.intp)
             * self.occlusion.targets_per_voxel
@@ -227,23 +233,25 @@ class MeasuredModel:
         return first, last
 
     def edges_of(self, pattern: Sites, baseline_m: float) -> str:
-        """Which targets count for a pattern: ``interior``, or ``wrapped`` as rays leave the plot."""
+        """The targets that count for a pattern: ``interior``, or ``wrapped`` if rays leave the
+        plot.
+        """
         sites = self.sites_m(pattern, baseline_m)
         stays = not any(margin.any() for margin in self._margins(sites))
         return "interior" if stays or self.interior(sites) is not None else "wrapped"
 
     @property
     def volume(self) -> VoxelVolume:
-        """What stands on the plot."""
+        """The voxels of the plot."""
         return self._stand[0]
 
     @cached_property
     def nadir(self) -> Prediction:
-        """What a single view from the middle shows."""
+        """Prediction for a single view from above the centre."""
         return self.predict_positions([(0.0, 0.0)])
 
     def at_heading(self, heading_deg: float) -> MeasuredModel:
-        """The same model for patterns at another heading; both share what they have computed."""
+        """The same model for patterns at another heading; both share stored results."""
         turned = copy(self)
         turned.heading_deg = heading_deg
         return turned
@@ -260,48 +268,52 @@ class MeasuredModel:
 
     @property
     def independent_baseline_m(self) -> float:
-        """Widest distance [m] between two views of which the plot can tell something.
+        """Largest distance [m] between two views for which the plot is large enough.
 
-        There their rays are half a plot apart at the canopy's top; farther, the wrapped plot
-        brings them together again.  It bounds the aperture, and so any baseline.
+        At this distance their rays are half a plot apart at the canopy top.  Beyond it, the
+        periodic copies bring them closer together again.  It limits the aperture and therefore
+        every baseline.
         """
         return self._widest_m
 
     @property
     def sharp_baseline_m(self) -> float:
-        """The same distance."""
+        """The same distance as `independent_baseline_m`."""
         return self.independent_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:
-        """The same distance: no two sites of a grid are to be farther apart along an axis."""
+        """The same distance; two sites of a grid should not be farther apart along an axis."""
         return self._widest_m
 
     @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline: exact for its sites.
+        """Density and shortfall of a pattern flown at a baseline, exact for its sites.
 
-        Under noise, the mean over flights (`flown`).
+        With position noise they are means over flights (`flown`).
         """
         if self.hold_error_m > 0.0:
             return self.flown(pattern, baseline_m).prediction
         return self.predict_positions(self.sites_m(pattern, baseline_m))
 
     def sites_m(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
-        """Sites of a pattern in flight order, east and north of the middle, shape (N, 2)."""
+        """Sites of a pattern in flight order, metres east and north of the centre, shape (N, 2)."""
         return np.column_stack(local_sites(pattern, baseline_m, self.heading_deg))
 
     def flights_m(self, pattern: Sites, baseline_m: float) -> Iterator[NDArray[np.float64]]:
-        """Positions of flights that miss the sites of a pattern by chance, each shape (N, 2)."""
+        """Positions of flights with random deviations from the sites of a pattern, each of shape
+        (N, 2).
+        """
         sites = self.sites_m(pattern, baseline_m)
         for flight in range(max(math.ceil(REALISED_VIEWS / len(sites)), 2)):
             missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
             yield sites + self.hold_error_m * missed
 
     def flown(self, pattern: Sites, baseline_m: float) -> Flown:
-        """Expected prediction of a pattern that is flown with noise."""
+        """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
-        views = self._views(np.concatenate(flights))  # together: they share most of the work
+        # in one call, because the views share most of the work
+        views = self._views(np.concatenate(flights))
         window = self.interior(np.concatenate(flights))
         found = [self._predict(islice(views, pattern.samples), window) for _ in flights]
         density, expected = (
@@ -319,7 +331,7 @@ class MeasuredModel:
         return Flown(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The prediction itself."""
+        """The same as `predict`; there is no faster bound."""
         return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
@@ -328,20 +340,21 @@ class MeasuredModel:
         Parameters
         ----------
         positions_m
-            Shape (N, 2), N from 1: east and north of the middle.
+            Shape (N, 2), N >= 1: metres east and north of the centre.
 
         Returns
         -------
         Prediction
-            Its density is the mean over the views.  Where nothing or everything is hidden, views
-            count as independent: the shortfall is 1/N.
+            Its density is the mean over the views.  If nothing or everything is hidden, views are
+            treated as independent, so the shortfall is 1/N.
         """
         return self._predict(self._views(positions_m), self.interior(positions_m))
 
     def hidden_at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
-        """p of views at known positions as the stand's correlogram has it, shape (N,).
+        """p of views at known positions, shape (N,), from the correlogram of the stand.
 
-        In perspective a plot lies below all its views, and they hide about as much from everywhere.
+        In perspective all views have the plot below them, and hide about the same share from
+        everywhere.
         """
         points = np.asarray(positions_m, dtype=np.float64)
         if self.view == "perspective":
@@ -351,9 +364,11 @@ class MeasuredModel:
     def correlation(
         self, x_m: NDArray[np.float64], y_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """ρ of two views by their offset to the east and to the north: the stand's correlogram.
+        """ρ of two views for their offset to the east and to the north, from the stand's
+        correlogram.
 
-        The voxels of the plot itself would count each of its gaps; it is telecentric.
+        It is telecentric.  Computed from the voxels, it would depend on the single gaps of the
+        plot.
         """
         return self._correlogram.correlation(x_m, y_m)
 
@@ -382,9 +397,10 @@ class MeasuredModel:
         return Prediction(hidden / rays, clear / rays, shortfall)
 
     def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
-        """Share of a pattern's views that do not see each target that counts, shape (rows, columns).
+        """Share of a pattern's views that do not see each target, shape (rows, columns).
 
-        Under noise, of the views of the first flight.
+        Only the targets that count are included.  With noise, the views are those of the first
+        flight.
         """
         noisy = self.hold_error_m > 0.0
         at = (
@@ -407,13 +423,13 @@ class MeasuredModel:
     def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """J, the share of targets that both views of each pair hide, shape (N, N).
 
-        Of any subset S of the positions, p̄ is the mean of J_ii and V is 1 less the mean of J_ik,
-        over i and k in S.
+        For any subset S of the positions, p̄ is the mean of J_ii, and V is 1 minus the mean of J_ik
+        over all i and k in S.
 
         Parameters
         ----------
         positions_m
-            Shape (N, 2): east and north of the middle.
+            Shape (N, 2): metres east and north of the centre.
         """
         views, window = np.stack(list(self._views(positions_m))), self.interior(positions_m)
         if window is None:
@@ -421,7 +437,7 @@ class MeasuredModel:
         return joint_counts(views & self.occlusion.mask_of(window)) / (window.rows * window.columns)
 
     def _views(self, positions_m: ArrayLike) -> Iterator[Words]:
-        """Masks of the views, computed where they are not kept from an earlier call."""
+        """Masks of the views; those of earlier calls are reused if they are still stored."""
         positions = np.asarray(positions_m, dtype=np.float64)
         keys = [tuple(position) for position in positions.tolist()]
         capacity = max(CACHE_OCTETS // (8 * self.occlusion.words), 1)

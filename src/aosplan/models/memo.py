@@ -1,4 +1,4 @@
-"""Predictions that a model has made before: searches ask again, and so do scenarios that share it."""
+"""Storage of a model's predictions, for searches and for scenarios that share the model."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     Known = dict[tuple[Sites, float, float | None, float], Prediction]
 
 MOST_KEPT = 4096
-"""Predictions that one model keeps."""
+"""Largest number of predictions that one model stores."""
 
 
 class Remembering(Protocol):
-    """A model that keeps its predictions; copies of it, at other headings, share them."""
+    """A model that stores its predictions; its copies at other headings share them."""
 
     hold_error_m: float
 
     @property
     def heading_deg(self) -> float | None:
-        """As of `aosplan.models.model.VisibilityModel`."""
+        """As in `aosplan.models.model.VisibilityModel`."""
 
     _predictions: Known
 
@@ -35,7 +35,7 @@ Model = TypeVar("Model", bound=Remembering)
 def remembered(
     predict: Callable[[Model, Sites, float], Prediction],
 ) -> Callable[[Model, Sites, float], Prediction]:
-    """A method ``predict`` that looks first among the model's earlier predictions."""
+    """Decorate a method ``predict`` so that it returns stored predictions if there are any."""
 
     @wraps(predict)
     def recalled(self: Model, pattern: Sites, baseline_m: float) -> Prediction:

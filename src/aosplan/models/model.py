@@ -1,18 +1,19 @@
-"""Visibility models: what a set of sample positions will show of the target.
+"""The interface of visibility models, and the prediction that they share.
 
-One file a model, one interface: `VisibilityModel`.  A model is made for one scene at one
-altitude; it predicts the integrated density and the shortfall of a pattern flown at a
-baseline.  Everything else follows from those in `Prediction`, the same for every model.
+Each model is a module with a class that has the methods of `VisibilityModel`.  A model is created
+for one scene and one altitude.  It predicts the integrated density and the shortfall of a pattern
+flown at a baseline.  `Prediction` computes everything else from these, in the same way for every
+model.
 
-- `aosplan.models.uniform`: one volume of occluders of one kind, the paper's model.
+- `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
-- `aosplan.models.measured`: the voxels of a stand themselves.
+- `aosplan.models.measured`: the voxels of a stand.
 
-Below them, functions of numbers: `aosplan.models.equations`, Eq. 1 to 5 of the paper;
-`aosplan.models.positions`, the shortfall of any set of positions, on a lattice or scattered;
-`aosplan.models.position_noise`, the same where the drone does not hold its place, with
-`aosplan.models.layered_noise` for whole stacks of slices; and `aosplan.models.oblique_rays`, rays off nadir.
-`aosplan.models.memo` keeps predictions that are asked for again.
+The models use functions of numbers.  `aosplan.models.equations` has Eq. 1 to 5 of the paper.
+`aosplan.models.positions` has the shortfall of any set of positions, on a lattice or scattered.
+`aosplan.models.position_noise` adds position noise for one volume, and
+`aosplan.models.layered_noise` for stacks of slices.  `aosplan.models.oblique_rays` has rays off
+nadir.  `aosplan.models.memo` stores predictions.
 """
 
 from __future__ import annotations
@@ -29,22 +30,22 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MODELS = ("uniform", "layered", "measured")
-"""Visibility models by name."""
+"""Names of the visibility models."""
 
 RAYS = ("nadir", "oblique", "cubes")
-"""Rays of the uniform and the layered model, by name (`aosplan.models.oblique_rays`)."""
+"""Names of the rays of the uniform and the layered model (`aosplan.models.oblique_rays`)."""
 
 
 def contrast_squared(density: Any, transparency: Any, shortfall: Any) -> Any:
-    """Square of the target's contrast over the noise of the occluders, (1-p)/(p K)."""
+    """Square of the contrast of the target divided by the noise of the occluders, (1-p)/(p K)."""
     return 1.0 / shortfall * transparency / density
 
 
 class Prediction(NamedTuple):
-    """What a model predicts for one set of samples.
+    """Prediction of a model for one set of samples.
 
-    `density` is p, the share of the target that one sample does not see; `transparency` is
-    1 - p with the digits that p has lost; `shortfall` is K = 1 - V̂.
+    `density` is p, the share of the target that one sample does not see.  `transparency` is 1 - p,
+    accurate also if p is close to 1.  `shortfall` is K = 1 - V̂.
     """
 
     density: float
@@ -63,7 +64,7 @@ class Prediction(NamedTuple):
 
     @property
     def normalized(self) -> float:
-        """V̂ = 1 - K."""
+        """Normalised visibility V̂ = 1 - K."""
         return 1.0 - self.shortfall
 
     @property
@@ -73,24 +74,24 @@ class Prediction(NamedTuple):
 
     @property
     def mean_squared_error(self) -> float:
-        """1 - V = p (p + T K)."""
+        """Mean squared error 1 - V = p (p + T K)."""
         return self.density * (self.density + self.transparency * self.shortfall)
 
     @property
     def effective_samples(self) -> float:
-        """1/K: how many independent samples would do as well."""
+        """1/K: number of independent samples with the same shortfall."""
         return 1.0 / self.shortfall if self.shortfall > 0.0 else math.inf
 
     @property
     def contrast(self) -> float:
-        """Contrast of the target over the noise of the occluders, √((1-p)/(p K))."""
+        """Contrast of the target divided by the noise of the occluders, √((1-p)/(p K))."""
         if self.density == 0.0 or self.shortfall <= 0.0:
             return math.inf
         return math.sqrt(contrast_squared(*self))
 
 
 class VisibilityModel(Protocol):
-    """What the solver asks of a model."""
+    """The methods of a model that the solver uses."""
 
     @property
     def name(self) -> str:
@@ -106,27 +107,29 @@ class VisibilityModel(Protocol):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which neighbouring samples share no occluder: K = 1/N; may be inf."""
+        """Baseline from which neighbouring samples share no occluder, so that K = 1/N; may be inf."""
 
     @property
     def sharp_baseline_m(self) -> float:
-        """The same, were every site flown without position noise."""
+        """The same baseline without position noise."""
 
     @property
     def widest_aperture_m(self) -> float:
-        """Largest extent [m] of which the scene can tell something; inf where any."""
+        """Largest extent [m] of a pattern for which the scene is large enough; inf without a limit."""
 
     @property
     def rises_with_baseline(self) -> bool:
-        """Whether V̂ and V never fall as the baseline grows."""
+        """Whether V̂ and V never decrease when the baseline increases."""
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """Baseline that the model's own rule prefers, or None where wider is never in vain."""
+        """Baseline of the model's own rule; None if a larger baseline is always better."""
 
     @property
     def heading_deg(self) -> float | None:
-        """Heading of the patterns, clockwise from the scene's north; None if it has no directions."""
+        """Heading of the patterns, clockwise from the scene's north; None if the scene has no
+        directions.
+        """
 
     def at_heading(self, heading_deg: float) -> VisibilityModel:
         """The same model for patterns at another heading; itself if the scene has no directions."""
@@ -135,24 +138,24 @@ class VisibilityModel(Protocol):
         """Density and shortfall of a pattern flown at a baseline."""
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at known positions, shape (N, 2), from the middle.
+        """Density and shortfall of samples at known positions from the centre, shape (N, 2).
 
-        A model with a `heading_deg` takes them east and north.  A model without one takes them
-        along the heading and to its right.
+        For a model with a `heading_deg`, positions are metres east and north.  For a model without
+        one, they are metres along the heading and to its right.
         """
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
         """Share of the target that a sample at each of these positions does not see, shape (N,)."""
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Correlation of what two samples see by their offset along the same axes, elementwise."""
+        """Correlation of two samples for their offset along the same axes, elementwise."""
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """A quick prediction that is no worse; asked for only where `rises_with_baseline`."""
+        """A fast prediction that is not worse than `predict`; only used if `rises_with_baseline`."""
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:
-    """A prediction's numbers; what nothing hides has no normalised visibility."""
+    """The numbers of a prediction; without occluders the normalised visibility is undefined (None)."""
     clear = prediction.density == 0.0
     return {
         "density": prediction.density,

@@ -1,19 +1,21 @@
-"""Rays off nadir: how much more wood they pass, and what that does to a prediction.
+"""Rays off nadir: how many more occluders they meet, and the effect on a prediction.
 
-The target lies below the middle of the aperture, so the sample at (x, y) sees it along a ray with
-tan θx = x/h and tan θy = y/h.  Where a nadir ray passes a slice with probability q, this one passes
-it with q^e.  The length e of the ray within the slice, over the slice's thickness, is
+The target is below the centre of the aperture.  The sample at (x, y) sees it along a ray with
+tan θx = x/h and tan θy = y/h.  If a nadir ray passes a slice with probability q, this ray passes it
+with probability q^e.  e is the length of the ray within the slice divided by the slice's thickness:
 
 - *oblique*: sec θ = √(1 + tan² θ), for occluders that look the same from all sides (Beer-Lambert);
-- *cubes*: 1 + |tan θx| + |tan θy|, for cubes along both axes, which show their side faces: voxels.
+- *cubes*: 1 + |tan θx| + |tan θy|, for cubes that are aligned with both axes and show their side
+  faces, such as voxels.
 
-So T_i = Π q^e_i differs from sample to sample, p̄ = 1 - mean T_i, and as for the measured model
-V = 1 - mean J_ik, K = (mean J_ik - p̄²)/(p̄ (1 - p̄)), J_ik being the share that both hide.
+T_i = Π q^e_i then differs between samples, and p̄ = 1 - mean T_i.  As in the measured model,
+V = 1 - mean J_ik and K = (mean J_ik - p̄²)/(p̄ (1 - p̄)), where J_ik is the share that both samples
+hide.
 
-**Assumption** for two rays of different lengths: in a slice they have the share τ of the shorter
-one's occluders in common, and beyond that nothing, so both are clear with probability
-q^(e_i + e_k) (1 + τ (q^-min(e_i, e_k) - 1)).  Equal rays have all in common (τ = 1), distant ones
-nothing, and nadir rays give back q² + D q τ.
+**Assumption** for two rays of different lengths: in a slice they have a share τ of the shorter
+ray's occluders in common, and no others.  Both are then clear with probability q^(e_i + e_k) (1 + τ
+(q^-min(e_i, e_k) - 1)).  Equal rays have all occluders in common (τ = 1), and distant rays none.
+For nadir rays the formula becomes q² + D q τ.
 """
 
 from __future__ import annotations
@@ -35,14 +37,14 @@ if TYPE_CHECKING:
 
 
 def ray_lengths(x_m: Any, y_m: Any, altitude_m: float, kind: str) -> Any:
-    """Length e of the rays to samples at (x, y) from the middle, over that of a nadir ray.
+    """Relative length e of the rays to samples at (x, y) from the centre; a nadir ray has e = 1.
 
     Parameters
     ----------
     x_m, y_m
-        Along both axes of the pattern.
+        Coordinates along both axes of the pattern.
     altitude_m
-        h above the focal plane.
+        h, altitude above the focal plane.
     kind
         ``nadir``, ``oblique`` or ``cubes``.
     """

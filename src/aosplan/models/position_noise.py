@@ -1,17 +1,18 @@
-"""Position noise: what a drone that does not hold its place does to the shortfall.
+"""Position noise: effect on the shortfall if the drone is not exactly at its sites.
 
-Each site is missed by a Gaussian error of standard deviation σ per axis, on its own; where the
-photo really was is known.  Two different samples are then Δ + η apart, η with a standard deviation
-of σ√2 per axis, so the overlap of their occluders is expected to be the triangle of Eq. 2, blurred
-along each axis.  A sample and itself still share everything: with g the blurred triangle and N
-samples,
+The position of each photo has an independent Gaussian error of standard deviation σ per axis; the
+actual position is known afterwards.  Two different samples are then Δ + η apart, where η has a
+standard deviation of σ√2 per axis.  The expected overlap of their occluders is the triangle of Eq.
+2, convolved with a Gaussian along each axis.  A sample has all occluders in common with itself.
+With the convolved triangle g and N samples,
 
-    K = (N + Σ g(Δx) g(Δy)) / N²,   the sum over all ordered pairs of different samples.
+    K = (N + Σ g(Δx) g(Δy)) / N²,   with the sum over all ordered pairs of different samples.
 
-Noise brings neighbours together as often as it parts them.  Where d̂ >= 1 only the former changes
-anything, and V̂ falls; sites much closer together gain, for their aperture grows.  To first order
-in s = σ/b a square of n x n at d̂ = 1 loses 4 (n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² of V̂, where
-e₁ = s/√π and e₀ = 1 - 2 e₁: 0.0123 of 49 samples with s = 0.43, where all of g says 0.0117.
+Noise moves neighbours closer together as often as farther apart.  If d̂ >= 1, only the former
+changes the overlap, so V̂ decreases.  If the sites are much closer together, V̂ increases because
+the aperture becomes larger.  To first order in s = σ/b, a square of n x n at d̂ = 1 loses 4
+(n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² of V̂, where e₁ = s/√π and e₀ = 1 - 2 e₁.  For 49 samples and s =
+0.43 this is 0.0123; the exact value is 0.0117.
 """
 
 from __future__ import annotations
@@ -28,30 +29,30 @@ if TYPE_CHECKING:
     from aosplan.numerics import Floats
 
 NEGLIGIBLE = 8.5
-"""Standard deviations beyond which what a Gaussian still adds is below rounding."""
+"""Number of standard deviations beyond which the contribution of a Gaussian is below rounding."""
 
 HERMITE_TERMS = 20
-"""Terms of the series for a spread above 1, where they fall faster than 1/(2^m m! m²)."""
+"""Number of terms of the series for a spread above 1; they decrease faster than 1/(2^m m! m²)."""
 
 
 def blurred_overlap(distance: Floats, spread: Floats) -> Any:
     """Expected overlap E[max(0, 1 - |u + ς Z|)] of occluders at an uncertain distance.
 
-    Z is a standard Gaussian.  With R(t) = E[max(0, ς Z - t)], the triangle's three corners give
-    g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|); for ς > 1, where these cancel,
-    the Gaussian's derivatives do, g(u) = Σ 2 φ^(2m)(u/ς) / ((2m+2)! ς^(2m+1)).
+    Z is a standard Gaussian.  With R(t) = E[max(0, ς Z - t)], the three corners of the triangle
+    give g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|).  For ς > 1 these terms cancel,
+    and a series of the Gaussian's derivatives is used, g(u) = Σ 2 φ^(2m)(u/ς) / ((2m+2)! ς^(2m+1)).
 
     Parameters
     ----------
     distance
-        u, distance along one axis over the occluders' reach Δ = o h/H.
+        u, distance along one axis divided by the occluders' reach Δ = o h/H.
     spread
-        ς, standard deviation of that distance, at least 0; of a pair, σ√2/Δ.
+        ς, standard deviation of u, at least 0; for a pair of samples σ√2/Δ.
 
     Returns
     -------
     float or ndarray
-        Within a few 1e-16 of exact.
+        Overlap, with an error of a few 1e-16.
 
     Examples
     --------
@@ -87,7 +88,7 @@ def _density(xp: Any, z: Any) -> Any:
 
 
 def _wide(xp: Any, u: Any, spread: Any) -> Any:
-    """The series; Hermite polynomials by their recursion, each already divided by ς^n."""
+    """The series for ς > 1; Hermite polynomials by recursion, each already divided by ς^n."""
     z = xp.minimum(u / spread, 40.0)
     even, odd = 1.0 + 0.0 * z, z / spread
     total, factor = even, 1.0
@@ -102,8 +103,8 @@ def _wide(xp: Any, u: Any, spread: Any) -> Any:
 def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     """Expected shortfall 1 - V̂ of a pattern that is flown with position noise.
 
-    As `aosplan.models.positions.pattern_shortfall`, whose sums over pairs these are with the blurred
-    triangle in place of the sharp one.
+    The sums over pairs are those of `aosplan.models.positions.pattern_shortfall`, with the
+    convolved triangle instead of the exact one.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     along_x = overlaps(pattern.columns, dhat, spread)
     along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, spread)
     samples = pattern.samples
-    if len(pattern.removed) > samples:  # taking most of a rectangle away would cost the digits
+    if len(pattern.removed) > samples:  # removing most of a rectangle would cost digits
         pairs = _pair_sum(tuple(sorted(pattern.sites())), along_y, along_x)
     else:
         pairs = _line_sum(pattern.columns, along_x) * _line_sum(pattern.rows, along_y)
@@ -134,7 +135,8 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
 def scattered_shortfall(
     offsets: Iterable[tuple[float, float]], dhat: float, spread: float
 ) -> float:
-    """Expected shortfall of sites that lie on no lattice, such as a spiral's; costs N².
+    """Expected shortfall of sites that are not on a lattice, such as a spiral; the time grows with
+    N².
 
     Parameters
     ----------
@@ -154,11 +156,11 @@ def scattered_shortfall(
 
 
 def overlaps(count: int, dhat: float, spread: float) -> list[float]:
-    """Overlaps of sites of a line 0, 1, 2 … apart, as far as they are not negligible.
+    """Overlaps of sites of a line that are 0, 1, 2 … apart, up to the last one that matters.
 
     Parameters
     ----------
-    count
+    Number of sites on the line.
         Sites of the line.
     dhat
         d̂ between neighbours.
@@ -171,13 +173,13 @@ def overlaps(count: int, dhat: float, spread: float) -> list[float]:
 
 
 def _line_sum(count: int, overlaps: list[float]) -> float:
-    """Sum over all ordered pairs of a line, a site and itself included."""
+    """Sum over all ordered pairs of a line, including each site with itself."""
     apart = ((count - step) * overlaps[step] for step in range(1, len(overlaps)))
     return count * overlaps[0] + 2.0 * math.fsum(apart)
 
 
 def _from_one(index: int, count: int, overlaps: list[float]) -> float:
-    """Sum over the pairs of one site of a line with all of them."""
+    """Sum over the pairs of one site of a line with all sites, including itself."""
     before, after = overlaps[1 : index + 1], overlaps[1 : count - index]
     return overlaps[0] + math.fsum(before) + math.fsum(after)
 
@@ -185,11 +187,12 @@ def _from_one(index: int, count: int, overlaps: list[float]) -> float:
 def _pair_sum(
     sites: tuple[tuple[int, int], ...], along_y: list[float], along_x: list[float]
 ) -> float:
-    """Sum over all ordered pairs of a sorted set of sites, a site and itself included."""
+    """Sum over all ordered pairs of a sorted set of sites, including each site with itself."""
     half = 0.0
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
-            if other_row - row >= len(along_y):  # sorted by row: none of the rest is nearer
+            # sorted by row, so all further sites are too far away
+            if other_row - row >= len(along_y):
                 break
             across = abs(other_column - column)
             if across < len(along_x):

@@ -1,10 +1,10 @@
-"""Shortfall of any set of sample positions under the uniform model.
+"""Shortfall of any set of sample positions in the uniform model.
 
-Two samples Δx, Δy apart share the occluders that overlap in both views, the product of two
-triangles: τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), with Δ = o h/H the offset at which an
-occluder has moved by its own size.  The shortfall of N samples is the mean of τ over all N²
-ordered pairs, K = ΣΣ τ / N² (Kurmi et al. 2019, appendix, for any positions instead of a
-grid).  Only pairs closer than Δ on both axes count, and nothing else is computed.
+Two samples that are (Δx, Δy) apart share the occluders that overlap in both views.  The overlap is
+the product of two triangles, τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), where Δ = o h/H is the
+offset at which an occluder moves by its own size.  The shortfall of N samples is the mean of τ over
+all N² ordered pairs, K = ΣΣ τ / N² (Kurmi et al. 2019, appendix, for any positions instead of a
+grid).  Only pairs that are closer than Δ on both axes contribute, and only these are computed.
 """
 
 from __future__ import annotations
@@ -26,24 +26,25 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import Sites
 
 PAIRS_AT_ONCE = 2_000_000
-"""Neighbour pairs held in memory at a time (24 bytes each)."""
+"""Number of pairs of neighbours that are stored at once (24 bytes each)."""
 
 
 def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
-    A rectangle factorises into its axes; each removed site takes away the product of its two
-    row sums, and pairs of removed sites are put back once.  Of a spiral all pairs count.
+    The sum over the pairs of a rectangle is a product of sums along both axes.  For each removed
+    site the product of its two row sums is subtracted, and pairs of removed sites, which are then
+    subtracted twice, are added once.  For a spiral, the sum is over all pairs.
 
     Parameters
     ----------
     pattern
         The sites.
     dhat
-        d̂ between neighbouring columns, or sites of a spiral; between rows of a lattice it is
-        `pattern.row_pitch` times that.
+        d̂ between neighbouring columns, or between neighbouring sites of a spiral; between rows of
+        a lattice it is `pattern.row_pitch` times as large.
     spread
-        ς of `aosplan.models.position_noise.blurred_overlap`, where positions are uncertain.
+        ς of `aosplan.models.position_noise.blurred_overlap`, if positions are uncertain.
     """
     if spread > 0.0:
         from aosplan.models.position_noise import blurred_shortfall, scattered_shortfall
@@ -63,7 +64,7 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
     if not pattern.removed:
         return float(whole)
-    if len(pattern.removed) > samples:  # taking most of a rectangle away would cost the digits
+    if len(pattern.removed) > samples:  # removing most of a rectangle would cost digits
         return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(
@@ -98,11 +99,11 @@ def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: flo
 def _shares(
     sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float
 ) -> Iterator[float]:
-    """τ of the pairs of a sorted set of sites, each once, where it is not 0."""
+    """τ of the pairs of a sorted set of sites, each pair once, if it is not 0."""
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
             y = 1.0 - (other_row - row) * dhat_y
-            if y <= 0.0:  # sorted by row: none of the rest is nearer
+            if y <= 0.0:  # sorted by row, so all further sites are too far away
                 break
             x = 1.0 - abs(other_column - column) * dhat_x
             if x > 0.0:
@@ -110,24 +111,24 @@ def _shares(
 
 
 def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
-    """Shortfall 1 - V̂ of samples at any positions: a curved flight, flown positions, a subset.
+    """Shortfall 1 - V̂ of samples at any positions, such as a curved flight or recorded positions.
 
     Parameters
     ----------
     positions
         Shape (N, 2): positions along the two axes of the occluders [m].
     spacing
-        Δ = o h/H, the offset [m] at which an occluder has moved by its own size; above 0.
+        Δ = o h/H, offset [m] at which an occluder moves by its own size; above 0.
 
     Returns
     -------
     float
-        K, between 1/N and 1; ``nan`` for no positions, a spacing that is not positive, or
-        positions that are not finite.
+        K, between 1/N and 1; ``nan`` without positions, or if the spacing is not positive or a
+        position is not finite.
 
     Notes
     -----
-    A k-d tree finds the pairs in reach, in blocks of bounded memory: 10⁵ positions with 500
+    A k-d tree finds the pairs within reach, in blocks of limited memory.  10⁵ positions with 500
     neighbours each take seconds.
 
     Examples
@@ -147,13 +148,13 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
         return 1.0
     from scipy.spatial import cKDTree
 
-    # Distances are taken from the origin of the set: far positions would lose digits.
+    # Coordinates relative to the mean of the positions, because large ones would lose digits.
     with np.errstate(over="ignore"):
         points = (points - points.mean(axis=0)) / spacing
     points = np.clip(points, -1e300, 1e300)
     tree = cKDTree(points)
     neighbours = tree.query_ball_point(points, 1.0, p=np.inf, return_length=True)
-    # Neighbours in space are neighbours in memory, so a block's own tree stays compact.
+    # In the order of the tree, neighbours in space are close in memory, so a block is compact.
     order = np.asarray(tree.indices)
     pending = np.cumsum(neighbours[order])
     total = 0.0
@@ -168,7 +169,7 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
 
 
 def _block_sum(block: NDArray[np.float64], tree: Any, points: NDArray[np.float64]) -> float:
-    """Sum of τ between a block of positions and all of them, spacing 1."""
+    """Sum of τ between the positions of a block and all positions, for a spacing of 1."""
     import numpy as np
     from scipy.spatial import cKDTree
 
@@ -183,14 +184,15 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
     Parameters
     ----------
     mask
-        Shape (rows, columns), true where there is a sample.
+        Shape (rows, columns); true for each lattice point that is a sample.
     dhat_x, dhat_y
-        d̂ between neighbouring columns and rows, above 0; `dhat_y` is `dhat_x` unless given.
+        d̂ between neighbouring columns and between neighbouring rows, above 0; by default both are
+        `dhat_x`.
 
     Returns
     -------
     float
-        K; ``nan`` for an empty mask or a d̂ that is not positive.
+        K; ``nan`` for an empty mask, or if d̂ is not positive.
     """
     import numpy as np
 
@@ -201,7 +203,8 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
     count = int(np.count_nonzero(chosen))
     if count == 0 or not (dhat_x > 0.0 and dhat_y > 0.0):
         return math.nan
-    dhat_x, dhat_y = min(dhat_x, 1.0), min(dhat_y, 1.0)  # beyond 1 nothing overlaps
+    # for d̂ > 1 there is no overlap, as for d̂ = 1
+    dhat_x, dhat_y = min(dhat_x, 1.0), min(dhat_y, 1.0)
     reach_y = _reach(chosen.shape[0], dhat_y)
     reach_x = _reach(chosen.shape[1], dhat_x)
     pairs = offset_counts(chosen, reach_y, reach_x)

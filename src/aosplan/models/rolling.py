@@ -1,7 +1,7 @@
-"""A line flown on and on: any N photos in a row are an integral, which moves along with the drone.
+"""Lines without end: an integral of the last N photos, which moves along with the drone.
 
-The camera fires each baseline b, that is each b/v seconds at speed v.  Where that is less than its
-shortest interval τ, photos come v τ apart instead.
+The camera takes a photo after each baseline b, that is every b/v seconds at speed v.  If this is
+less than its shortest interval τ, photos are v τ apart instead.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from aosplan.models.model import VisibilityModel
 
 SPEEDS_MPS = (1.0, 2.0, 5.0, 10.0, 15.0)
-"""Speeds for which an integral is predicted, beside the plan's own."""
+"""Speeds for which an integral is predicted, in addition to the speed of the plan."""
 
 
 class Integral(NamedTuple):
-    """The last N photos of a line, from first to last, and what they show."""
+    """The integral of N consecutive photos on a line: spacing, length and prediction."""
 
     samples: int
     spacing_m: float
@@ -33,10 +33,10 @@ class Integral(NamedTuple):
 
 
 class Continuous(NamedTuple):
-    """Integrals along a line, by number of photos at the plan's speed, and by speed.
+    """Integrals along a line, for numbers of photos at the plan's speed, and for speeds.
 
-    `fastest_mps` is the speed b/τ up to which photos come each baseline; None where the camera's
-    shortest interval is not known.
+    `fastest_mps` is b/τ, the highest speed at which photos are one baseline apart.  It is None if
+    the camera's shortest interval is not known.
     """
 
     by_samples: tuple[Integral, ...]
@@ -44,7 +44,7 @@ class Continuous(NamedTuple):
     fastest_mps: float | None
 
     def document(self) -> dict[str, Any]:
-        """The table as plain values: ``continuous`` of a plan's JSON."""
+        """The table as plain values, ``continuous`` in a plan's JSON document."""
         return {
             "fastest_mps": self.fastest_mps,
             "by_samples": [integral._asdict() for integral in self.by_samples],
@@ -61,20 +61,20 @@ def continuous_of(
     shortest_interval_s: float | None = None,
     photos: int | None = None,
 ) -> Continuous:
-    """What a line shows that is flown without end.
+    """Integrals along a line without end.
 
     Parameters
     ----------
     model
-        Predicts a line of samples.
+        Model that predicts a line of samples.
     samples, baseline_m
         N and b of the plan.
     speed_mps
-        Of the plan.
+        Speed of the plan.
     shortest_interval_s
-        τ of the camera, where it is known.
+        τ of the camera, if it is known.
     photos
-        Photos of the whole line; longer integrals are left out.
+        Number of photos on the whole line; longer integrals are left out.
     """
 
     def integral(count: int, speed: float) -> Integral:

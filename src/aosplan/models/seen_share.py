@@ -1,19 +1,19 @@
-"""The share of a target that an integral keeps: how it is distributed over places and directions.
+"""The seen share of a target: its distribution over places and directions.
 
-s is the mean, over the photos, of the share of the target that a photo sees.  Its mean is T, the
-transparency; its variance is the mean of Q - T² over the pairs of photos and the pairs of points
+s is the mean over the photos of the share of the target that a photo sees.  Its mean is the
+transparency T.  Its variance is the mean of Q - T² over the pairs of photos and the pairs of points
 of the target (`aosplan.models.window_pairs`).  The distribution is close to a beta distribution
-with an atom at zero: the places of which no ray is clear.
+with an atom at zero, which represents the places without any clear ray.
 
-- *One slice*: the atom is E[p^K], K being the number of different occluder cells that the rays of
-  the target meet, over phases of the cells and directions of the target.
-- *Several slices*: the distribution function of the beta distribution at 1/(N n), n being the
-  number of cells of `CELL_M` in the target.
+- *One slice*: the atom is E[p^K], where K is the number of different occluder cells that the rays
+  of the target meet.  The mean is over phases of the cells and directions of the target.
+- *Several slices*: the atom is the value of the beta distribution function at 1/(N n), where n is
+  the number of cells of `CELL_M` in the target.
 
-Mean and variance of the whole remain what they are.  Against simulated slices P(s >= x) is mostly
-within 0.02 (`benchmarks/detection.py`).
+The atom does not change the mean and the variance of the whole distribution.  P(s >= x) mostly
+agrees with simulated slices to within 0.02 (`benchmarks/detection.py`).
 
-The measured model counts instead: `SeenShare.counted`.
+The measured model counts the shares instead (`SeenShare.counted`).
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SHARES = (0.01, 0.1, 0.25, 0.5)
-"""Shares of a target for which the part of the places that show at least that much is reported."""
+"""Seen shares for which the probability of at least this share is reported."""
 
 UNSEEN = 0.01
-"""Share below which a target counts as nearly unseen."""
+"""Seen share below which a target counts as nearly unseen."""
 
 CELL_M = 0.1
 """Side of a cell of the target, for the atom of several slices."""
 
 PHASES = 64
-"""Phases and directions over which the atom of one slice is averaged."""
+"""Number of phases and directions over which the atom of one slice is averaged."""
 
 NODES = 320
-"""Shares that stand for the distribution in sums over it."""
+"""Number of shares that represent the distribution in sums."""
 
 
 class SeenShare(NamedTuple):
@@ -57,13 +57,13 @@ class SeenShare(NamedTuple):
     Attributes
     ----------
     mean, variance
-        Of s.
+        Mean and variance of s.
     nodes, weights
-        Shares and their probabilities: sums over them are expectations.
+        Shares and their probabilities; expected values are sums over them.
     atom
-        Probability that nothing is seen, and the first node's weight.
+        Probability that nothing is seen, which is the weight of the first node.
     alpha, beta
-        Shape of the beta distribution of the rest; ``nan`` for a counted distribution.
+        Parameters of the beta distribution of the other places; ``nan`` for a counted distribution.
     """
 
     mean: float
@@ -78,30 +78,30 @@ class SeenShare(NamedTuple):
     def of_moments(
         cls, mean: float, variance: float, atom: float | None, looks: float
     ) -> SeenShare:
-        """The distribution with two moments and an atom.
+        """The distribution with a given mean, variance and atom.
 
         Parameters
         ----------
         mean, variance
-            Of s; 0 < mean < 1.
+            Mean and variance of s; 0 < mean < 1.
         atom
-            P(s = 0), or None: the beta distribution's own at one look.
+            P(s = 0), or None for the value of the beta distribution function at one look.
         looks
-            Number of photos times cells of the target.
+            Number of photos times number of cells of the target.
         """
         from scipy.special import betainc
 
-        # More than a share that is all or nothing cannot vary; less than rounding does not matter.
+        # The variance is largest if the share is 0 or 1; values below rounding do not matter.
         variance = min(max(variance, 1e-12), (1.0 - 1e-9) * mean * (1.0 - mean))
         alpha, beta = _shape(mean, variance)
         if atom is None:
             atom = float(betainc(alpha, beta, min(1.0 / looks, 1.0)))
-        # The rest keeps both moments, and has to have a variance of its own.
+        # The distribution without the atom has to reproduce both moments with a positive variance.
         square = variance + mean * mean
         atom = min(max(atom, 0.0), max(1.0 - mean * mean / square * (1.0 + 1e-6), 0.0))
         rest_mean = mean / (1.0 - atom)
         alpha, beta = _shape(rest_mean, max(square / (1.0 - atom) - rest_mean**2, 1e-12))
-        # Nodes are closest at both ends, where the density may be infinite.
+        # Nodes are densest at both ends, where the density may be infinite.
         edges = np.sin(0.5 * math.pi * np.linspace(0.0, 1.0, NODES)) ** 2
         below = betainc(alpha, beta, edges)
         moment = rest_mean * betainc(alpha + 1.0, beta, edges)
@@ -120,10 +120,10 @@ class SeenShare(NamedTuple):
 
     @classmethod
     def counted(cls, shares: Floats) -> SeenShare:
-        """The distribution of shares that were counted, any shape, all equally likely."""
+        """The distribution of counted shares of any shape, all equally likely."""
         found = np.sort(shares.ravel())
         edges = np.linspace(0, len(found), NODES + 1).round().astype(np.intp)
-        # Quantiles of equal weight: each is the mean of its part.
+        # Quantiles of equal weight; each node is the mean of its part.
         sums = np.concatenate([[0.0], np.cumsum(found)])
         count = np.diff(edges)
         used = count > 0
@@ -147,7 +147,7 @@ class SeenShare(NamedTuple):
         return (1.0 - self.atom) * float(betaincc(self.alpha, self.beta, share))
 
     def quantile(self, probability: float) -> float:
-        """The share that is reached with a probability of 1 - `probability`."""
+        """The share that is exceeded with probability 1 - `probability`."""
         if math.isnan(self.alpha):
             index = int(np.searchsorted(np.cumsum(self.weights), probability))
             return float(self.nodes[min(index, len(self.nodes) - 1)])
@@ -160,7 +160,7 @@ class SeenShare(NamedTuple):
         )
 
     def document(self) -> dict[str, Any]:
-        """``detection.seen_share`` of a plan's JSON."""
+        """The object ``detection.seen_share`` of a plan's JSON document."""
         return {
             "mean": self.mean,
             "p05": self.quantile(0.05),
@@ -171,7 +171,7 @@ class SeenShare(NamedTuple):
 
 
 def _shape(mean: float, variance: float) -> tuple[float, float]:
-    """α and β of the beta distribution with two moments."""
+    """α and β of the beta distribution with a given mean and variance."""
     size = max(mean * (1.0 - mean) / variance - 1.0, 1e-9)
     return max(mean * size, 1e-9), max((1.0 - mean) * size, 1e-9)
 
@@ -179,25 +179,25 @@ def _shape(mean: float, variance: float) -> tuple[float, float]:
 def atom_of_slice(
     layer: Layer, altitude_m: float, sites_m: Floats, target: Target, *, rigid: bool
 ) -> float:
-    """E[p^K], the probability that one slice hides a target from every photo.
+    """E[p^K], the probability that one slice hides a target in every photo.
 
     Parameters
     ----------
     layer
         The slice.
     altitude_m
-        Of the cameras.
+        Altitude of the cameras.
     sites_m
-        Their positions, shape (N, 2).
+        Camera positions, shape (N, 2).
     target
-        Lies at any place, in any direction.
+        Size of the target, which has a random place and direction.
     rigid
         As in `aosplan.models.window_pairs.WindowPairs`.
     """
     ratio = layer.height_m / altitude_m
     size = layer.occluder_size_m
     points = points_of(target, min(0.2 * size, 0.25 * target.width_m)) * (1.0 - ratio * rigid)
-    # Only what is left after whole cells matters, so photos repeat themselves.
+    # Equal offsets give the same view of the cells, so each is used once.
     offsets = np.unique(np.round(sites_m * ratio, 6), axis=0)
     rng = np.random.default_rng(1)
     found = 0.0
@@ -217,7 +217,7 @@ def atom(
     *,
     rigid: bool = True,
 ) -> float | None:
-    """The atom of one slice; None for several, of which the beta distribution has it."""
+    """The atom of one slice; None for several slices, for which the beta distribution gives it."""
     if len(layers) > 1:
         return None
     return atom_of_slice(layers[0], altitude_m, sites_m, target, rigid=rigid)

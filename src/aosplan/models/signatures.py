@@ -1,8 +1,8 @@
-"""Targets and signatures by name: plain values, so that a plan without a target loads nothing.
+"""Targets and signatures by name, as plain values, so that a plan without a target loads nothing.
 
-A signature says how a target and the canopy stand out, in units of the spread between occluders
-σ_c.  No published figures are known for them: all are assumed, with a range in which they are to
-be expected.
+A signature describes the radiance of a target and of the canopy, in units of the standard deviation
+between occluders, σ_c.  No published values are known.  All values are assumed, each with a range
+in which it is expected to be.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ PERSON_M = (0.5, 1.7)
 """Width and length of a person lying on the ground [m]."""
 
 FALSE_ALARMS = 1.0
-"""False alarms a hectare, unless told otherwise."""
+"""Default number of false alarms per hectare."""
 
 
 class Signature(NamedTuple):
-    """How a target and the canopy stand out, in units of σ_c.
+    """Radiances of a target and of the canopy, in units of σ_c.
 
     Attributes
     ----------
     contrast
-        C, the target's radiance over the ground's.
+        C, radiance of the target minus that of the ground.
     canopy_offset
-        M, the canopy's mean over the ground's.
+        M, mean radiance of the canopy minus that of the ground.
     crown_share
-        Share of σ_c² that whole crowns have in common.
+        Share of σ_c² that is common to whole crowns.
     """
 
     contrast: float
@@ -39,11 +39,13 @@ SIGNATURES = {
     "thermal-noon": Signature(1.0, 2.0, 0.4),
     "colour": Signature(2.0, 1.0, 0.4),
 }
-"""Assumed signatures: values in the middle of `RANGES`, for noon and colour in their upper half."""
+"""Assumed signatures. The values are in the middle of `RANGES`, or in the upper half for noon and
+colour.
+"""
 
 RANGES = {
     "thermal-dawn": "C 2 to 8, M -2 to 0, crown share 0.3 to 0.5",
     "thermal-noon": "C -2 to 2, M 2, crown share 0.3 to 0.5",
     "colour": "C 1 to 3, M -1 or 1, crown share 0.3 to 0.5",
 }
-"""Within what the values of a signature are to be expected, assumed as well."""
+"""Ranges in which the values of a signature are expected to be, which are also assumed."""

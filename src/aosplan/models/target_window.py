@@ -1,13 +1,13 @@
-"""The target on the ground as a window, and the kernels over which its statistics are taken.
+"""The target on the ground as a window, and the kernels for the statistics of the window.
 
-A target is a rectangle of w x l whose direction is random.  The detector takes the mean of the
-integral image over such a window and subtracts the mean of a box around it.  Second moments of
-both means are integrals of a covariance R(δ) over the offset δ of two points, weighted with the
-correlation of the two areas that the points come from (Matheron's random sets; Adler 1981):
+A target is a rectangle of w x l with a random direction.  The detector takes the mean of the
+integral image over such a window and subtracts the mean of a box around it.  Second moments of both
+means are integrals of a covariance R(δ) over the offset δ of two points.  The weight is the
+covariogram of the two areas that the points are in (Matheron's random sets; Adler 1981):
 
     Cov(mean over A, mean over B) = ∫ w_AB(δ) R(δ) dδ,   w_AB(δ) = |A ∩ (B - δ)| / (|A| |B|).
 
-For two equal rectangles w_AB is a product of two triangles along the rectangle's sides.
+For two equal rectangles, w_AB is a product of two triangles along the sides of the rectangle.
 `kernels` averages it over all directions of the target, on a lattice of offsets.
 """
 
@@ -28,49 +28,49 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TURN = math.pi / DIRECTIONS
-"""Angle between two of them."""
+"""Angle between two neighbouring directions [rad]."""
 
 FINEST_STEP = 0.15
-"""Step of the lattice at its middle over the length on which covariances change there."""
+"""Step of the lattice at its centre, as a share of the length over which covariances change."""
 
 NARROWEST_STEP_M = 0.015
-"""Least step of the lattice."""
+"""Smallest step of the lattice."""
 
 
 class Target(NamedTuple):
-    """Width and length [m] of what is looked for, the width being the shorter side."""
+    """Width and length of a target [m]; the width is the shorter side."""
 
     width_m: float
     length_m: float
 
     @property
     def area_m2(self) -> float:
-        """Area that the target covers."""
+        """Area of the target."""
         return self.width_m * self.length_m
 
     @property
     def diagonal_m(self) -> float:
-        """Largest distance between two of its points."""
+        """Largest distance between two points of the target."""
         return math.hypot(self.width_m, self.length_m)
 
     @property
     def box_m(self) -> float:
-        """Side of the detector's box: `BOX_M`, larger for targets that would fill it."""
+        """Side of the detector's box: `BOX_M`, or more for targets that would fill it."""
         return max(BOX_M, 2.0 * self.diagonal_m)
 
     @property
     def kept(self) -> float:
-        """The share of the target's signal that remains when the mean of the box is subtracted."""
+        """Share of the target's signal that remains after the mean of the box is subtracted."""
         return 1.0 - self.area_m2 / self.box_m**2
 
     @property
     def matched(self) -> float:
-        """The share of the target that the window covers, in the nearest direction and at a pixel.
+        """Share of the target that the window covers, at the best direction and the best pixel.
 
-        A window turned by θ misses |θ| l/4 / w of a long target, and on average |θ| is a quarter of
-        the angle between two directions.  One moved by a along a side s misses a/s, and a is a quarter
-        of a pixel on average, of which half is won back in simulations: the highest of the
-        outputs nearby counts.
+        A window that is rotated by θ misses |θ| l/4 / w of a long target, and the mean of |θ| is a
+        quarter of the angle between two directions.  A window that is shifted by a along a side s
+        misses a/s.  The mean of a is a quarter of a pixel.  Half of this is used: simulations show
+        that the rest is regained, because the highest output in the neighbourhood counts.
         """
         missed = 0.25 * TURN * 0.25 * self.length_m / self.width_m
         missed += 0.125 * PIXEL_M * (1.0 / self.width_m + 1.0 / self.length_m)
@@ -78,19 +78,19 @@ class Target(NamedTuple):
 
 
 class Kernels(NamedTuple):
-    """Weights of the offsets on two lattices, each set with the sum 1.
+    """Weights of offsets on two lattices; the sum of the weights of each kernel is 1.
 
     Attributes
     ----------
     fine_m, coarse_m
-        Offsets along either axis [m], symmetric about 0.
+        Offsets along each axis [m], symmetric about 0.
     window
-        Shape (4, n, n), on the fine lattice: a target's window with itself; with itself moved by
-        `step_m` along its length, along its width; and turned by `turn`.
+        Shape (4, n, n), on the fine lattice.  The kernels are for the window with itself; with
+        itself shifted by `step_m` along its length; shifted along its width; rotated by `turn`.
     box
         Shape (2, m, m), on the coarse lattice: window with box, and box with itself.
     step_m, turn
-        The displacement and the rotation [rad] behind `window`.
+        The shift and the rotation [rad] in `window`.
     """
 
     fine_m: Floats
@@ -108,11 +108,11 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
     Parameters
     ----------
     target
-        The window.
+        The target, whose size is that of the window.
     resolution_m
-        Length over which covariances change: the size of the occluders on the ground.  The fine
-        lattice is closest at its middle, where pairs share most, and everywhere resolves the
-        target's width.
+        Length over which covariances change: the size of the occluders, projected on the ground.
+        The fine lattice has the smallest steps at its centre, where the covariance is largest, and
+        resolves the target's width everywhere.
     """
     step = 0.15 * target.width_m
     fine, widths = _sinh_axis(
@@ -138,7 +138,8 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
             window[2] += 0.5 * length * _triangle(across + 2.0 * sign * step, target.width_m)
     window *= np.outer(widths, widths)
     window[:3] /= window[:3].sum(axis=(1, 2), keepdims=True)
-    # Turned windows have no short formula: points of both are paired, with and without the turn.
+    # Rotated windows have no short formula, so points of both windows are paired, with and without
+    # the rotation.
     turned = _paired(target, fine, 0.5 * TURN) - _paired(target, fine, 0.0)
     window[3] = window[0] + turned
     boxes = _boxes(target, coarse) * np.outer(coarse_widths, coarse_widths)
@@ -147,7 +148,7 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
 
 
 def _sinh_axis(reach: float, closest: float, widest: float) -> tuple[Floats, Floats]:
-    """Nodes s sinh(c k) up to a reach, and what each stands for; steps grow between two bounds."""
+    """Nodes s sinh(c k) up to a reach, and their widths, which grow from `closest` to `widest`."""
     ratio = max(widest / closest, 1.2)
     scale = reach / math.sqrt(ratio * ratio - 1.0)
     count = math.ceil(math.acosh(ratio) * scale / closest)
@@ -162,7 +163,7 @@ def _triangle(offset: Floats, side: float) -> Floats:
 
 
 def points_of(target: Target, pitch_m: float) -> Floats:
-    """Points spread evenly over a target that lies along x, shape (n, 2)."""
+    """Points evenly distributed over a target whose length is along x, shape (n, 2)."""
     counts = [max(round(side / pitch_m), 2) for side in (target.length_m, target.width_m)]
     along, across = (
         ((np.arange(count) + 0.5) / count - 0.5) * side
@@ -172,12 +173,12 @@ def points_of(target: Target, pitch_m: float) -> Floats:
 
 
 def rotation(angle: float) -> Floats:
-    """Matrix that turns row vectors (x, y) counterclockwise."""
+    """Matrix that rotates row vectors (x, y) counterclockwise."""
     return np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
 
 
 def _paired(target: Target, axis: Floats, turn: float) -> Floats:
-    """Distribution of the offset between points of a window and of the same window turned."""
+    """Distribution of the offset between points of a window and of the same window rotated."""
     points = points_of(target, target.width_m / 5.0)
     apart = (points[:, None] @ rotation(turn) - points[None]).reshape(-1, 2)
     last = len(axis) - 1
@@ -198,10 +199,11 @@ def _paired(target: Target, axis: Floats, turn: float) -> Floats:
 
 
 def _boxes(target: Target, axis: Floats) -> Floats:
-    """Weights of window with box, and of box with itself; the box lies along the axes."""
+    """Weights of window with box, and of box with itself; the box is parallel to the axes."""
     side, edge = target.box_m, target.box_m / 26.0
     both = _triangle(axis, side)
-    # A point in the window sees the box shifted by its own place: the mean over the points.
+    # The box is shifted relative to each point of the window; the weights are means over the
+    # points.
     points = points_of(target, target.width_m / 3.0)
     mixed = np.zeros((len(axis), len(axis)))
     for angle in (np.arange(DIRECTIONS) + 0.5) * TURN:

@@ -1,27 +1,29 @@
-"""How far a prediction may be off for want of more of the same forest: standard errors.
+"""Standard errors of a prediction because of the limited size of the plot.
 
-A plot is one sample of a forest, and its trees are few.  Two estimates say what another plot of
-the same size and kind would scatter by; neither knows of what both plots lack, such as points of
-the cloud, nor of what a model leaves out.
+A plot is one sample of a forest with few trees.  Two methods estimate how much the prediction would
+vary between plots of the same size and kind.  Neither includes what all plots lack, such as missing
+points of a cloud, nor simplifications of a model.
 
-**Measured model.**  p̄, V and V̂ are smooth functions of means over targets, so to first order each
-is itself a mean, of an *influence* z(t) of every target.  With s² the variance of z within the plot
-and A the integral of its correlation, its *integral range*, n = plot area/A targets would do if
-they were independent, and the mean has the variance s²/n (Matheron).  The plot's own mean has been
-taken from z, which takes the same share of variance from each of the lags that A sums up; that is
-put back.  Of 360 pairs of halves of generated plots, 63 to 72 % differ by less than the two errors
-together, and 92 to 97 % by less than twice that (`benchmarks/uncertainty.py`).  Plots with few
-crowns, which a wide aperture sees over and over again, state up to a half too little.
+**Measured model.**  p̄, V and V̂ are smooth functions of means over targets.  To first order, each
+is therefore a mean of an *influence* z(t) of every target.  Let s² be the variance of z within the
+plot, and A the integral of its correlation, the *integral range*.  The mean then has the same
+variance s²/n as a mean of n = plot area/A independent targets (Matheron).  Because the plot's own
+mean has been subtracted from z, each covariance in A is too small by the variance of that mean;
+this is corrected.  For 360 pairs of halves of generated plots, 63 to 72 % differ by less than one
+combined standard error, and 92 to 97 % by less than two (`benchmarks/uncertainty.py`).  For plots
+with few crowns, which a wide aperture sees repeatedly, the standard error is up to a half too
+small.
 
-**Opacity.**  How much a cell hides is measured as well, or assumed.  If it comes from pulses, the
-energy of a return is not known: the first return of a pulse has at most all of it, and so has the
-last.  Between the predictions for these two the truth may lie anywhere, so their difference/√12 is
-one more standard error.  If voxels with a point in them count as opaque, their size decides: half
-the difference to voxels of twice the size is the error, as one octave of sizes is what a user may
-choose from.
+**Opacity.**  The opacity of a cell is measured or assumed.  If it is fitted to pulses, the energies
+of the returns are unknown.  The two extremes are that the first return has all of the energy of its
+pulse, and that the last return has it.  The true prediction may be anywhere between the two, so
+their difference divided by √12 is a further standard error.  If voxels that contain a point are
+opaque, their size determines the result.  Users may choose among sizes of about an octave, so the
+error is half the difference to voxels of twice the size.
 
-**Models of statistics**, where they come from a cloud: the model is made from each quarter of the
-plot, and what the four predict for the same sites scatters by twice the error of their mean.
+**Uniform and layered model**, if the scene comes from a cloud: the model is created from each
+quarter of the plot.  The standard deviation of the four predictions for the same sites is twice the
+standard error of their mean.
 """
 
 from __future__ import annotations
@@ -41,19 +43,19 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 UNIFORM = 1.0 / math.sqrt(12.0)
-"""Standard deviation of what lies anywhere between two bounds, over their distance."""
+"""Standard deviation of a uniform distribution between two bounds, divided by their distance."""
 
 OCTAVE = 0.5
-"""Standard error of the size of voxels, over the difference to twice that size."""
+"""Standard error due to the voxel size, divided by the difference to twice that size."""
 
 SMALLEST_QUARTER = 8
-"""Cells along the side of a plot's quarter from which it says anything of the plot."""
+"""Smallest number of cells along a quarter of a plot for which the quarters are used."""
 
 
 class Uncertainty(NamedTuple):
-    """Standard errors of a prediction, and how they were found.
+    """Standard errors of a prediction, and the method by which they were found.
 
-    `normalized` is None where V̂ is not defined: where all is hidden, or nothing.
+    `normalized` is None if V̂ is not defined, because all targets are hidden or none.
     """
 
     density: float
@@ -63,14 +65,14 @@ class Uncertainty(NamedTuple):
 
 
 def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
-    """Standard errors from how often each target of a wrapped plot is hidden.
+    """Standard errors from the share of views that hide each target of a periodic plot.
 
     Parameters
     ----------
     hidden
         Shape (rows, columns): share of the views that do not see a target, 0 to 1.
     cell
-        Targets along a side that are taken together for the correlation.
+        Number of targets along each side of the blocks that are averaged for the correlation.
     """
     p = float(hidden.mean())
     t = 1.0 - p
@@ -93,25 +95,25 @@ def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
 def with_opacity(
     errors: Uncertainty, one: Prediction, other: Prediction, share: float
 ) -> Uncertainty:
-    """Add the doubt about opacity to standard errors, as of `with_doubt`."""
+    """Add the uncertainty of opacity to standard errors, as `with_doubt` does."""
     return with_doubt(errors, one, other, share, "opacity")
 
 
 def with_doubt(
     errors: Uncertainty, one: Prediction, other: Prediction, share: float, name: str
 ) -> Uncertainty:
-    """Add a doubt to standard errors, as an independent error.
+    """Add another independent error to standard errors.
 
     Parameters
     ----------
     errors
         Standard errors for the finite plot.
     one, other
-        Predictions between which the truth may lie: for two opacities, say.
+        Two predictions between which the true one may be, for example for two opacities.
     share
-        Standard error as a share of their difference.
+        Standard error as a share of the difference between the predictions.
     name
-        What the doubt is about.
+        Name of the source of the error.
     """
 
     def both(error: float, difference: float) -> float:
@@ -129,7 +131,7 @@ def with_doubt(
 
 
 def _standard_error(influence: Floats, cell: int) -> float:
-    """Standard error of the mean of a correlated field that wraps around at its edges."""
+    """Standard error of the mean of a correlated field that is periodic."""
     from aosplan.scenes.occluder_statistics import correlation_range
 
     rows, columns = influence.shape
@@ -138,7 +140,7 @@ def _standard_error(influence: Floats, cell: int) -> float:
     if variance <= 1e-30:
         return 0.0
     area, lags = correlation_range(cells)
-    # With the variance v of the plot's mean, each covariance is too small by v: v = s² A + lags v.
+    # Each covariance is too small by the variance v of the plot's mean, so v = s² A + lags v.
     share = min(lags / cells.size, 0.9)
     return math.sqrt(variance * area / cells.size / (1.0 - share))
 
@@ -160,7 +162,7 @@ def of_parts(predictions: Sequence[Prediction]) -> Uncertainty:
 
 
 def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
-    """The four quarters of a plot, odd rows and columns left out; none where they are too small."""
+    """The four quarters of a plot without odd rows and columns; none if they would be too small."""
     from dataclasses import replace
 
     rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])

@@ -1,11 +1,12 @@
-"""The uniform model: one volume of occluders of one kind (Kurmi, Schedl and Bimber, 2019).
+"""The uniform model: one volume with occluders of one kind (Kurmi, Schedl and Bimber, 2019).
 
-The paper takes d̂ at one height, that of the occluder which decides the coverage rule.  At the
-baseline of that rule neighbours are independent and V̂ = 1 - 1/N.  Below it the occluders of most
-heights still have d̂ close to 1, and one d̂ for all of them would predict far too little: 49 samples
-1 m apart from 50 m have V̂ = 0.957 in simulated volumes of the default scene, and 0.816 by the d̂ of
-the rule.  So below the rule's baseline the volume counts as slices one occluder thick
-(`aosplan.models.layered`), which predict 0.965.
+The paper uses d̂ at a single height, that of the occluder that determines the coverage rule.  At
+the baseline of this rule, neighbouring samples are independent and V̂ = 1 - 1/N.  At smaller
+baselines the occluders at most heights still have d̂ close to 1, and a single d̂ would predict a
+much too small V̂.  For example, 49 samples that are 1 m apart at 50 m have V̂ = 0.957 in simulated
+volumes of the default scene, but 0.816 with the d̂ of the rule.  Below the rule's baseline, the
+volume is therefore treated as slices that are one occluder thick (`aosplan.models.layered`), which
+predict 0.965.
 """
 
 from __future__ import annotations
@@ -31,14 +32,16 @@ if TYPE_CHECKING:
 
 
 class UniformModel(NamedTuple):
-    """Integrated density, and the baseline at which neighbours become independent.
+    """Integrated density, and the baseline at which neighbouring samples become independent.
 
-    `unit_baseline_m` has d̂ = 1; by the paper's rule that is the smallest baseline at which
-    the wanted share of the occluders has d̂ >= 1 (`aosplan.camera.disparity.coverage_baseline`).
-    `hold_error_m` is the standard deviation of the positions about their sites, per axis
-    (`aosplan.models.position_noise`); `rays` other than ``nadir`` need the `altitude_m`
-    (`aosplan.models.oblique_rays`).
-    `slices` makes the model of the volume as slices; without it one d̂ serves at every baseline.
+    - `unit_baseline_m`: the baseline with d̂ = 1.  In the paper's rule it is the smallest baseline
+      at which the wanted share of the occluders has d̂ >= 1
+      (`aosplan.camera.disparity.coverage_baseline`).
+    - `hold_error_m`: standard deviation of the positions around their sites, per axis
+      (`aosplan.models.position_noise`).
+    - `rays`: other rays than ``nadir`` need `altitude_m` (`aosplan.models.oblique_rays`).
+    - `slices`: function that returns the volume as a layered model; None to use one d̂ at every
+      baseline.
     """
 
     density: float
@@ -56,7 +59,7 @@ class UniformModel(NamedTuple):
 
     @property
     def heading_deg(self) -> None:
-        """None: the volume is the same from every direction."""
+        """None, because the volume has no direction."""
         return None
 
     def at_heading(self, heading_deg: float) -> UniformModel:  # noqa: ARG002 (the interface has it)
@@ -65,7 +68,7 @@ class UniformModel(NamedTuple):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which K = 1/N; under noise, but for less than rounding."""
+        """Baseline from which K = 1/N; with noise, up to rounding errors."""
         if self.hold_error_m == 0.0:
             return self.unit_baseline_m
         from aosplan.models.position_noise import NEGLIGIBLE
@@ -79,22 +82,22 @@ class UniformModel(NamedTuple):
 
     @property
     def widest_aperture_m(self) -> float:
-        """Any aperture will do."""
+        """inf, because the volume has no horizontal limits."""
         return math.inf
 
     @property
     def rises_with_baseline(self) -> bool:
-        """Not where rays may be oblique: they pass more wood the wider the aperture is.
+        """False for oblique rays, which meet more occluders if the aperture is wider.
 
-        With nadir rays V̂ never falls, nor under noise: a triangle that is symmetric and falls on
-        either side stays so when it is blurred by a Gaussian (Wintner), so each pair shares less
-        the farther it is apart.
+        With nadir rays V̂ never decreases with the baseline, also with noise: the convolution of a
+        symmetric function that decreases on both sides with a Gaussian has the same property
+        (Wintner).  The overlap of each pair therefore decreases with its distance.
         """
         return self.rays == "nadir"
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """The paper's optimal baseline: wider ones gain nothing but what noise takes."""
+        """The paper's optimal baseline; a larger one is only useful against position noise."""
         return self.unit_baseline_m
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
@@ -106,29 +109,29 @@ class UniformModel(NamedTuple):
         dhat = baseline_m / self.unit_baseline_m
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         if self.slices is not None and self.hold_error_m > 0.0 and pattern.samples > 1:
-            # Noise takes more from one d̂ for all heights than from the slices: were it not for the
-            # smaller of both, V̂ would fall at the rule's baseline.
+            # Position noise reduces V̂ more with one d̂ for all heights than with slices. Without
+            # the minimum of the two shortfalls, V̂ would drop at the rule's baseline.
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 
     def counts_slices(self, pattern: Sites, baseline_m: float) -> bool:
-        """Whether a prediction takes the volume as slices: below the baseline of the rule."""
+        """Whether the volume is treated as slices, which it is below the baseline of the rule."""
         below = baseline_m * pattern.nearest < self.unit_baseline_m * (1.0 - 1e-12)
         return self.slices is not None and pattern.samples > 1 and below
 
     def _with_own_digits(self, prediction: Prediction) -> Prediction:
-        """A prediction of the slices with the density as it was given."""
+        """A prediction from the slices, with the density of the volume as it was given."""
         if self.rays != "nadir":
             return prediction
         return Prediction(self.density, self.transparency, prediction.shortfall)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at known positions, shape (N, 2), from the middle."""
+        """Density and shortfall of samples at known positions from the centre, shape (N, 2)."""
         import numpy as np
 
         points = np.asarray(positions_m, dtype=np.float64)
         shortfall = positions_shortfall(points, self.unit_baseline_m)
-        apart = shortfall * len(points) <= 1.0 + 1e-9  # no two are nearer than the rule's baseline
+        apart = shortfall * len(points) <= 1.0 + 1e-9  # all are at least the rule's baseline apart
         if self.slices is not None and not apart:
             return self._with_own_digits(self.slices().predict_positions(points))
         if self.rays != "nadir":
@@ -136,14 +139,14 @@ class UniformModel(NamedTuple):
         return Prediction(self.density, self.transparency, shortfall)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,); rays off nadir pass more."""
+        """p of samples at known positions, shape (N,); slanted rays meet more occluders."""
         from aosplan.models.oblique_rays import hidden_shares
 
         log_t = math.log(self.transparency)
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_t)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Overlap of the occluders of two nadir samples: a triangle along either axis."""
+        """Overlap of the occluders of two nadir samples: a triangle along each axis."""
         if self.slices is not None:
             return self.slices().correlation(x_m, y_m)
         import numpy as np
@@ -153,14 +156,16 @@ class UniformModel(NamedTuple):
         return overlap
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The prediction itself, which is quick; of slices, their bound."""
+        """The same as `predict`; for slices, their fast bound."""
         if self.slices is not None and self.counts_slices(pattern, baseline_m):
             return self._with_own_digits(self.slices().at_best(pattern, baseline_m))
         return self.predict(pattern, baseline_m)
 
     @property
     def _spread(self) -> float:
-        """Standard deviation of the distance of a pair along one axis, over the unit baseline."""
+        """Standard deviation of the distance of a pair along one axis, divided by the unit
+        baseline.
+        """
         return math.sqrt(2.0) * self.hold_error_m / self.unit_baseline_m
 
     def _predict_oblique(self, pattern: Sites, baseline_m: float) -> Prediction:

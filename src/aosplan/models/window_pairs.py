@@ -1,24 +1,25 @@
-"""What pairs of photos have in common over a target's window, through independent slices.
+"""Second moments of pairs of photos over a target's window, through independent slices.
 
-Two rays to points δ apart on the ground, from cameras Δ apart, pass slice j at height H_j
+Two rays to points that are δ apart on the ground, from cameras that are Δ apart, pass slice j at
+height H_j at a distance of
 
-    δ (1 - H_j/h) + Δ H_j/h
+    δ (1 - H_j/h) + Δ H_j/h.
 
-apart, and share an occluder of size o_j with probability τ_j, the product of the triangles of
-that offset along both axes.  With q_j = 1 - D_j (design of `aosplan.models.layered`):
+They share an occluder of size o_j with probability τ_j, the product of the triangles of this offset
+along both axes.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
 
 - both are clear with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
-- both meet the same occluder first with probability
+- both first meet the same occluder with probability
   C(δ, Δ) = Σ_j [Π_above (q² + D q τ)] D_j τ_j;
 - both see the same texture of the ground: G = Q ρ_g(δ).
 
-`WindowPairs` integrates Q - T², C and G over δ with each kernel of
-`aosplan.models.target_window`.  These integrals depend on Δ alone, so the moments of any pattern
-are sums over its pairs; `WindowPairs.tabulate` makes them a table of Δ for searches.
+`WindowPairs` integrates Q - T², C and G over δ with each kernel of `aosplan.models.target_window`.
+These integrals depend only on Δ, so the moments of any pattern are sums over its pairs.
+`WindowPairs.tabulate` makes a table over Δ for searches.
 
-The logarithms of the factors are polynomials of τ, which is a product of a function of x and
-one of y: sums over slices are products of matrices.  Slices are taken together in at most
-`BLOCKS` blocks for C, in which all slices count as equal.
+The logarithms of the factors are polynomials of τ, and τ is a product of a function of x and a
+function of y.  Sums over slices are therefore matrix products.  For C, slices are grouped into
+about `BLOCKS` blocks, within which all slices are treated as equal.
 """
 
 from __future__ import annotations
@@ -41,29 +42,29 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 BLOCKS = 8
-"""Blocks of slices between which the share of rays that still go on is followed."""
+"""Number of groups of slices, after each of which the share of remaining rays is updated."""
 
 MOST_SLICES = 160
-"""Slices of a scene; thinner ones are taken together."""
+"""Largest number of slices; thinner slices are merged."""
 
 SERIES = 6
-"""Most terms of the logarithm's series."""
+"""Largest number of terms of the series for the logarithm."""
 
 SMALLEST_TERM = 1e-6
-"""Terms below this are left out."""
+"""Terms of the series below this value are neglected."""
 
 LARGEST_ODDS = 0.35
-"""D/q up to which the series serves; the factors of denser slices are computed one by one."""
+"""Largest D/q for which the series is used; the factors of denser slices are computed directly."""
 
 FAR_M = 1e9
-"""A distance of cameras beyond any reach."""
+"""A distance between cameras that is beyond the reach of all slices."""
 
 TABLE = 20
-"""Entries of a table along either axis."""
+"""Number of entries of a table along each axis."""
 
 
 class _Block(NamedTuple):
-    """Slices next to each other, as columns: shape (n, 1)."""
+    """Neighbouring slices, as columns of shape (n, 1)."""
 
     density: Floats
     height: Floats
@@ -72,9 +73,9 @@ class _Block(NamedTuple):
 
 
 class Pairs(NamedTuple):
-    """Integrals for camera offsets, shape (..., 3, kernels): rows Q - T², C and G.
+    """Integrals for camera offsets, shape (..., 3, kernels), with rows for Q - T², C and G.
 
-    `window` has the four window kernels, `box` the two box kernels.
+    `window` is for the four window kernels, `box` for the two box kernels.
     """
 
     window: Floats
@@ -87,13 +88,13 @@ class WindowPairs:
     Parameters
     ----------
     layers
-        Slices, heights above the ground that the target lies on.
+        Slices, with heights above the ground on which the target lies.
     altitude_m
-        Of the cameras above that ground, above every slice.
+        Altitude of the cameras above that ground; it has to be above every slice.
     target
-        The window.
+        Size of the target.
     rigid
-        Whether rays to the target meet in the camera (the factor 1 - H/h), as they do.  If not,
+        Whether rays to the target meet in the camera (factor 1 - H/h), as in reality.  Otherwise
         they are parallel, as in the telecentric views of `aosplan.scenes.occlusion`.
     """
 
@@ -113,7 +114,7 @@ class WindowPairs:
         self.heights_m = np.array([layer.height_m for layer in down])
         sizes = np.array([layer.occluder_size_m for layer in down])
         seen = sizes / (1.0 - self.heights_m * self._scale)
-        # The size of the occluders that hide most, as it appears on the ground.
+        # Size on the ground below which the occluders make up a tenth of the total density.
         order = np.argsort(seen)
         upto = np.cumsum(density[order]) / density.sum()
         self.kernels = kernels(target, round(float(seen[order][np.searchsorted(upto, 0.1)]), 2))
@@ -124,7 +125,7 @@ class WindowPairs:
         self._table: tuple[Floats, Floats] | None = None
 
     def at(self, x_m: Floats, y_m: Floats) -> Pairs:
-        """Integrals for camera offsets along x and y, both shape (n,)."""
+        """Integrals for camera offsets along x and y, both of shape (n,)."""
         if self._table is not None:
             return self._looked_up(np.abs(x_m), np.abs(y_m))
         keys = np.round(np.abs(np.column_stack([x_m, y_m])), 9).tolist()
@@ -132,14 +133,15 @@ class WindowPairs:
         return Pairs(np.array([each[0] for each in found]), np.array([each[1] for each in found]))
 
     def tabulate(self) -> None:
-        """Compute a table once, from which all later offsets are interpolated.
+        """Compute a table, from which all later offsets are interpolated.
 
-        Worth it from about `TABLE`² distinct offsets: a search over baselines.
+        It is worthwhile for more than about `TABLE`² distinct offsets, as in a search over
+        baselines.
         """
         if self._table is not None:
             return
         nodes = self._nodes().tolist()
-        # All is averaged over directions, so x and y are alike.
+        # The integrals are means over directions, so x and y can be exchanged.
         found = [[self._integrals(max(x, y), min(x, y)) for x in nodes] for y in nodes]
         window = np.array([[each[0] for each in row] for row in found])
         box = np.array([[each[1] for each in row] for row in found])
@@ -147,7 +149,7 @@ class WindowPairs:
 
     @property
     def far(self) -> Pairs:
-        """Integrals for cameras so far apart that only the ground is the same."""
+        """Integrals for cameras so far apart that they have only the ground in common."""
         return Pairs(*self._integrals(FAR_M, FAR_M))
 
     @property
@@ -156,11 +158,11 @@ class WindowPairs:
 
     @property
     def _width_m(self) -> float:
-        """Camera offset at which the highest slice has moved by the target's width."""
+        """Camera offset at which the highest slice moves by the target's width."""
         return self.target.width_m * self.altitude_m / float(self.heights_m.max())
 
     def _nodes(self) -> Floats:
-        """Camera offsets of the table, closer together near 0."""
+        """Camera offsets of the table, which are denser near 0."""
         nodes: Floats = self._width_m * np.sinh(self._bend * np.arange(TABLE))
         return nodes
 
@@ -168,7 +170,7 @@ class WindowPairs:
         from scipy.interpolate import RegularGridInterpolator
 
         assert self._table is not None
-        # Interpolated by the number of the node, in which the integrals are smooth.
+        # Interpolation over the index of the nodes, in which the integrals are smooth.
         places = [
             np.minimum(np.arcsinh(each / self._width_m) / self._bend, TABLE - 1.0)
             for each in (y_m, x_m)
@@ -191,7 +193,7 @@ class WindowPairs:
         return self._known[key]
 
     def _on(self, axis: Floats, weights: Floats, x: float, y: float) -> Floats:
-        """Integrals with kernels on one lattice, shape (3, kernels)."""
+        """Integrals with the kernels on one lattice, shape (3, kernels)."""
         both, same = self.maps(axis, x, y)
         t = self.transparency
         texture = _gaussian(axis, TEXTURE_LENGTH_M)
@@ -200,7 +202,7 @@ class WindowPairs:
         return found
 
     def maps(self, axis: Floats, x: float, y: float) -> tuple[Floats, Floats]:
-        """Q and C at a lattice of offsets on the ground, for cameras (x, y) apart."""
+        """Q and C on a lattice of offsets on the ground, for cameras that are (x, y) apart."""
         log_clear = np.zeros((len(axis), len(axis)))
         same = np.zeros_like(log_clear)
         for block in self._blocks:
@@ -213,7 +215,7 @@ class WindowPairs:
             passed = _log_pair(block, along_x, along_y)
             count = len(block.density)
             first = np.exp(log_clear) * shared
-            if count > 1:  # of equal slices, each has those above it in its way
+            if count > 1:  # each of the equal slices is seen through those above it
                 one = np.minimum(passed / count, -1e-12)
                 first *= np.expm1(count * one) / (count * np.expm1(one))
             same += first
@@ -242,7 +244,7 @@ def _log_pair(block: _Block, along_x: Floats, along_y: Floats) -> Floats:
 
 
 def _blocks(layers: Sequence[Layer]) -> list[_Block]:
-    """Slices from above, taken together; dense ones stand alone."""
+    """Slices from the top down, merged into blocks; each dense slice is a block of its own."""
     size = max(math.ceil(len(layers) / BLOCKS), 1)
     groups: list[list[Layer]] = []
     for layer in layers:
@@ -272,7 +274,7 @@ def _gaussian(offset: Floats, length: float) -> Floats:
 
 
 def merged(layers: Sequence[Layer], most: int) -> tuple[Layer, ...]:
-    """Slices that hold anything, neighbours taken together if there are more than the limit."""
+    """Slices that are not empty; neighbours are merged if there are more than the limit."""
     from aosplan.scenes.scene import Layer
 
     filled = [layer for layer in layers if layer.density > 0.0]

@@ -1,13 +1,13 @@
-"""Scenes: what stands between the camera and the ground.
+"""Scenes: the occluders between the camera and the ground.
 
 - `aosplan.scenes.scene`: uniform and layered scenes.
-- `aosplan.scenes.presets`: the built-in scenes, each with its source.
+- `aosplan.scenes.presets`: the scene presets, each with its source.
 - `aosplan.scenes.inventory`: scenes from stems, crowns and leaf area.
 - `aosplan.scenes.voxels`: a stand as voxels.
-- `aosplan.scenes.occlusion`: which targets each view of the voxels sees.
+- `aosplan.scenes.occlusion`: the targets that each view through the voxels sees.
 - `aosplan.scenes.integral_image`: integral images of the ground below occluders with radiances.
-- `aosplan.scenes.matched_window`: the detector that looks for a target in them.
-- `aosplan.scenes.correlogram`: how alike two views are by the distance of their cameras.
+- `aosplan.scenes.matched_window`: the detector that searches integral images for a target.
+- `aosplan.scenes.correlogram`: correlation of two views by the distance between their cameras.
 - `aosplan.scenes.occluder_statistics`: layers and occluder sizes from voxels.
 - `aosplan.scenes.summary`: the statistics of a scene as a document and as a file.
 - `aosplan.scenes.files`: the readers of scene files.

@@ -1,25 +1,29 @@
-"""The correlogram: a stand in a table of a few hundred numbers, to search with.
+"""The correlogram: a stand as a table of a few hundred numbers, for fast searches.
 
-Exact predictions (`aosplan.models.measured`) need each view of each candidate.  A search can do
-with ρ(Δ), the correlation of what two views hide whose cameras are Δ apart, and with p(c), the
-share that a view from offset c hides:
+Exact predictions (`aosplan.models.measured`) compute every view of every candidate.  A search can
+use an approximation instead.  It needs ρ(Δ), the correlation of the targets that two views hide
+whose cameras are Δ apart, and p(c), the share of targets that a view from offset c hides:
 
     p̄ = mean of p(c) over the sites,   K ≈ mean of ρ(Δ) over all ordered pairs of sites.
 
-Both are tables over direction and lag = distance/altitude, telecentric, and good for any
-altitude.  p has to be the mean at the actual sites: it rises with the offset.
+Both are tables by direction and lag, which is distance divided by altitude.  They are computed for
+telecentric views and are valid for every altitude.  p̄ has to be the mean over the actual sites,
+because p increases with the offset.
 
-**Lags** grow by √2, and directions lie 22.5° apart, finer than a stand asks for.  The pairs
-behind one entry then all are pairs of views on one polar lattice, and 273 views give the table.
+**Lags** grow by a factor of √2, and directions are 22.5° apart, which is finer than stands require.
+With this choice, all pairs of one entry are pairs of views on one polar lattice, so 273 views are
+enough for the whole table.
 
-**Pairs.**  Two views Δ apart are less alike the farther off nadir they are, so an entry is a mean
-over where in a square aperture such a pair may lie: symmetric about the middle, a half of Δ off
-to either side across, and, with half the weight since there is less room, along Δ.
+**Pairs.**  The correlation of two views that are Δ apart decreases as the pair moves away from
+nadir.  An entry is therefore a mean over positions of the pair in a square aperture: centred at
+nadir, moved by Δ/2 to either side across Δ, and moved by Δ/2 either way along Δ.  The last two have
+half the weight, because fewer pairs fit into the aperture there.
 
-For grids as wide as they are long, within the plot's reach, b/h = 0.01 … 0.1 and N = 4 … 100,
-V̂ is within 0.016 of the exact one (two clouds and nineteen generated stands), or 0.045 where
-all that is left to see hangs on a few gaps (p above 0.98).  Lanes and lines, whose pairs lie
-differently, are off by up to 0.02, in sparse stands of a few trees by up to 0.06.
+For grids that are as wide as they are long, lie within the plot's reach, and have b/h = 0.01 … 0.1
+and N = 4 … 100, V̂ is within 0.016 of the exact value (two point clouds and nineteen generated
+stands).  If p is above 0.98, so that only a few gaps remain, the error is up to 0.045.  Lanes and
+lines have other distributions of pairs; their error is up to 0.02, and up to 0.06 in sparse stands
+with a few trees.
 """
 
 from __future__ import annotations
@@ -45,30 +49,33 @@ if TYPE_CHECKING:
 LAGS = 15
 SMALLEST_LAG = 0.01
 DIRECTIONS = 8
-"""Over the half circle; a multiple of 4, for those at 45° and 90° to each to be among them."""
+"""Number of directions in half a circle; a multiple of 4 includes those 45° and 90° from each
+other.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Correlogram:
-    """How alike views are, and how much each hides, by direction and lag.
+    """Correlation of views, and share of targets that a view hides, by direction and lag.
 
     Parameters
     ----------
     lags
-        Shape (L,), rising: distance between two cameras, or offset of one from its target, over
-        the altitude above the focal plane.
+        Shape (L,), increasing: distance between two cameras, or offset of a camera from its
+        target, divided by the altitude above the focal plane.
     directions_deg
-        Shape (D,), clockwise from north, evenly from 0 to below 180; the opposite direction is
-        the same.
+        Shape (D,), clockwise from north, equally spaced from 0 to below 180; opposite directions
+        are equal.
     rho
-        Shape (D, L): correlation of what two views hide.
+        Shape (D, L): correlation of the targets that two views hide.
     density_by_offset
-        Shape (D, L): share that a view from an offset hides, mean of both opposite offsets.
+        Shape (D, L): share of targets that a view from an offset hides, averaged over the two
+        opposite offsets.
     density
-        Share that the nadir view hides.
+        Share of targets that the nadir view hides.
     reach
-        Largest lag of which the plot can tell something: there the rays of two views are half a
-        plot apart at the canopy's top.
+        Largest lag for which the plot is large enough: at this lag, the rays of two views are half
+        a plot apart at the top of the canopy.
     """
 
     lags: Floats
@@ -79,7 +86,7 @@ class Correlogram:
     reach: float
 
     def to_document(self) -> dict[str, Any]:
-        """The correlogram as plain values; the densities stand beside it, not in it."""
+        """The correlogram as plain values, without the density of the nadir view."""
         return {
             "lags": self.lags.tolist(),
             "directions_deg": self.directions_deg.tolist(),
@@ -88,11 +95,11 @@ class Correlogram:
         }
 
     def correlation_at(self, lag: Floats, direction_deg: Floats) -> Floats:
-        """ρ of pairs; beyond the last lag, that of the last."""
+        """Correlation ρ of pairs of views; beyond the last lag, the value at the last lag."""
         return self._at(self._rho_by_lag, lag, direction_deg)
 
     def density_at(self, lag: Floats, direction_deg: Floats) -> Floats:
-        """p of views from offsets; beyond the last lag, that of the last."""
+        """Share p that views from offsets hide; beyond the last lag, the value at the last lag."""
         return self._at(self._density_by_lag, lag, direction_deg)
 
     @cached_property
@@ -108,12 +115,12 @@ class Correlogram:
         return self._along_lags(self.density, self.density_by_offset)
 
     def _along_lags(self, centre: float, table: Floats) -> Floats:
-        """Monotone cubics through the middle and the rows of a table: shape (4, L, D)."""
+        """Monotone cubic splines through the centre and the rows of a table: shape (4, L, D)."""
         rows = np.column_stack([np.full(len(table), centre), table])
         return monotone_cubics(self._knots, rows.T)
 
     def _stretched(self, lag: Floats) -> Floats:
-        """Lags on a scale on which the table is smooth: as they are near 0, then logarithmic."""
+        """Lags on a scale on which the table is smooth: linear near 0, then logarithmic."""
         stretched: Floats = np.log1p(np.minimum(lag, self.lags[-1]) / self.lags[0])
         return stretched
 
@@ -137,21 +144,21 @@ class Correlogram:
 def correlogram(
     volume: VoxelVolume, *, targets_per_voxel: int | None = None, focal_height_m: float = 0.0
 ) -> Correlogram:
-    """Measure the correlogram of a volume, telecentric, the plot wrapped.
+    """Compute the correlogram of a volume from telecentric views; the plot is periodic.
 
     Parameters
     ----------
     volume
-        What stands on the plot.
+        The voxels of the plot.
     targets_per_voxel, focal_height_m
         As in `aosplan.scenes.occlusion.Occlusion`.
     """
     top_m = max(volume.canopy_top_m - focal_height_m, 0.0)
-    altitude_m = 2.0 * top_m + 1.0  # any altitude shows the same at the same lags
+    altitude_m = 2.0 * top_m + 1.0  # views at the same lag are the same for every altitude
     occlusion = views_of(
         volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
     )
-    # All directions, and two lags below the table's: half of a lag, and half of it times √2.
+    # All directions; two more lags, below the smallest one, for pairs at Δ/2 and Δ/√2.
     lags: Floats = SMALLEST_LAG * np.exp2(0.5 * np.arange(-2, LAGS))
     turns = np.arange(2 * DIRECTIONS) * (math.pi / DIRECTIONS)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
@@ -161,7 +168,7 @@ def correlogram(
     density = popcount(masks[:, 2:]) / occlusion.targets
 
     def views(turn: int, steps: int) -> Words:
-        """Views in a direction, at so many lags below each of the table's."""
+        """Views in a direction at the table's lags divided by √2 to the power of `steps`."""
         return masks[turn % len(turns), 2 - steps : len(lags) - steps]
 
     rho = np.empty((DIRECTIONS, LAGS))
@@ -169,7 +176,7 @@ def correlogram(
         behind, diagonal = ahead + DIRECTIONS, DIRECTIONS // 4
         about = (
             (views(behind, 2), views(ahead, 2)),
-            # With the middle half of Δ off to a side, either view is Δ/√2 off, at 45°.
+            # If the centre of the pair is Δ/2 to the side, both views are Δ/√2 from nadir, at 45°.
             (views(behind + diagonal, 1), views(ahead - diagonal, 1)),
             (views(behind - diagonal, 1), views(ahead + diagonal, 1)),
         )
@@ -189,29 +196,29 @@ def correlogram(
 
 
 def _correlation(one: Words, other: Words, targets: int) -> Floats:
-    """Correlation of what views hide, pair by pair."""
+    """Correlation of the targets that two views hide, for each pair of views."""
     p, q = popcount(one) / targets, popcount(other) / targets
     covariance = popcount(one & other) / targets - p * q
     spread = np.sqrt(p * (1.0 - p) * q * (1.0 - q))
-    # A view that hides all or nothing is like no other.
+    # If a view hides all targets or none, the correlation is set to 0.
     return np.divide(covariance, spread, where=spread > 0.0, out=np.zeros_like(covariance))
 
 
 def monotone_cubics(x: Floats, y: Floats) -> Floats:
-    """Coefficients of piecewise cubics through points.
+    """Coefficients of monotone piecewise cubics through points.
 
     Parameters
     ----------
     x
-        Shape (n,), rising, n from 2.
+        Shape (n,), increasing, n >= 2.
     y
         Shape (n, ...): values at `x`.
 
     Returns
     -------
     ndarray
-        Shape (4, n - 1, ...): between ``x[i]`` and ``x[i + 1]`` the value is c[0, i] s³ + c[1, i]
-        s² + c[2, i] s + c[3, i] with s the distance from ``x[i]``.
+        Shape (4, n - 1, ...): between ``x[i]`` and ``x[i + 1]`` the value is c[0, i] s³ +
+        c[1, i] s² + c[2, i] s + c[3, i], where s is the distance from ``x[i]``.
     """
     step = np.diff(x).reshape(-1, *(1,) * (y.ndim - 1))
     slope = np.diff(y, axis=0) / step
@@ -232,7 +239,7 @@ def monotone_cubics(x: Floats, y: Floats) -> Floats:
 
 
 def _end(step: Floats, next_step: Floats, slope: Floats, next_slope: Floats) -> Floats:
-    """Tangent at an end: of the parabola through three points, where that is monotone."""
+    """Tangent at an end point: that of the parabola through three points, limited to stay monotone."""
     tangent = ((2.0 * step + next_step) * slope - step * next_slope) / (step + next_step)
     turned = np.sign(tangent) != np.sign(slope)
     steep = (np.sign(slope) != np.sign(next_slope)) & (np.abs(tangent) > 3.0 * np.abs(slope))

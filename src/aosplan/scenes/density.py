@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def integrated_density(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
-    """Share p of the target that one sample does not see, 1 - (1 - D)^(l/o).
+    """Share p = 1 - (1 - D)^(l/o) of the target that one sample does not see (Eq. 1).
 
     Parameters
     ----------
     slice_density
-        D, share of each slice that occluders fill, 0 to 1.
+        D, share of each slice that is filled with occluders, 0 to 1.
     volume_height
         l, thickness of the volume [m], at least 0.
     occluder_size
@@ -26,8 +26,8 @@ def integrated_density(slice_density: Floats, volume_height: Floats, occluder_si
     Returns
     -------
     float or ndarray
-        p; accurate also where it is tiny.  Where it rounds to 1, `transparency` has the
-        digits that it has lost.
+        p, accurate also for very small values; nan outside the domain.  If p is so close to 1
+        that it loses digits, use `transparency`.
 
     References
     ----------
@@ -42,15 +42,15 @@ def integrated_density(slice_density: Floats, volume_height: Floats, occluder_si
 
 
 def transparency(slice_density: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
-    """Share T = (1 - D)^(l/o) of the target that one sample sees: Eq. 1 from its other end.
+    """Share T = (1 - D)^(l/o) = 1 - p of the target that one sample sees (from Eq. 1).
 
-    Parameters and domain as in `integrated_density`.
+    Parameters and domain are those of `integrated_density`.
     """
     return elementwise(_transparency, slice_density, volume_height, occluder_size)
 
 
 def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
-    """Density D of a slice that gives an integrated density p: Eq. 1 solved for D.
+    """Density D of each slice that results in an integrated density p: Eq. 1 solved for D.
 
     Parameters
     ----------
@@ -63,27 +63,27 @@ def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floa
 
 
 def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:
-    """log T = (l/o) log(1 - D) as a sum of two floats, and whether it is in the domain.
+    """log T = (l/o) log(1 - D) as a sum of two floats, and whether the arguments are in the domain.
 
-    T loses as many units in the last place as |log T| has, for each rounding of log T; the
-    second float takes the roundings of the quotient and the product back.
+    A relative error in log T becomes an error of T that is |log T| times as large.  The second
+    float therefore contains the rounding errors of the quotient and of the product.
     """
     log_q = xp.log1p(-d)
     ratio = height / o
     remainder = (height - ratio * o) - _product_error(ratio, o)
     high = ratio * log_q
     low = _product_error(ratio, log_q) + remainder / o * log_q
-    # An empty volume is transparent whatever D or l/o is, where 0 times infinity would be nan;
-    # and where the correction overflows there is nothing to correct.
+    # An empty volume is transparent for every D and l/o; 0 times infinity would give nan. If the
+    # correction overflows, it is not needed.
     filled = (height > 0.0) & (d > 0.0)
     valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
-    high = xp.where(d < 1.0, high, -math.inf)  # even where l/o is so small that it rounds to 0
+    high = xp.where(d < 1.0, high, -math.inf)  # -inf, also if l/o is rounded to 0
     return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
 
 
 def _product_error(x: Any, y: Any) -> Any:
-    """What x * y loses by rounding, exactly (Dekker 1971): x y = fl(x y) + error."""
-    x_high = x * 134217729.0 - (x * 134217729.0 - x)  # 2^27 + 1 cuts 53 bits in half
+    """Rounding error of x * y, exact: x y = fl(x y) + error (Dekker 1971)."""
+    x_high = x * 134217729.0 - (x * 134217729.0 - x)  # 2^27 + 1 splits a 53-bit significand
     y_high = y * 134217729.0 - (y * 134217729.0 - y)
     x_low, y_low = x - x_high, y - y_high
     return ((x_high * y_high - x * y) + x_high * y_low + x_low * y_high) + x_low * y_low
@@ -91,15 +91,15 @@ def _product_error(x: Any, y: Any) -> Any:
 
 def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
-    # Not -expm1: that would make p = -0.0 of D = 0.
+    # -expm1 would give p = -0.0 for D = 0.
     return 0.0 - (xp.expm1(log_t) + xp.exp(log_t) * rest), valid
 
 
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
     t = xp.exp(log_t)
-    # Where T is small, log T is large, and so is what its last place means: a power has no such
-    # step.  1 - D is q + lost, exactly, and l/o is ratio + remainder.
+    # If T is small, log T is large and its last digit is coarse. A power does not have this error.
+    # Here 1 - D is exactly q + lost, and l/o is ratio + remainder.
     q = 1.0 - d
     lost = (1.0 - q) - d
     ratio = height / o

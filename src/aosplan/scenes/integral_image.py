@@ -1,11 +1,12 @@
-"""Integral images of the ground below occluders: what a search looks at.
+"""Integral images of the ground below occluders, in which a search looks for targets.
 
-Occluders are flat cells in planes.  Each has a radiance of its own, a part of which whole crowns
-have in common.  A photo shows the first thing that each ray meets, and the integral is the mean
-of the photos, focused on the ground.  It is kept in two parts, the canopy's and the share of the
-photos that see each pixel, so that any ground and any targets can be put below it afterwards.
+Occluders are flat square cells in horizontal planes.  Each has its own radiance, part of which is
+common to a whole crown.  A photo shows the first surface that each ray meets.  The integral is the
+mean of the photos, registered on the ground.  It is stored in two parts, the contribution of the
+canopy and the share of the photos that see each pixel of the ground.  Any ground with any targets
+can then be added without tracing rays again.
 
-Radiances are in units of σ_c, their spread between occluders.
+Radiances are in units of σ_c, their standard deviation between occluders.
 """
 
 from __future__ import annotations
@@ -27,28 +28,28 @@ if TYPE_CHECKING:
     Image = NDArray[np.float32]
 
 TEXTURE, TEXTURE_LENGTH_M = 0.3, 0.2
-"""Standard deviation of the ground's texture, and the length L of its correlation exp(-r²/(2 L²))."""
+"""Standard deviation of the ground's texture; length L [m] of its correlation exp(-r²/(2 L²))."""
 
 CROWN_LENGTH_M = 1.0
-"""Length of what crowns have in common, likewise."""
+"""Length L [m] of the correlation of the radiance that is common to crowns."""
 
 PIXEL_M = 0.1
-"""Pixels of an integral on the ground, about."""
+"""Approximate size of the pixels of an integral on the ground."""
 
 
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Parts of a pixel that successive photos move on by: they fill it evenly (Roberts' R2 sequence)."""
+"""Steps of the sub-pixel offset between photos: they sample a pixel evenly (Roberts' R2 sequence)."""
 
 
 class Canopy(NamedTuple):
-    """What occluders radiate: mean M over the ground's, and the share of the variance of crowns."""
+    """Radiance of occluders: mean M above that of the ground, and variance share common to crowns."""
 
     offset: float
     crown_share: float
 
 
 class Plane(NamedTuple):
-    """Occluders at one height: square cells, their radiance, ``nan`` where there is none."""
+    """Occluders at one height: square cells with their radiance, ``nan`` for empty cells."""
 
     height_m: float
     cell_m: float
@@ -57,10 +58,10 @@ class Plane(NamedTuple):
 
 
 class Integral(NamedTuple):
-    """An integral without its ground: the share of photos that see each pixel, and the canopy.
+    """An integral without ground: the share of photos that see each pixel, and the canopy's part.
 
-    The integral of a ground of radiance g is `canopy` + `seen` g.  Pixels are `pitch_m` wide along
-    x and y.
+    The integral over ground with radiance g is `canopy` + `seen` g.  Pixels are `pitch_m` wide
+    along x and y.
     """
 
     seen: Floats
@@ -71,7 +72,7 @@ class Integral(NamedTuple):
 def planes_of_layers(
     rng: np.random.Generator, layers: Sequence[Layer], size_m: float, canopy: Canopy
 ) -> list[Plane]:
-    """Independent slices, each a plane at its middle height, over a square around the middle."""
+    """Planes of independent slices, each at its middle height, over a square centred at the origin."""
     crowns = _crowns(rng, size_m)
     planes = []
     for layer in sorted(layers, key=lambda layer: layer.height_m):
@@ -86,10 +87,11 @@ def planes_of_layers(
 def planes_of_volume(
     rng: np.random.Generator, volume: VoxelVolume, canopy: Canopy, focal_height_m: float = 0.0
 ) -> list[Plane]:
-    """The voxels of a stand: of cubes the bottom and the top of each slice, of plates its middle.
+    """Planes of a stand's voxels: bottom and top of each slice of cubes, middle of each slice of
+    plates.
 
-    Heights count from a plane `focal_height_m` above the ground; what is below hides nothing.  The
-    longer path of slanted rays through plates, 1 % at 8°, is left out.
+    Heights are above a plane `focal_height_m` above the ground; slices below it are ignored.  The
+    longer path of slanted rays through plates, 1 % at 8°, is neglected.
     """
     _, rows, columns = volume.occupied.shape
     size_m = max(rows, columns) * volume.voxel_m
@@ -142,12 +144,12 @@ def _crowns(rng: np.random.Generator, size_m: float) -> Image:
 def gaussian_field(
     rng: np.random.Generator, shape: tuple[int, int], pitch_m: float, length_m: float
 ) -> Image:
-    """A Gaussian field of variance 1 and correlation exp(-r²/(2 L²)), which wraps."""
+    """A periodic Gaussian field with variance 1 and correlation exp(-r²/(2 L²))."""
     from scipy.ndimage import gaussian_filter
 
     spread = length_m / math.sqrt(2.0) / pitch_m
     noise = gaussian_filter(rng.standard_normal(shape), spread, mode="wrap")
-    # The filter's own variance: 1/(4 π σ²) in the continuum, here from the filter as it is.
+    # Variance after the filter: 1/(4 π σ²) for a continuous filter, here computed from its samples.
     impulse = np.zeros(shape)
     impulse[0, 0] = 1.0
     scale = math.sqrt(float((gaussian_filter(impulse, spread, mode="wrap") ** 2).sum()))
@@ -162,20 +164,21 @@ def integrate_planes(
     *,
     parallel: bool = False,
 ) -> Integral:
-    """The integral over a rectangle of ground around the middle of the sites.
+    """The integral over a rectangle of ground that is centred at the mean of the sites.
 
     Parameters
     ----------
     planes
-        From the lowest up; they wrap.
+        In order of increasing height; they are periodic.
     sites_m
-        Cameras, shape (N, 2).
+        Camera positions, shape (N, 2).
     altitude_m
-        Of the cameras above the ground.
+        Altitude of the cameras above the ground.
     size_m
-        Of the rectangle, along x and y.
+        Size of the rectangle along x and y.
     parallel
-        Whether each pixel has the cameras around itself (telecentric), not all of them the same.
+        Whether each pixel has the cameras around itself (telecentric); otherwise all pixels have
+        the same camera positions.
     """
     counts = [max(round(length / PIXEL_M), 1) for length in size_m]
     ground = [
@@ -186,7 +189,8 @@ def integrate_planes(
     canopy = np.zeros_like(seen)
     steps = [length / count for count, length in zip(counts, size_m, strict=True)]
     for index, site in enumerate(np.asarray(sites_m, dtype=np.float64)):
-        # Each photo has its rays elsewhere in the pixels, as pixels see all of their area.
+        # Each photo samples another point within the pixels, because real pixels average over their
+        # area.
         within = [
             ((index + 0.5) * part % 1.0 - 0.5) * step
             for part, step in zip(SPREAD, steps, strict=True)

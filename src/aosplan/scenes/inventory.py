@@ -1,25 +1,25 @@
-"""A stand from the numbers of an inventory: stems, crowns and leaves.
+"""Scenes from a forest inventory: stems, crowns and leaf area.
 
-Crowns are ellipsoids of one size, as wide as `crown_diameter_m` and as high as the volume, at
-random places (a Boolean model); leaves fill them evenly and face every way alike.  With
-λ stems a square metre, the mean number of crowns over a spot is μ = λ π d²/4.  A vertical ray
-through a crown's middle passes the optical depth κ = 3 G L / (2 μ), one beside it κ w with
-w = √(1 - (2 r/d)²) (Beer-Lambert; L the leaf area index, G = 1/2 the leaf area's projection).
-Over the crown's disc w² is evenly spread, so a crown transmits
+Crowns are ellipsoids of equal size at random places (a Boolean model); they are `crown_diameter_m`
+wide and as high as the volume.  Leaves fill the crowns uniformly and have a spherical angle
+distribution.  With λ stems per square metre, the mean number of crowns above a point is μ = λ π
+d²/4.  A vertical ray through the centre of a crown has the optical depth κ = 3 G L / (2 μ), and one
+at distance r from the centre has κ w with w = √(1 - (2 r/d)²) (Beer-Lambert; L is the leaf area
+index and G = 1/2 the projection of leaf area).  w² is uniformly distributed over the disc of a
+crown, so a crown transmits
 
-    t = 2 ∫ w exp(-κ w) dw = 2 (1 - (1 + κ) exp(-κ)) / κ²,
+    t = 2 ∫ w exp(-κ w) dw = 2 (1 - (1 + κ) exp(-κ)) / κ².
 
-and since the number of crowns over a spot is Poisson's, the ground's share that is seen is
+The number of crowns above a point has a Poisson distribution, so the visible share of the ground is
 
-    1 - p = exp(-μ (1 - t)) = exp(-G L Ω),   Ω = μ (1 - t) / (G L):
+    1 - p = exp(-μ (1 - t)) = exp(-G L Ω),   Ω = μ (1 - t) / (G L).
 
-the clumping index Ω is 1 where leaves are thin, and the gaps between crowns, exp(-μ), remain
-however dense the leaves are (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999,
-Agricultural and Forest Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and
-Architecture of Plant Stands).
+The clumping index Ω is 1 for thin leaves.  The gaps between crowns, exp(-μ), remain for any leaf
+area (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999, Agricultural and Forest
+Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and Architecture of Plant Stands).
 
-Over the height, -ln(1 - p) is shared out as the leaf area is: by the cross-section of the
-ellipsoid.  Slices count as independent, which clumped leaves are not: V̂ is an upper bound.
+-ln(1 - p) is distributed over the height like the leaf area, in proportion to the cross-section of
+the ellipsoid.  Slices are treated as independent.  Clumped leaves are not, so V̂ is an upper bound.
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ from aosplan.errors import RequestError
 from aosplan.scenes.scene import LARGEST_M, Layer, LayeredScene
 
 PROJECTION = 0.5
-"""G: mean projection of a unit of leaf area that faces every way alike."""
+"""G: mean projection of unit leaf area for a spherical distribution of leaf angles."""
 
 OCCLUDER_SIZE_M = 0.25
-"""Size of the clumps of leaves unless it is given: the voxel that point clouds are read by."""
+"""Default size of leaf clumps: the voxel size with which point clouds are read."""
 
 MOST_SLICES = 500
 SQUARE_METRES_A_HECTARE = 1e4
 
 
 def crowns_over_a_spot(stems_per_hectare: float, crown_diameter_m: float) -> float:
-    """Mean number μ of crowns over a spot of ground."""
+    """Mean number μ of crowns above a point on the ground."""
     return stems_per_hectare / SQUARE_METRES_A_HECTARE * math.pi * crown_diameter_m**2 / 4.0
 
 
 def crown_absorption(depth: float) -> float:
-    """Share 1 - t of the vertical rays into an ellipsoid that do not pass it.
+    """Share 1 - t of the vertical rays that an ellipsoidal crown absorbs.
 
     Parameters
     ----------
     depth
-        κ, optical depth along its axis, from 0.
+        κ, optical depth along the vertical axis of the crown, at least 0.
     """
     if depth < 1.0:
-        # The closed form loses its digits here; 1 - t = -Σ (-κ)ⁿ 2 / (n! (n + 2)) from n = 1.
+        # The closed form loses digits for small κ; 1 - t = -Σ (-κ)ⁿ 2 / (n! (n + 2)) from n = 1.
         term, total = 1.0, 0.0
         for n in range(1, 20):
             term *= -depth / n
@@ -78,15 +78,15 @@ def inventory_scene(
     Parameters
     ----------
     name
-        How the output calls the scene.
+        Name of the scene in the output.
     stems_per_hectare, crown_diameter_m
-        Number of trees, and width of their crowns, above 0.
+        Number of trees per hectare, and diameter of their crowns; above 0.
     leaf_area_index
-        L, one-sided leaf area over a unit of ground, from 0.
+        L, one-sided leaf area per ground area, at least 0.
     volume_base_m, volume_height_m
-        Height above ground at which crowns begin, and their own height.
+        Height of the crown base above the ground, and height of the crowns.
     occluder_size_m
-        Size of the clumps of leaves; None for `OCCLUDER_SIZE_M`.
+        Size of the leaf clumps; None for `OCCLUDER_SIZE_M`.
 
     Raises
     ------
@@ -133,5 +133,5 @@ def inventory_scene(
 
 
 def _share_below(height: float) -> float:
-    """Share of an ellipsoid's volume below a height, both of the whole."""
+    """Share of an ellipsoid's volume below a height, which is a share of its total height."""
     return height * height * (3.0 - 2.0 * height)

@@ -1,4 +1,4 @@
-"""The detector's matched window: its mean in each direction, less the mean of a box around it."""
+"""The detector's matched window: mean in a window in each direction, minus the mean of a box."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     Spectrum = NDArray[np.complex128]
 
 DIRECTIONS = 12
-"""Directions of the detector's window over half a turn."""
+"""Number of directions of the window in half a turn."""
 
 BOX_M = 4.0
 """Side of the box whose mean the detector subtracts [m]."""
 
 PARTS = 4
-"""Parts of a pixel, along either side, from which the share of it that a target covers is found."""
+"""Subdivisions of a pixel along x and along y, to compute the share of it that a target covers."""
 
 
 class MatchedWindow:
-    """Means over windows of a target's size around every pixel of an image that wraps.
+    """Means over windows of a target's size around every pixel of a periodic image.
 
     Parameters
     ----------
@@ -45,7 +45,9 @@ class MatchedWindow:
         self._box = self._spectrum(np.outer(across, along))
 
     def cover(self, angle: float, x: float = 0.0, y: float = 0.0) -> Floats:
-        """Share of each pixel that a target covers whose middle is (x, y) pixels off the middle one."""
+        """Share of each pixel covered by a target whose centre is (x, y) pixels from the middle
+        pixel.
+        """
         reach = 0.5 * math.hypot(*self.target_m)
         fine = []
         for pitch, off in zip(self.pitch_m, (x, y), strict=True):
@@ -61,24 +63,24 @@ class MatchedWindow:
         return share
 
     def means(self, image: Floats) -> list[Floats]:
-        """The window's mean around every pixel, in each direction."""
+        """Mean in the window around every pixel, for each direction."""
         spectrum = np.fft.rfft2(image)
         return [np.fft.irfft2(spectrum * window, self.shape) for window in self._windows]
 
     def box_mean(self, image: Floats) -> Floats:
-        """The box's mean around every pixel."""
+        """Mean in the box around every pixel."""
         mean: Floats = np.fft.irfft2(np.fft.rfft2(image) * self._box, self.shape)
         return mean
 
     def output(self, image: Floats) -> Floats:
-        """The detector: the highest of the window's means, less the box's."""
+        """Output of the detector: the largest mean of the windows, minus the mean of the box."""
         highest: Floats = np.maximum.reduce(self.means(image))
         return highest - self.box_mean(image)
 
     def _spectrum(self, kernel: Floats) -> Spectrum:
         whole = np.zeros(self.shape)
         rows, columns = np.indices(kernel.shape)
-        # Larger than the image, a kernel wraps onto itself.
+        # A kernel that is larger than the image wraps around.
         np.add.at(
             whole,
             (
@@ -92,14 +94,14 @@ class MatchedWindow:
 
 
 def _covered(side: float) -> Floats:
-    """Share of each pixel that a line covers, `side` pixels long, around the middle one."""
+    """Share of each pixel covered by a line of `side` pixels that is centred at the middle pixel."""
     half = math.ceil(0.5 * side)
     share: Floats = np.clip(0.5 * side - np.abs(np.arange(-half, half + 1)) + 0.5, 0.0, 1.0)
     return share
 
 
 def peaks(output: Floats, pitch_m: tuple[float, float]) -> Floats:
-    """Heights of the local maxima over a metre's neighbourhood, falling."""
+    """Values of the local maxima in neighbourhoods of about one metre, in decreasing order."""
     from scipy.ndimage import maximum_filter
 
     size = [round(1.0 / pitch) | 1 for pitch in pitch_m[::-1]]

@@ -1,9 +1,9 @@
-"""From voxels to the numbers of the models: density and occluder size, slice by slice.
+"""Density and occluder size of each slice of a voxel volume, for the models.
 
-What a slice shows from above is a random mask: a voxel is occupied or not.  Its density D is the
-occupied share.  Its occluder size o is the integral range: a slice of cubes of edge o placed at
-random has the correlation (1 - |x|/o)+ (1 - |y|/o)+, which integrates over the plane to o², so
-the root of that integral is o, whatever the shape of the clumps.
+A slice is treated as a random mask of occupied and empty voxels.  Its density D is the occupied
+share.  Its occluder size o is the integral range: randomly placed cubes of edge o have the
+correlation (1 - |x|/o)+ (1 - |y|/o)+, whose integral over the plane is o².  The square root of the
+integral is therefore taken as o for clumps of any shape.
 """
 
 from __future__ import annotations
@@ -25,41 +25,43 @@ ANGLES_DEG = (10.0, 20.0, 30.0, 40.0)
 VIEWS_AN_ANGLE = 8
 
 FEW_CELLS = 1_000_000
-"""Cells of a slice up to which its integral range is taken from all pairs of them."""
+"""Largest slice, in cells, whose integral range is computed from all pairs of cells."""
 
 SAMPLED_CELLS = 1_000_000
-"""Cells in the windows from which a larger slice's near lags are taken."""
+"""Total number of cells in the windows that give the near lags of a larger slice."""
 
 BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
-"""A larger slice has about so many blocks along its longer side, of so many cells (8 or 16)."""
+"""Approximate number of blocks along the longer side of a larger slice; cells along a block (8 to
+16).
+"""
 
 NEAR_BLOCKS = 4
-"""Lags nearer than so many blocks are taken cell by cell,"""
+"""Lags of less than this many blocks are computed from single cells."""
 
 WINDOW_BLOCKS = 32
-"""in windows of so many blocks."""
+"""Side, in blocks, of the windows from which near lags are computed."""
 
 
 def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
-    """Describe a volume by a layer for each slice that holds anything.
+    """Describe a volume by one layer for each slice that has occupied voxels.
 
     Parameters
     ----------
     volume
-        Of at least one cell of ground.
+        A volume with at least one cell of ground.
     name
-        How the output calls the scene.
+        Name of the scene in the output.
 
     Returns
     -------
     LayeredScene
-        Its density is the column occupancy, since the slices of a stand are not independent.
-        Bare ground has one layer, of density 0.
+        A scene whose density is the column occupancy, because the slices of a stand are not
+        independent.  Bare ground has one layer of density 0.
     """
     voxel, slice_m = volume.voxel_m, volume.slice_height_m
     layers = [
         Layer(
-            # The cut may lie within the lowest slice.
+            # The cut may be inside the lowest slice.
             max(k * slice_m, volume.min_height_m),
             (k + 1) * slice_m,
             float(density),
@@ -81,14 +83,14 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
 
 
 def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
-    """Density of views off nadir: pairs of an angle [deg] and p, the mean over directions.
+    """Density of views off nadir: pairs of an angle [deg] and p, averaged over directions.
 
-    A few views only; the correlogram (`aosplan.scenes.correlogram`) has many.
+    Only a few views are computed; the correlogram (`aosplan.scenes.correlogram`) has many.
     """
     from aosplan.scenes.occlusion import popcount
     from aosplan.scenes.sampled_targets import views_of
 
-    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # any altitude shows the same
+    altitude_m = 2.0 * volume.canopy_top_m + 1.0  # the result does not depend on the altitude
     occlusion = views_of(volume, altitude_m)
     turns = np.arange(VIEWS_AN_ANGLE) * (2.0 * np.pi / VIEWS_AN_ANGLE)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
@@ -100,40 +102,41 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
 
 def integral_range(mask: NDArray[np.bool_]) -> float:
-    """Integral range of a mask that wraps around at its edges, in cells.
+    """Integral range of a periodic mask, in cells.
 
-    The correlation is averaged over rings of lags one cell wide and summed from lag 0 up to
-    the first ring where it is not positive, half the shorter side at most: beyond lies noise,
-    and over all lags the sum is 0 by construction.  Independent cells give 1, blocks of k x k
-    cells k, both a few per cent too large.
+    The correlation is averaged over rings of lags that are one cell wide, and summed from lag 0 to
+    the first ring whose mean is not positive, at most to half the shorter side.  Larger lags are
+    noise, and the sum over all lags is 0 by definition.  Independent cells give 1, and blocks of k
+    x k cells give k; both results are too large by a few per cent.
 
     Parameters
     ----------
     mask
-        Shape (rows, columns), at least one cell set.
+        Shape (rows, columns), with at least one cell set.
 
     Returns
     -------
     float
-        1 or little less at the least; a full mask is one occluder as large as its shorter side.
+        Normally at least 1, up to sampling errors.  A full mask is one occluder that is as large as
+        its shorter side.
     """
     density = np.count_nonzero(mask) / mask.size
     if density == 1.0:
         return float(min(mask.shape))
     if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
         return _sampled_range(mask, density)
-    from scipy import fft  # for the many slices of a stand twice as fast as numpy's
+    from scipy import fft  # for the many slices of a stand, twice as fast as numpy
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
     return float(np.sqrt(area))
 
 
 def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
-    """Integral range of a wide mask: near lags from windows of it, far ones from its blocks' means.
+    """Integral range of a large mask: near lags from windows, far lags from the means of blocks.
 
-    The first rings are those of `integral_range`, as pairs of cells within windows spread over
-    the mask have them.  Farther off the correlation is smooth, and each lag between blocks stands
-    for all lags between their cells.
+    The first rings are those of `integral_range`, from pairs of cells within windows that are
+    spread over the mask.  At larger lags the correlation is smooth, so that each lag between blocks
+    represents all lags between their cells.
     """
     block = LEAST_BLOCK if max(mask.shape) < 2 * LEAST_BLOCK * BLOCKS else MOST_BLOCK
     near = block * NEAR_BLOCKS - block // 2
@@ -158,15 +161,15 @@ def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
 def near_rings(
     mask: NDArray[np.bool_], density: float, near: int, side: int
 ) -> NDArray[np.float64]:
-    """Covariance of cells summed over rings of lags from 0 to below `near`, shape (near,).
+    """Covariance of cells, summed over rings of lags from 0 to below `near`; shape (near,).
 
-    It is that of pairs within square windows, as many as make `SAMPLED_CELLS`.
+    It is computed from pairs within square windows with `SAMPLED_CELLS` cells in total.
     """
     from scipy import fft
 
     rows, columns = mask.shape
     count = max(SAMPLED_CELLS // side**2, 1)
-    # On a plane that is wider than deep more of them lie along its width.
+    # A plot that is wider than deep gets more windows along its width.
     across = min(max(round(np.sqrt(count * columns / rows)), 1), columns // side)
     down = min(max(round(count / across), 1), rows // side)
     size = fft.next_fast_len(side + near, real=True)
@@ -187,10 +190,12 @@ def near_rings(
 
 
 def block_sums(mask: NDArray[np.bool_], block: int) -> NDArray[np.float32]:
-    """Number of set cells of each whole block of block x block cells, a multiple of 8."""
+    """Number of set cells in each complete block of block x block cells; `block` is a multiple of
+    8.
+    """
     rows, columns = (length // block * block for length in mask.shape)
     octets = np.ascontiguousarray(mask[:rows, :columns]).view(np.uint8)
-    # Eight cells are added at a time: a word of eight octets, none of which overflows.
+    # Eight cells are added at once, as a 64-bit integer of eight octets, none of which overflows.
     words = octets.view(np.uint64).reshape(rows // block, block, columns // 8).sum(axis=1)
     cells = words.view(np.uint8).reshape(len(words), columns // block, block)
     sums: NDArray[np.float32] = cells.sum(axis=2, dtype=np.float32)
@@ -198,17 +203,18 @@ def block_sums(mask: NDArray[np.bool_], block: int) -> NDArray[np.float32]:
 
 
 def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[float, int]:
-    """Integral of the correlation of a wrapped field of mean 0, in cells, and the lags in it.
+    """Integral of the correlation of a periodic field of mean 0, in cells, and the number of lags
+    in it.
 
-    As far as in `integral_range`, whose square it is for a mask.
+    The lags are limited as in `integral_range`, whose square the integral is for a mask.
 
     Parameters
     ----------
     field
         Shape (rows, columns), not 0 everywhere.
     fft
-        Module of the transforms: ``numpy.fft``, or ``scipy.fft``, whose import takes longer than
-        a plan.
+        Module with the transforms: ``numpy.fft`` or ``scipy.fft``; importing the latter takes
+        longer than a whole plan.
     """
     rows, columns = field.shape
     spectrum = fft.rfft2(field)
@@ -224,6 +230,6 @@ def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[f
 
 @lru_cache(maxsize=1)
 def _rings(rows: int, columns: int) -> NDArray[np.intp]:
-    """Ring, the rounded length, of every lag of a wrapped mask, shape (rows * columns,)."""
+    """Ring (rounded length) of every lag of a periodic mask, shape (rows * columns,)."""
     y, x = (np.minimum(np.arange(n), n - np.arange(n)) for n in (rows, columns))
     return np.rint(np.hypot(y[:, np.newaxis], x)).astype(np.intp).ravel()

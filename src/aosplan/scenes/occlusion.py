@@ -1,37 +1,36 @@
-"""Occlusion: which targets on the ground a view from above sees through a volume of voxels.
+"""Occlusion: the targets on the ground that a view from above sees through a volume of voxels.
 
-**Targets** lie on the focal plane, k x k to a voxel's ground cell, each in the middle of a cell
-of pitch s = voxel/k.  The plot wraps: its copies stand all around it, so every target has a
-canopy, and rays that leave on one side come back on the other.
+**Targets** are on the focal plane, k x k per voxel cell, each in the middle of a square of side
+s = voxel/k.  The plot is periodic: copies of it surround it, so every target has a canopy, and a
+ray that leaves on one side comes back on the opposite side.
 
-**Views.**  A target at t is seen from altitude h by a ray that passes height H at
+**Views.**  A camera at altitude h sees a target at t along a ray that passes height H at
 
-- *telecentric*: t + c H/h.  c is the offset of the camera from the target: every target under
-  its own aperture.  Only c/h counts.
-- *perspective*: t (1 - H/h) + C H/h, from the plot's centre.  C is the camera's position: all
-  targets under one aperture.
+- *telecentric*: t + c H/h, where c is the offset of the camera from the target.  Every target has
+  its own aperture above it, and only c/h matters.
+- *perspective*: t (1 - H/h) + C H/h, relative to the plot's centre, where C is the position of the
+  camera.  All targets share one aperture.
 
-**Cells.**  Within a slice of voxels a ray meets the cell at the slice's bottom, that at its top,
-and where both coordinates change between them one of the two cells beside: the one that lies
-along the axis on which the view is more oblique (perspective: along x).  So each ray meets as
-many cells as it should, for up to one cell per slice and axis, and which of the two it is
-makes no difference on average.
+**Cells.**  In a slice of cubes, a ray meets the cell at the bottom and the cell at the top.  If
+both coordinates change in between, it also meets one of the two cells between these: the one along
+the axis on which the view is more oblique (in perspective: along x).  The number of cells is
+correct if a ray crosses at most one cell per slice and axis; which cell is met makes no difference
+on average.
 
-**Plates.**  The cells of a volume that was realised from pulses are plates.  A ray at angle θ
-meets the cell of each slice at the slice's middle, and in a share sec θ - 1 of the slices the
-cell beside as well, so that the optical depth grows with the path.  In perspective that share
-is the sum of those of both axes, which is larger by a product of the two.
+**Plates.**  The cells of a volume that was realised from laser pulses are plates.  A ray at angle θ
+meets the cell at the middle of each slice.  In a share sec θ - 1 of the slices it also meets the
+neighbouring cell, so that the optical depth increases with the length of the path.  In perspective
+this share is the sum of the shares of both axes, which is larger by their product.
 
-**Telecentric views are shifts.**  All targets share the shift c H/h, here rounded to whole
-targets: a view is an OR of shifted slices, and no ray is traced.  Targets along x are bits of
-octets, and octets along y are neighbours in memory.  A shift along x by less than an octet is
-done once for all views that share it; all others are steps in memory, so that what is left is
-one OR of one flat stretch of memory per view and meeting.
+**Telecentric views are shifts.**  All targets share the shift c H/h, rounded to whole targets.  A
+view is then an OR of shifted slices, without tracing rays.  Targets along x are bits of octets, and
+octets along y are adjacent in memory.  A shift along x by less than an octet is computed once for
+all views that need it.  Other shifts are offsets in memory: each is one OR of contiguous memory.
 
-**Perspective views are scaled as well.**  A ray's place along x depends on x alone, and along y
-on y: columns of voxels are picked once for all cameras of one x, then packed rows are picked for
-each.  Nothing is rounded: in a scaled lattice a rounded ray would waver about its place, and
-meet neighbours that it passes by.
+**Perspective views are also scaled.**  The position of a ray along x depends only on x, and along y
+only on y: columns of voxels are selected once for all cameras with the same x, and then packed rows
+for each camera.  Positions are not rounded, because rounded rays in a scaled lattice would meet
+neighbouring cells that the exact rays miss.
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ ViewKind = Literal["telecentric", "perspective"]
 
 
 class Window(NamedTuple):
-    """A rectangle of a plot's targets: its first row and column, and how many of each."""
+    """A rectangle of a plot's targets: first row, first column, number of rows and of columns."""
 
     row: int
     column: int
@@ -65,16 +64,16 @@ class Window(NamedTuple):
 
 
 OCTETS_A_VIEW = 1 << 18
-"""Memory for the targets of one view that are worked on at a time."""
+"""Memory for the targets of one view that are processed at once [bytes]."""
 
 OCTETS_AT_ONCE = 1 << 24
-"""The same for all views that share the work of preparing a slice."""
+"""Memory for all views that share a prepared slice [bytes]."""
 
 OCTETS_KEPT = 1 << 27
-"""Memory for slices that later views may use again."""
+"""Memory for slices that later views may reuse [bytes]."""
 
 TARGETS_AT_ONCE = 1 << 24
-"""Targets of all views that are unpacked at a time, as float32: it counts exactly up to there."""
+"""Number of targets of all views that are unpacked at once; float32 counts exactly up to 2^24."""
 
 BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
     axis=1, dtype=np.uint8
@@ -82,10 +81,10 @@ BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=
 
 
 class _Tiles(NamedTuple):
-    """Slices as a band of targets sees them, flat octets, ready for the shifts of some views.
+    """Slices as seen by a band of targets, as flat octets, prepared for the shifts of some views.
 
-    Of each level they begin at the lowest shift and take `spans` of them, along x and y.
-    `slices` has, by level, what has been made so far: the tile by the bits that it has moved by.
+    In each slice they begin at the lowest shift and cover `spans` further shifts along x and y.
+    `slices` has, for each slice, the tiles computed so far, by the bits that they are moved by.
     """
 
     row: int
@@ -97,35 +96,35 @@ class _Tiles(NamedTuple):
 
     @property
     def stride(self) -> int:
-        """Octets from one octet along x to the next: the band's rows and those to spare."""
+        """Octets between neighbours along x: the rows of the band and of the margin."""
         return self.rows + self.spans[1]
 
     def hold(self, row: int, rows: int, steps: NDArray[np.intp]) -> bool:
-        """Whether a band at these shifts is among what the tiles were made for."""
+        """Whether these tiles were made for this band and cover these shifts."""
         beyond = steps - self.lows[:, np.newaxis, np.newaxis]
         inside = bool((beyond >= 0).all() and (beyond <= self.spans).all())
         return inside and (row, rows) == (self.row, self.rows)
 
 
 class Occlusion:
-    """The targets of one plot, as cameras at one altitude see them.
+    """Occlusion of the targets of one plot, for cameras at one altitude.
 
     Parameters
     ----------
     volume
-        What stands on the plot.
+        The voxels of the plot.
     altitude_m
-        h, height of the cameras above the focal plane; above everything that stands.
+        h, height of the cameras above the focal plane; it has to be above all occluders.
     view
-        ``telecentric`` or ``perspective``, as in the module's text.
+        ``telecentric`` or ``perspective``, as described in the module docstring.
     targets_per_voxel
-        k, targets along either side of a voxel, from 1; None for what the volume calls for.
-        Telecentric rays are rounded to 1/k of a voxel.
+        k, targets along each side of a voxel, at least 1; None for the number that suits the
+        volume.  Telecentric rays are rounded to 1/k of a voxel.
     focal_height_m
-        Height of the focal plane, and the targets, above the ground; what is below it hides
-        nothing.
+        Height of the focal plane, with the targets, above the ground; occluders below it are
+        ignored.
     window
-        The targets that count, where not all of the plot's do.
+        The part of the targets to compute; None for all of them.
 
     Raises
     ------
@@ -165,7 +164,7 @@ class Occlusion:
         self._occupied = volume.occupied[lowest:]
         self._filled = np.flatnonzero(volume.slice_densities[lowest:])
         faces_m = (lowest + np.arange(len(self._occupied) + 1)) * thickness_m - focal_height_m
-        # Height over altitude of the faces between slices, bottom and top included.
+        # Heights of the faces between slices divided by the altitude, including bottom and top.
         self._faces = np.maximum(faces_m, 0.0) / altitude_m
         self._plates = volume.slice_m is not None
         self._altitude_m = altitude_m
@@ -176,13 +175,13 @@ class Occlusion:
         self._plot = int(rows * self._per_voxel), int(columns * self._per_voxel)
         self._window = window or Window(0, 0, *self._plot)
         self.rows, self.columns = self._window.rows, self._window.columns
-        # Octets, but whole words of them.
+        # Number of octets, rounded up to 64-bit words.
         self._width = 8 * -(-self.columns // 64)
         self._tiles: _Tiles | None = None
 
     @property
     def targets_per_voxel(self) -> int:
-        """Targets along either side of a voxel."""
+        """Number of targets along each side of a voxel."""
         return self._per_voxel
 
     @property
@@ -192,18 +191,18 @@ class Occlusion:
 
     @property
     def words(self) -> int:
-        """Words that a mask takes, 8 bytes each."""
+        """Number of 8-byte words of a mask."""
         return self._width * self.rows // 8
 
     @property
     def slices(self) -> list[tuple[int, NDArray[np.bool_]]]:
-        """The slices above the focal plane that hold anything: their places in `meetings`, and
-        their voxels, shape (rows, columns).
+        """The slices above the focal plane with occupied voxels: index in `meetings`, and voxels of
+        shape (rows, columns).
         """
         return [(level, self._occupied[level]) for level in self._filled.tolist()]
 
     def meetings(self, offsets_m: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Shifts [targets] at which telecentric views meet each slice.
+        """Shifts [targets] at which telecentric views meet the cells of each slice.
 
         Parameters
         ----------
@@ -218,19 +217,19 @@ class Occlusion:
         return self._plate_meetings(offsets_m) if self._plates else self._cube_meetings(offsets_m)
 
     def masks(self, positions_m: ArrayLike) -> Words:
-        """Targets that are hidden from cameras.
+        """Targets that are hidden from each camera.
 
         Parameters
         ----------
         positions_m
             Shape (N, 2), east and north: offsets c from the target (telecentric), or positions C
-            from the centre of the plot (perspective).
+            relative to the centre of the plot (perspective).
 
         Returns
         -------
         ndarray
-            Shape (N, words), a bit for each target, set where something is in the way; bits that
-            stand for no target are 0.  Take it as opaque, or see `unpack`.
+            Shape (N, words), one bit per target, set if the target is hidden; padding bits are 0.
+            The order of the bits is internal; `unpack` gives arrays.
         """
         offsets = checked_positions(positions_m)
         masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
@@ -244,7 +243,7 @@ class Occlusion:
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
 
     def mask_of(self, window: Window) -> Words:
-        """The targets of a window as a mask, shape (words,)."""
+        """A mask with the targets of a window set, shape (words,)."""
         inside = np.zeros((self.rows, 8 * self._width), dtype=np.bool_)
         rows = slice(window.row, window.row + window.rows)
         inside[rows, window.column : window.column + window.columns] = True
@@ -252,13 +251,13 @@ class Occlusion:
         return np.ascontiguousarray(octets).reshape(-1).view(np.uint64)
 
     def unpack(self, masks: Words) -> NDArray[np.bool_]:
-        """Masks as arrays: shape (N, rows, columns), true where the target is hidden."""
+        """Masks as boolean arrays of shape (N, rows, columns), true if the target is hidden."""
         octets = masks.view(np.uint8).reshape(-1, self._width, self.rows)
         bits = np.unpackbits(octets.transpose(0, 2, 1), axis=2, bitorder="little")
         return bits[:, :, : self.columns].astype(np.bool_)
 
     def _telecentric(self, masks: Octets, offsets: NDArray[np.float64], row: int) -> None:
-        """Set masks, shape (views, width, rows), of the targets in a band from `row` on."""
+        """Set masks of shape (views, width, rows) for the targets in a band that begins at `row`."""
         views, width, rows = masks.shape
         if rows * width > OCTETS_A_VIEW and rows > 1:
             half = rows // 2
@@ -270,7 +269,7 @@ class Occlusion:
         if tiles is None or not tiles.hold(row, rows, steps):
             tiles = self._tiles_for(row, rows, width, steps)
         steps -= tiles.lows[:, np.newaxis, np.newaxis]
-        steps %= self._plot[::-1]  # the plot wraps
+        steps %= self._plot[::-1]  # the plot is periodic
         stride, octets = tiles.stride, tiles.octets
         if (views + 1) * octets * stride > OCTETS_AT_ONCE and views > 1:
             half = views // 2
@@ -281,7 +280,7 @@ class Occlusion:
         hidden = np.zeros((views, width * stride), dtype=np.uint8)
         hits = [mask[:size] for mask in hidden]
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
-        # A search asks for few views at a time, mostly between those that it began with.
+        # A search asks for a few views at a time, usually between those of its first grids.
         kept = len(self._filled) * 8 * octets * stride <= OCTETS_KEPT
         self._tiles = tiles if kept else None
         for level in self._filled.tolist():
@@ -299,29 +298,29 @@ class Occlusion:
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
 
     def _tiles_for(self, row: int, rows: int, width: int, steps: NDArray[np.intp]) -> _Tiles:
-        """Tiles for the shifts of views, still to be made."""
+        """Empty tiles for the shifts of some views; each is computed when it is needed."""
         lows, highs = steps.min(axis=(1, 2)), steps.max(axis=(1, 2))
-        # With rows to spare for the largest shift, every shift is one stretch of flat memory; what
-        # it drags along beyond the band's own rows is thrown away in the end.
+        # With spare rows for the largest shift, every shift is one contiguous piece of memory. The
+        # rows beyond the band are discarded at the end.
         spans = np.minimum((highs - lows).max(axis=0, initial=0), np.subtract(self._plot, 1)[::-1])
         span_x, span_y = spans.tolist()
         octets = width + span_x // 8 + 1
         return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
 
     def _tile(self, tiles: _Tiles, level: int) -> Octets:
-        """A slice's targets, packed along x and flat, from the lowest shift of its views on."""
+        """Targets of a slice, packed along x and flat, from the lowest shift of its views on."""
         low_x, low_y = tiles.lows[level].tolist()
         x = (low_x + self._window.column + np.arange(8 * tiles.octets)) // self._per_voxel
         y = (low_y + tiles.row + np.arange(tiles.stride)) // self._per_voxel
         near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
-        # Turned for it, as rows are taken whole and columns bit by bit.
+        # Transposed, because whole rows are copied faster than single bytes.
         fine = np.ascontiguousarray(near.T).take(x, axis=0, mode="wrap").T
         packed = np.packbits(np.ascontiguousarray(fine), axis=1, bitorder="little")
         tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
         return tile
 
     def _cube_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Shifts [targets] at which views meet each slice of cubes."""
+        """Shifts [targets] at which views meet the cells of each slice of cubes."""
         faces = self._faces[:, np.newaxis, np.newaxis]
         shifts = np.floor(offsets * faces / self._pitch_m + 0.5).astype(np.intp)
         bottom, top = shifts[:-1], shifts[1:]
@@ -330,13 +329,13 @@ class Occlusion:
         return np.stack([bottom, beside, top], axis=2)
 
     def _plate_meetings(self, offsets: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Shifts [targets] at which views meet each slice of plates."""
+        """Shifts [targets] at which views meet the cells of each slice of plates."""
         middle = 0.5 * (self._faces[:-1] + self._faces[1:])
         slope = offsets / self._altitude_m
         return plates.shifts(offsets / self._pitch_m, slope, middle, self._per_voxel)
 
     def _perspective_plates(self, masks: Octets, positions: NDArray[np.float64]) -> None:
-        """Set masks, shape (views, width, rows), for a volume of plates."""
+        """Set masks of shape (views, width, rows) for a volume of plates."""
         x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
         y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
@@ -364,7 +363,7 @@ class Occlusion:
         masks[...] = hidden.transpose(0, 2, 1)
 
     def _perspective(self, masks: Octets, positions: NDArray[np.float64]) -> None:
-        """Set masks, shape (views, width, rows)."""
+        """Set masks of shape (views, width, rows) for a volume of cubes."""
         x_m, x_of = np.unique(positions[:, 0], return_inverse=True)
         y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
@@ -377,7 +376,7 @@ class Occlusion:
             x = self._voxels(face, x_m, across, first_x, 8 * self._width)
             x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
             y = self._voxels(face, y_m, along, first_y, self.rows)
-            if 2 * self.rows < along:  # most of the plot's rows are not met
+            if 2 * self.rows < along:  # most rows of the plot are not met
                 met_rows, places = np.unique(y, return_inverse=True)
                 y = places.reshape(y.shape).astype(np.int32)
                 above, around = above[met_rows], around[met_rows]
@@ -392,11 +391,11 @@ class Occlusion:
     def _voxels(
         self, face: int, camera_m: NDArray[np.float64], across: int, first: int, count: int
     ) -> NDArray[np.int32]:
-        """Voxels met at a face along an axis `across` targets long, shape (cameras, count).
+        """Voxels that rays meet at a face along an axis of `across` targets, shape (cameras,
+        count).
 
-        Of the targets, `count` from the `first` on.
-
-        Where there is no such face, nothing is met, wherever that is.
+        They are those of the `count` targets from `first` on.  An index above the highest face is
+        treated as the highest face; no slice is occupied there, so the result does not matter.
         """
         height = self._faces[min(face, len(self._faces) - 1)]
         target = (np.arange(first, first + count) + (0.5 - 0.5 * across)) * (1.0 - height)
@@ -416,13 +415,13 @@ def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
 
 
 def _column_bits(plane: NDArray[np.bool_]) -> Octets:
-    """Columns of a plane, moved to each of the bits of octets: shape (8, columns, rows)."""
+    """Columns of a plane, shifted to each bit of an octet: shape (8, columns, rows)."""
     bits = np.uint8(1) << np.arange(8, dtype=np.uint8)
     return np.ascontiguousarray(plane.T).view(np.uint8) * bits[:, np.newaxis, np.newaxis]
 
 
 def _picked(column_bits: Octets, columns: NDArray[np.int32]) -> Octets:
-    """Columns of a plane that targets lie below, eight to an octet: shape (width, rows)."""
+    """Columns of a plane at the given indices, eight packed into an octet: shape (width, rows)."""
     _, count, rows = column_bits.shape
     places = columns.reshape(-1, 8) + count * np.arange(8)
     apart = column_bits.reshape(-1, rows).take(places, axis=0)
@@ -431,15 +430,15 @@ def _picked(column_bits: Octets, columns: NDArray[np.int32]) -> Octets:
 
 
 def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
-    """A flat tile whose targets have moved 1 to 7 places towards x = 0; its last octets are lost."""
+    """A flat tile whose targets are moved 1 to 7 places towards x = 0; the last octets are lost."""
     moved = tile[:-stride] >> np.uint8(bit)
-    # As fast as the other operations on octets, which a shift to the left is not.
+    # A multiplication is as fast as the other operations on octets; a shift to the left is slower.
     moved |= tile[stride:] * np.uint8(1 << (8 - bit))
     return moved
 
 
 def popcount(words: Words) -> NDArray[np.int64]:
-    """Number of bits that are set, along the last axis."""
+    """Number of set bits along the last axis."""
     if hasattr(np, "bitwise_count"):
         bits = np.bitwise_count(words)
     else:  # numpy 1
@@ -448,10 +447,10 @@ def popcount(words: Words) -> NDArray[np.int64]:
 
 
 class Tally:
-    """How often each target is hidden, over any number of views: a binary counter per bit.
+    """Count of how often each target is hidden over any number of views, as binary digits.
 
-    Plane i holds bit i of every target's count c, so a view is added with a few operations on
-    words, and Σ c and Σ c² follow from the bits of planes and pairs of planes.
+    Plane i contains bit i of every target's count c.  A view is added with a few operations on
+    words, and Σ c and Σ c² follow from the numbers of bits in planes and in pairs of planes.
     """
 
     def __init__(self, words: int) -> None:
@@ -460,7 +459,7 @@ class Tally:
         self._planes: list[Words] = []
 
     def add(self, mask: Words) -> None:
-        """Count one more view, shape (words,)."""
+        """Add a view, shape (words,)."""
         self.views += 1
         if self.views.bit_length() > len(self._planes):
             self._planes.append(np.zeros(self._words, dtype=np.uint64))
@@ -494,7 +493,7 @@ def joint_counts(masks: Words) -> NDArray[np.int64]:
     counts = np.zeros((len(masks), len(masks)), dtype=np.int64)
     step = max(TARGETS_AT_ONCE // (8 * max(len(masks), 1)), 1)
     for start in range(0, octets.shape[1], step):
-        # A product of matrices counts faster than anything on bits.
+        # A matrix product counts faster than operations on bits.
         bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
         counts += (bits @ bits.T).astype(np.int64)
     return counts

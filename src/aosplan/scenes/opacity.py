@@ -1,11 +1,11 @@
-"""How the opacity of a stand was found, and what its laser pulses say of it."""
+"""How the opacity of a stand was found, with statistics of its laser pulses."""
 
 from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
 OpacitySource = Literal["auto", "pulses", "voxels"]
-"""Where opacity comes from: the pulses, or voxels that are opaque if they hold a point."""
+"""Source of opacity: the pulses, or voxels that are opaque if they contain a point."""
 
 
 TEXTS = ("source", "reason", "energy")
@@ -20,30 +20,30 @@ class Opacity(NamedTuple):
     source
         ``pulses`` or ``voxels``.
     reason
-        Why the pulses were not used; empty if they were, or were not asked for.
+        Why the pulses were not used; empty if they were used or not requested.
     gap_first, gap_weighted, gap_last
-        Share of the pulses' energy that reaches the ground if the first return of each pulse had
-        all of it, if the returns have the energies that were used, and if the last return had
-        all of it.  None without pulses.
+        Share of the pulses' energy that reaches the ground, for three assumptions: the first
+        return of each pulse has all of its energy; the returns have the energies that were used;
+        the last return has all of it.  None without pulses.
     energy
-        Energies of the returns: ``intensity``, calibrated, or ``equal``, 1/n each.
+        Energies of the returns: ``intensity`` (calibrated) or ``equal`` (1/n each).
     zenith_deg
-        Smallest and largest zenith angle of the pulses: what lies outside is extrapolated.
+        Smallest and largest zenith angle of the pulses; other angles are extrapolated.
     sampled_share
-        Share of the voxels between the cut and the canopy's top that pulses crossed.  As
-        telecentric views cover every slice evenly, it is the share of a plan's rays as well.
+        Share of the voxels between the cut and the canopy top that pulses crossed.  Because
+        telecentric views cover every slice evenly, it is also the share of a plan's rays.
     pulses, lines
-        Number of pulses, and of flight lines, that were used.
+        Number of pulses and of flight lines that were used.
     voxel_m, leaf_size_m
-        Edge of the voxels of the attenuation, and of the cells that realise it.
+        Edge of the attenuation voxels, and edge of the cells that realise the attenuation.
     scale
-        Factor of the attenuation from cross-fitting.
+        Scale factor of the attenuation, from cross-fitting.
     scale_first, scale_last
-        The factors that give the gaps of first and of last returns.
+        Scale factors that reproduce the gaps of first and of last returns.
     shrinkage
-        Strength of the shrinkage through the pyramid.
+        Strength of the shrinkage through the pyramid of voxel sizes.
     seed
-        Seed of the realisation.
+        Random seed of the realisation.
     """
 
     source: str
@@ -65,7 +65,7 @@ class Opacity(NamedTuple):
     seed: int | None = None
 
     def to_document(self) -> dict[str, Any]:
-        """All of it as plain values."""
+        """All fields as plain values."""
         document = self._asdict()
         document["reason"] = self.reason or None
         if self.zenith_deg is not None:
@@ -74,12 +74,12 @@ class Opacity(NamedTuple):
 
     @classmethod
     def from_document(cls, document: dict[str, Any]) -> Opacity:
-        """What `to_document` made plain.
+        """The inverse of `to_document`.
 
         Raises
         ------
         TypeError, ValueError
-            If it is something else.
+            If the document is not valid.
         """
         if not isinstance(document, dict):
             raise TypeError("its opacity is not a table")

@@ -1,9 +1,9 @@
-"""Rays through slices of plates: the cell at a slice's middle, and further ones for long paths.
+"""Rays through slices of plates: the cell at the middle of a slice, and more cells for long paths.
 
-A ray at angle θ is sec θ times as long within a slice as a vertical one.  So that its optical
-depth grows alike, it meets the cell beside as well, in a share sec θ - 1 of the slices.  Cells are
-drawn independently of each other, so the cell beside is as good as a new one.  Which slices
-these are differs from view to view, and they lie evenly over the slices.
+Within a slice, the path of a ray at angle θ is sec θ times as long as that of a vertical ray.  To
+make its optical depth increase by the same factor, the ray also meets the neighbouring cell in a
+share sec θ - 1 of the slices.  Cells are drawn independently, so a neighbouring cell is as random
+as a new one.  The choice of slices differs between views and is evenly distributed over the slices.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SPREAD = np.array([754.877666, 569.840291])
-"""Turns positions into numbers that are spread evenly, from the plastic number."""
+"""Factors that turn positions into evenly distributed numbers; from the plastic number."""
 
 
 def shifts(offsets: Floats, slope: Floats, middle: Floats, per_voxel: int) -> NDArray[np.intp]:
-    """Shifts [targets] at which telecentric views meet each slice of plates.
+    """Shifts [targets] at which telecentric views meet the cells of each slice of plates.
 
     Parameters
     ----------
     offsets
-        Shape (N, 2): cameras' offsets from their targets, in targets.
+        Shape (N, 2): offsets of the cameras from their targets, in targets.
     slope
-        Shape (N, 2): the same over the altitude, tan θ along x and y.
+        Shape (N, 2): offsets divided by the altitude, which is tan θ along x and y.
     middle
-        Shape (slices,): height over altitude of the slices' middles.
+        Shape (slices,): middle height of each slice divided by the altitude.
     per_voxel
-        Targets along either side of a cell.
+        Targets along each side of a cell.
 
     Returns
     -------
     ndarray
-        Shape (slices, N, 3, 2): of three meetings, those that are not needed repeat another.
+        Shape (slices, N, 3, 2): three meetings each; those that are not needed repeat another one.
     """
     once = np.floor(offsets * middle[:, np.newaxis, np.newaxis] + 0.5).astype(np.intp)
     more = np.sqrt(1.0 + (slope * slope).sum(axis=1)) - 1.0
@@ -56,19 +56,19 @@ class Axis(NamedTuple):
     Attributes
     ----------
     target
-        Shape (count,): places of targets from the plot's middle, in targets.
+        Shape (count,): positions of targets relative to the plot's centre, in targets.
     camera
-        Shape (cameras,): the same of the cameras.
+        Shape (cameras,): positions of cameras relative to the plot's centre, in targets.
     more
-        Shape (cameras, count): sec θ - 1 of the rays, θ seen along this axis.
+        Shape (cameras, count): sec θ - 1 of the rays, with θ projected on this axis.
     toward
-        Shape (cameras, count): 1 or -1, direction from the target to the camera.
+        Shape (cameras, count): 1 or -1, the direction from the target to the camera.
     phase
-        Shape (cameras, 1).
+        Shape (cameras, 1): start of the sequence that selects the slices with a second cell.
     across
-        Targets across the plot.
+        Number of targets along the plot.
     per_voxel
-        Targets along either side of a cell.
+        Targets along each side of a cell.
     """
 
     target: Floats
@@ -90,7 +90,7 @@ class Axis(NamedTuple):
         altitude_m: float,
         per_voxel: int,
     ) -> Axis:
-        """An axis `across` targets long, of which `count` from the `first` on are looked at."""
+        """An axis of `across` targets, of which `count` from `first` on are computed."""
         target = (np.arange(first, first + count) + (0.5 - 0.5 * across)).astype(np.float64)
         slant = (camera_m[:, np.newaxis] - target * pitch_m) / altitude_m
         return cls(
@@ -106,9 +106,10 @@ class Axis(NamedTuple):
         )
 
     def cells(self, height: float, level: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Cells that rays meet in a slice, and the cells beside for those that meet it again.
+        """Cells that rays meet in a slice, and the neighbouring cells for rays that meet a second
+        one.
 
-        Both have the shape (cameras, count), and agree for rays that meet it once.
+        Both have the shape (cameras, count).  They are equal for rays that meet only one cell.
         """
         place = self.target * (1.0 - height) + self.camera[:, np.newaxis] * height
         place += 0.5 * self.across
@@ -119,12 +120,12 @@ class Axis(NamedTuple):
 
 
 def _phase(positions: Floats) -> Floats:
-    """Numbers from 0 to 1 that are spread evenly over positions, shape (N,)."""
+    """Numbers from 0 to 1 that are evenly distributed over positions, shape (N,)."""
     phases: Floats = (positions @ SPREAD) % 1.0
     return phases
 
 
 def _again(more: Floats, phase: Floats, level: Floats | np.float64) -> NDArray[np.intp]:
-    """How often more than once rays meet a slice: `more` on average over the slices."""
+    """Number of additional cells that rays meet in a slice: `more` on average over the slices."""
     passed = np.floor((level + 1.0) * more + phase) - np.floor(level * more + phase)
     return passed.astype(np.intp)

@@ -1,19 +1,21 @@
-"""Forest scenes by name.
+"""Scene presets: forests by name.
 
-Each scene is a stand as the paper models it: one uniform volume of occluders of one size. No
-stand is that simple. A preset is a starting point for a plan, not a prediction for a place, and
-it names what was published (``source``) and what is ours (``assumed``).
+Each preset describes a stand by the model of the paper: one uniform volume of occluders of one
+size.  Real stands are not uniform, so a preset is a starting point for a plan and not a prediction
+for a place.  It names the published values (``source``) and the assumed ones (``assumed``).
 
-How the numbers came about, where a preset does not say otherwise:
+Unless a preset says otherwise, its numbers were chosen as follows:
 
-- ``integrated_density`` is one minus the gap fraction straight down (:func:`gap_fraction`), from a
-  published leaf area index (one-sided, for needles half of the total surface, m² per m² of ground)
-  and a clumping index. Wood behind leaves is not counted on top. If leaf area and clumping are each
-  good to 20 %, our guess, p is good to 0.1 in the middle of its range.
-- ``volume_base_m`` sets the baseline, since the lowest occluders ask for the widest one. It is a
-  mean crown base, or fits a measured profile of leaves above 2 m. Dead branches, young trees and
-  shrubs below it are left out; where they matter, lower it.
-- ``occluder_size_m`` is always assumed: nobody publishes it. Baselines are proportional to it.
+- ``integrated_density`` is one minus the gap fraction straight down (:func:`gap_fraction`).  It is
+  computed from a published leaf area index (one-sided; half of the total surface for needles; m²
+  per m² of ground) and a clumping index.  Wood behind leaves is not added.  If leaf area and
+  clumping each have an error of 20 %, which is an estimate, the error of p is 0.1 in the middle of
+  its range.
+- ``volume_base_m`` determines the baseline, because the lowest occluders need the largest one.  It
+  is a mean height of the crown base, or is fitted to a measured profile of leaves above 2 m.  Dead
+  branches, young trees and shrubs below it are not included; if they matter, use a lower value.
+- ``occluder_size_m`` is always assumed, because it is not published.  Baselines are proportional to
+  it.
 """
 
 from __future__ import annotations
@@ -32,19 +34,19 @@ class ScenePreset(NamedTuple):
     Attributes
     ----------
     title
-        What the stand is, in a few words.
+        Short description of the stand.
     integrated_density
         Share p of the ground that a single nadir photo does not see, in (0, 1).
     occluder_size_m
         Edge length of an occluder, such as a leaf cluster or a branch.
     volume_base_m
-        Lowest height that occluders fill densely.
+        Height of the lower end of the volume.
     volume_height_m
-        Thickness of the volume; its top is base plus thickness.
+        Thickness of the volume; its top is at base plus thickness.
     source
         Publications, each with the number taken from it.
     assumed
-        What no named source gives, and why this value.
+        The values that are not in a named source, and the reason for each value.
     """
 
     title: str
@@ -59,22 +61,22 @@ class ScenePreset(NamedTuple):
 def gap_fraction(
     leaf_area_index: float, clumping_index: float = 1.0, projection: float = 0.5
 ) -> float:
-    r"""Share of the ground that is seen straight down through a canopy.
+    r"""Share of the ground that is visible straight down through a canopy.
 
-    Beer-Lambert extinction by leaves: :math:`P = \exp(-G\,\Omega\,L)`. Its complement is the
-    integrated density p of a single nadir view.
+    Beer-Lambert extinction by leaves: :math:`P = \exp(-G\,\Omega\,L)`. The integrated density p of
+    a single nadir view is 1 - P.
 
     Parameters
     ----------
     leaf_area_index
-        L, one-sided leaf area per ground area (m²/m²), L >= 0. A plant or wood area index serves
-        as well, where wood is what occludes.
+        L, one-sided leaf area per ground area (m²/m²), L >= 0. A plant area index or a wood area
+        index can be used instead, depending on what the occluders are.
     clumping_index
-        Ω > 0: 1 for leaves scattered at random, less where they gather in shoots and crowns, more
-        where they avoid each other. Forests lie at 0.5 to 0.9.
+        Ω > 0: 1 for randomly placed leaves, less if leaves are clumped in shoots and crowns, more
+        if they are regularly spaced. Forests have 0.5 to 0.9.
     projection
-        G, mean projection of unit leaf area on the ground, in [0, 1]: 0.5 for leaves facing all
-        directions alike (spherical), 1 for level leaves, near 0 for hanging ones.
+        G, mean projection of unit leaf area on the ground, in [0, 1]: 0.5 for a spherical
+        distribution of leaf angles, 1 for horizontal leaves, near 0 for vertical leaves.
 
     Returns
     -------
@@ -83,9 +85,9 @@ def gap_fraction(
 
     Notes
     -----
-    The law is [1]_; its derivation from gaps between random, clumped or regular leaves is [2]_;
-    Ω for the world's vegetation is mapped in [3]_. Away from nadir the exponent grows as the
-    secant of the angle.
+    The law is published in [1]_; [2]_ derives it from gaps between random, clumped or regular
+    leaves; [3]_ maps Ω for the vegetation of the world. Off nadir, the exponent is multiplied by
+    the secant of the view angle.
 
     References
     ----------
@@ -106,8 +108,8 @@ def gap_fraction(
     return nan
 
 
-# The paper's forest is known by ratios alone. Eq. 1, p = 1 - (1 - D)^(l/o), gives l/o; d̂ = 1 at
-# b = o h / H gives H/o = h/b at the height H that 98 % of the occluders exceed.
+# The paper gives its forest only as ratios. Eq. 1, p = 1 - (1 - D)^(l/o), gives l/o. d̂ = 1 at
+# b = o h / H gives H/o = h/b for the height H above which 98 % of the occluders are.
 _PAPER_DENSITY = 0.567
 _PAPER_DENSITY_PER_SLICE = 0.0095
 _PAPER_VOLUME_PER_OCCLUDER = log1p(-_PAPER_DENSITY) / log1p(-_PAPER_DENSITY_PER_SLICE)  # 87.69
@@ -119,8 +121,8 @@ _BEPS = (
 )
 _SPHERICAL = "projection 0.5 (spherical leaf angles)"
 
-# Where stems are counted, the comment gives the area that each shades, p / stems. It has to fit
-# into the growing space of a tree, 1 / stems, and look like its crown.
+# For stands with a stem count, the comment gives the shaded area per tree, p / stems. It has to be
+# smaller than the growing space of a tree, 1 / stems, and similar to the area of its crown.
 SCENES: dict[str, ScenePreset] = {
     "paper-forest": ScenePreset(
         title="The paper's LiDAR forest",
@@ -156,7 +158,7 @@ SCENES: dict[str, ScenePreset] = {
             f"{_SPHERICAL}, too much for hanging eucalypt leaves, so p is an upper estimate"
         ),
     ),
-    # 14 m² a tree: a crown 4.2 m wide, in a growing space of 29 m².
+    # 14 m² per tree: a crown 4.2 m wide, in a growing space of 29 m².
     "open-woodland": ScenePreset(
         title="Open ponderosa pine, 339 stems/ha",
         integrated_density=1 - gap_fraction(2.1, clumping_index=0.62),
@@ -173,7 +175,7 @@ SCENES: dict[str, ScenePreset] = {
             f"branch ends); {_SPHERICAL}; the understorey, LAI = 0.2, is left out"
         ),
     ),
-    # 8.6 m² a tree: a crown 3.3 m wide, in a growing space of 14 m².
+    # 8.6 m² per tree: a crown 3.3 m wide, in a growing space of 14 m².
     "boreal-pine": ScenePreset(
         title="Boreal Scots pine, 700 stems/ha",
         integrated_density=1 - gap_fraction(3.0, clumping_index=0.62),
@@ -193,7 +195,7 @@ SCENES: dict[str, ScenePreset] = {
             "out"
         ),
     ),
-    # 4.1 m² a pine: a crown 2.3 m wide, in a growing space of 6.2 m².
+    # 4.1 m² per pine: a crown 2.3 m wide, in a growing space of 6.2 m².
     "plantation": ScenePreset(
         title="Loblolly pine plantation, 1600 stems/ha",
         integrated_density=1 - gap_fraction(3.5, clumping_index=0.62),
@@ -232,7 +234,7 @@ SCENES: dict[str, ScenePreset] = {
             f"needle sprays at twig ends); {_SPHERICAL}"
         ),
     ),
-    # 22 m² a tree: a crown 5.2 m wide, in a growing space of 24 m², that is a closed canopy.
+    # 22 m² per tree: a crown 5.2 m wide, in a growing space of 24 m², which is a closed canopy.
     "conifer-forest": ScenePreset(
         title="Norway spruce, 50 years, 410 stems/ha",
         integrated_density=1 - gap_fraction(7.0, clumping_index=0.62),
@@ -342,11 +344,11 @@ WORDS = {
     "tropical-forest": "rainforest jungle amazon",
     "dense-forest": "young spruce picea thicket coniferous",
 }
-"""What people call stands like these: species, genera and kinds of forest."""
+"""Other search words for the presets: species, genera and kinds of forest."""
 
 
 def scenes_by_word(word: str) -> list[str]:
-    """Names of the presets whose name, title or other words contain a word."""
+    """Names of the presets whose name, title or search words contain a word."""
     wanted = word.lower().strip()
     texts = {
         name: f"{name} {preset.title.lower()} {WORDS.get(name, '')}"
@@ -356,7 +358,7 @@ def scenes_by_word(word: str) -> list[str]:
 
 
 def scene_hint(name: str) -> str:
-    """The hint that names the presets that a word may mean, or nothing."""
+    """The hint that lists the presets that a name may mean; empty if there are none."""
     words = {word for part in [name, *name.split("-")] for word in part.split() if len(word) > 2}
     best: list[str] = scenes_by_word(name)
     for word in sorted(words, key=len, reverse=True) if not best else ():
@@ -367,7 +369,7 @@ def scene_hint(name: str) -> str:
 
 
 def find_preset_scene(name: str) -> UniformScene | None:
-    """A scene by its preset's name, or None."""
+    """The scene of a preset; None if there is no such preset."""
     from aosplan.scenes.presets import SCENES
 
     preset = SCENES.get(name)

@@ -1,17 +1,18 @@
-"""A sample of a wide plot's targets, spread over all of it, as cameras see them.
+"""Occlusion of a sample of the targets of a large plot.
 
-The share that a view hides, and what two views hide together, are means over a plot's targets.  A
-tile of 500 m has 64 million targets, and a million of them tell the same means to 0.001.
+The share of targets that a view hides, and the share that two views both hide, are means over the
+targets of a plot.  A tile of 500 m has 64 million targets, and a million of them give the same
+means to within 0.001.
 
-**Lattices.**  The sample is four lattices of targets.  Each has one target in every M-th voxel along
-either axis; they differ in the voxel at which they begin, and in the target's place within its voxel,
-so that all parts of a voxel count alike.  M is odd, or 2, so that the lattices do not keep step with trees
-that were planted in rows.  Neighbours see much the same, so lattices leave a smaller error than
-targets drawn at random would.
+**Lattices.**  The sample consists of four lattices.  Each has one target in every M-th voxel along
+both axes.  The lattices differ in the voxel at which they start and in the position of the target
+within its voxel, so that all parts of a voxel are represented equally.  M is odd, or 2, so that the
+lattices are not in step with trees that are planted in rows.  Because neighbouring targets are
+correlated, lattices have a smaller error than randomly drawn targets.
 
 **Views are shifts**, as in `aosplan.scenes.occlusion`.  A lattice that is shifted by n voxels meets
 the voxels n mod M of every M-th, so each slice is sorted into its M x M lattices of voxels once.
-Those are packed eight to an octet along y, and a view is an OR of flat stretches of memory.
+These are packed eight to an octet along y, and a view is an OR of contiguous pieces of memory.
 """
 
 from __future__ import annotations
@@ -32,27 +33,27 @@ if TYPE_CHECKING:
     Octets = NDArray[np.uint8]
 
 SAMPLE = 1_000_000
-"""Least number of targets in a sample of a plot that has voxels for them."""
+"""Smallest number of targets in a sample, if the plot has enough voxels."""
 
 FEW_TARGETS = 4 * SAMPLE
-"""Up to so many targets all of them are taken."""
+"""Largest number of targets of a plot that is not sampled."""
 
 LATTICES = 4
-# The squares of a chessboard on which four rooks do not threaten each other, nor lie on a line.
+# A solution of the four queens problem: no two lattices share a row, a column or a diagonal.
 OTHER_AXIS = np.array([1, 3, 0, 2])
 
 
 class SampledOcclusion:
-    """A sample of the targets of one plot, as cameras at one altitude see them (telecentric).
+    """Occlusion of a sample of the targets of one plot, for telecentric cameras at one altitude.
 
     Parameters
     ----------
     occlusion
-        All targets of the plot.
+        Occlusion of all targets of the plot.
     volume
-        What stands on it.
+        The voxels of the plot.
     sample
-        Least number of targets.
+        Smallest number of targets.
     """
 
     def __init__(self, occlusion: Occlusion, volume: VoxelVolume, sample: int = SAMPLE) -> None:
@@ -60,15 +61,15 @@ class SampledOcclusion:
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        # Four lattices of every second voxel have all voxels.
+        # Four lattices with every second voxel contain all voxels, so a step of 2 need not be odd.
         self._step = step if step == 2 else step - 1 + step % 2
         order = np.arange(LATTICES)
-        # Along x and y: the place within a voxel [targets], and the first voxel.
+        # Along x and y: position within a voxel [targets], and first voxel.
         places = np.column_stack([order, OTHER_AXIS])
         self._within = ((places + 0.5) * (occlusion.targets_per_voxel / LATTICES)).astype(np.intp)
         self._first = np.column_stack([OTHER_AXIS, order]) * self._step // LATTICES
         self._across, self._down = (-(-length // self._step) for length in (columns, rows))
-        # Octets along y, but so that a lattice is whole words.
+        # Octets are along y and padded along x so that a lattice has whole 64-bit words.
         self._height = -(-self._down // 8)
         self._padded = -(-self._across // 8) * 8
         east = self._first[:, :1] + self._step * np.arange(self._padded) < columns
@@ -79,11 +80,11 @@ class SampledOcclusion:
 
     @property
     def words(self) -> int:
-        """Words that a mask takes, 8 bytes each."""
+        """Number of 8-byte words of a mask."""
         return int(self._valid.size) // 8
 
     def masks(self, positions_m: ArrayLike) -> Words:
-        """Targets of the sample that are hidden from cameras.
+        """Targets of the sample that are hidden from each camera.
 
         Parameters
         ----------
@@ -107,7 +108,7 @@ class SampledOcclusion:
         hits = [one[:size] for one in hidden.reshape(views * LATTICES, -1)]
         shift, phase = np.divmod(places, self._step)
         octet, bit = np.divmod(shift[..., 1], 8)
-        # One number for the tile and the place in it at which a view begins.
+        # One number for the tile and for the position in it at which a view begins.
         tiles = (phase[..., 1] * self._step + phase[..., 0]) * 8 + bit
         keys = tiles * (octets * stride) + octet * stride + shift[..., 0]
         for level, plane in self._all.slices:
@@ -123,13 +124,13 @@ class SampledOcclusion:
     def _places(
         self, offsets: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Voxels at which views meet each slice for the first target of each lattice.
+        """Voxels at which views meet each slice, for the first target of each lattice.
 
         Returns
         -------
         tuple
-            Shape (slices, views, lattices, 3, x and y), counted from the lowest of each slice;
-            these, shape (slices, 2); and the largest, shape (2,).
+            Voxels, shape (slices, views, lattices, 3, x and y), relative to the lowest of each
+            slice; the lowest voxels, shape (slices, 2); and the largest relative voxel, shape (2,).
         """
         shifts = self._all.meetings(offsets)[:, :, np.newaxis]
         lattice = np.s_[np.newaxis, np.newaxis, :, np.newaxis]
@@ -137,12 +138,14 @@ class SampledOcclusion:
         places += self._first[lattice]
         lows = places.min(axis=(1, 2, 3))
         places -= lows[:, np.newaxis, np.newaxis, np.newaxis]
-        places %= self._plot[::-1]  # the plot wraps
+        places %= self._plot[::-1]  # the plot is periodic
         return places, lows, places.max(axis=(0, 1, 2, 3))
 
 
 class _Tiles:
-    """One slice sorted into lattices of voxels, each flat, and moved by 0 to 7 bits; lazily."""
+    """One slice sorted into flat lattices of voxels, moved by 0 to 7 bits; each is computed on
+    demand.
+    """
 
     def __init__(
         self,
@@ -174,7 +177,7 @@ class _Tiles:
             return moved
         row, column = divmod(phase, self._step)
         if row not in self._packed:
-            # Every step-th row, eight of them to an octet.
+            # Every step-th row, eight of them packed into an octet.
             apart = self._plane[row :: self._step].view(np.uint8)
             octets = apart[0::8].copy()
             for place in range(1, 8):
@@ -195,7 +198,7 @@ def views_of(
     targets_per_voxel: int | None = None,
     focal_height_m: float = 0.0,
 ) -> Occlusion | SampledOcclusion:
-    """Telecentric views of all targets of a plot, or on a wide one of a sample of them.
+    """Telecentric views of all targets of a plot, or of a sample of them if the plot is large.
 
     The parameters are those of `Occlusion`.
     """

@@ -1,10 +1,10 @@
-"""Scenes: what stands between the camera and the ground.
+"""Scenes: the occluders between the camera and the ground.
 
-A scene is either one volume of occluders of one kind (`UniformScene`, the paper's model) or
-a stack of slices, each with its own height, density and occluder size (`LayeredScene`, a
-forest as LiDAR sees it).  Heights count from the ground; `above` cuts a scene at a raised
-focal plane.  Both answer the same few questions: the integrated density, the canopy top and
-the slabs of occluders that the coverage rule (`aosplan.camera.disparity`) works on.
+A scene is either one volume with occluders of one kind (`UniformScene`, the model of the paper) or
+a stack of slices, each with its own height, density and occluder size (`LayeredScene`, for example
+from LiDAR).  Heights are above the ground.  `above` cuts a scene at a raised focal plane.  Both
+classes have the integrated density, the canopy top, and the slabs of occluders that the coverage
+rule (`aosplan.camera.disparity`) uses.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from aosplan.errors import RequestError
 from aosplan.scenes.density import integrated_density, transparency
 
 SMALLEST_M, LARGEST_M = 1e-9, 1e9
-"""No length of a scene is outside, so that products of several stay numbers."""
+"""Bounds of all lengths of a scene, so that products of several lengths neither overflow nor
+vanish.
+"""
 
 MOST_SLICES = 100_000
-"""Slices that a uniform volume may be cut into."""
+"""Largest number of slices into which a uniform volume may be cut."""
 
 
 class Layer(NamedTuple):
     """One slice of a layered scene.
 
-    `density` is the share of the slice's plan area that blocks a vertical ray.
+    `density` is the share of the slice's horizontal area that blocks a vertical ray.
     """
 
     bottom_m: float
@@ -38,7 +40,7 @@ class Layer(NamedTuple):
 
     @property
     def height_m(self) -> float:
-        """Height at which the models place the slice: its middle."""
+        """Height of the middle of the slice, at which the models place its occluders."""
         return 0.5 * (self.bottom_m + self.top_m)
 
 
@@ -49,21 +51,21 @@ class UniformScene:
     Parameters
     ----------
     name
-        How the output calls the scene.
+        Name of the scene in the output.
     density
-        D, share of each slice that occluders fill, 0 to 1; or None where
+        D, share of each slice that is filled with occluders, 0 to 1; None if
         `given_integrated_density` is given.
     occluder_size_m
         o, edge length of an occluder.
     volume_base_m, volume_height_m
-        Lower end of the volume above ground, and its thickness l.
+        Height of the bottom of the volume above the ground, and thickness l of the volume.
     given_integrated_density
-        p, share of the ground that one photo does not see, instead of D.
+        p, share of the ground that one photo does not see; None if `density` is given.
 
     Raises
     ------
     RequestError
-        If a number is outside its domain, or not exactly one density is given.
+        If a number is outside its domain, or if both densities or none are given.
     """
 
     name: str
@@ -92,7 +94,7 @@ class UniformScene:
 
     @property
     def canopy_top_m(self) -> float:
-        """Upper end of the volume above ground."""
+        """Height of the top of the volume above the ground."""
         return self.volume_base_m + self.volume_height_m
 
     @property
@@ -105,7 +107,7 @@ class UniformScene:
 
     @property
     def transparency(self) -> float:
-        """Share T = 1 - p that it does see, with the digits that p has lost."""
+        """Share T = 1 - p of the ground that a photo sees; accurate also if p is close to 1."""
         if self.given_integrated_density is not None:
             return 1.0 - self.given_integrated_density
         assert self.density is not None
@@ -116,10 +118,10 @@ class UniformScene:
         return (Slab(self.volume_base_m, self.canopy_top_m, self.occluder_size_m, 1.0),)
 
     def slices(self, most: int | None = None) -> tuple[Layer, ...]:
-        """The volume cut into slices one occluder thick (Eq. 1 read backwards).
+        """The volume as slices that are one occluder thick (Eq. 1).
 
-        Their number is l/o rounded up, or `most` if that is less; their common density keeps the
-        transparency exact.
+        There are l/o slices, rounded up, or `most` if that is less.  All have the same density,
+        which is chosen so that the transparency of the volume stays the same.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
         if most is not None:
@@ -140,7 +142,7 @@ class UniformScene:
         )
 
     def above(self, height_m: float) -> UniformScene | None:
-        """What of the scene stands above a height, heights counted from there; None if nothing."""
+        """The part of the scene above a height, with heights above it; None if there is nothing."""
         if height_m == 0.0:
             return self
         if height_m >= self.canopy_top_m:
@@ -165,13 +167,13 @@ class LayeredScene:
     Parameters
     ----------
     layers
-        The slices, bottom first, without overlap.
+        The slices, from bottom to top, without overlap.
     measured_density
-        p as measured (a point cloud's column occupancy), where slices are not independent;
-        None where it follows from the slices.
+        Measured p (the column occupancy of a point cloud), for slices that are not independent;
+        None to compute p from the slices.
     voxel_m
-        Voxel size of the point cloud behind the layers: the occluder size of the coverage
-        rule.  None where each layer's own size serves.
+        Voxel size of the point cloud that the layers come from, used as occluder size in the
+        coverage rule; None to use the occluder size of each layer.
     """
 
     name: str
@@ -217,12 +219,12 @@ class LayeredScene:
 
     @property
     def canopy_top_m(self) -> float:
-        """Top of the highest layer that holds anything, above ground; 0 for bare ground."""
+        """Top of the highest layer that is not empty, above the ground; 0 for bare ground."""
         return max((layer.top_m for layer in self.layers if layer.density > 0.0), default=0.0)
 
     @property
     def log_transparency(self) -> float:
-        """Logarithm of the transparency that independent slices give (-inf where one is solid)."""
+        """Logarithm of the transparency of independent slices; -inf if a slice is solid."""
         if any(layer.density >= 1.0 for layer in self.layers):
             return -math.inf
         return math.fsum(math.log1p(-layer.density) for layer in self.layers)
@@ -236,7 +238,7 @@ class LayeredScene:
 
     @property
     def transparency(self) -> float:
-        """Share T = 1 - p that it does see."""
+        """Share T = 1 - p of the ground that a single nadir photo sees."""
         if self.measured_density is not None:
             return 1.0 - self.measured_density
         return math.exp(self.log_transparency)
@@ -255,13 +257,14 @@ class LayeredScene:
         )
 
     def slices(self) -> tuple[Layer, ...]:
-        """The layers that hold anything."""
+        """The layers that are not empty."""
         return tuple(layer for layer in self.layers if layer.density > 0.0)
 
     def above(self, height_m: float) -> LayeredScene | None:
-        """What of the scene stands above a height, heights counted from there; None if nothing.
+        """The part of the scene above a height, with heights above it; None if there is nothing.
 
-        A layer that the height cuts keeps its density for the part above, by Beer-Lambert.
+        If the height is inside a layer, the upper part of the layer gets its density by
+        Beer-Lambert.
         """
         if height_m == 0.0:
             return self
@@ -271,10 +274,10 @@ class LayeredScene:
         return replace(self, layers=kept).with_density_of(self)
 
     def with_density_of(self, other: LayeredScene) -> LayeredScene:
-        """These layers, with what was measured of other ones of the same stand.
+        """These layers with the measured density of other layers of the same stand.
 
-        A measured density is scaled in the proportion of the logarithms of what independent
-        slices would let through.
+        The measured density is scaled: its -ln(1 - p) is multiplied by the ratio of the logarithms
+        of the two transparencies of independent slices.
         """
         measured, whole = other.measured_density, other.log_transparency
         if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):

@@ -1,4 +1,4 @@
-"""Scene statistics as plain values, and scenes saved as files."""
+"""Statistics of a scene as plain values, and scenes saved as files."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def statistics_document(
     volume: VoxelVolume | None = None,
     correlogram: Correlogram | None = None,
 ) -> dict[str, Any]:
-    """Occluder statistics of a scene: what ``scene --json`` prints.
+    """Occluder statistics of a scene, which ``scene --json`` prints.
 
     Parameters
     ----------
     scene
-        Uniform or layered; a uniform one is listed in slices one occluder thick.
+        Uniform or layered; a uniform scene is listed in slices that are one occluder thick.
     warnings
-        What its reading had to say.
+        Warnings of the reader.
     volume
-        The voxels behind it, where there are any.
+        The voxels of the scene, if there are any.
     correlogram
-        Its correlogram, where there is one.
+        The correlogram of the scene, if there is one.
     """
     layers = scene.slices()
     document: dict[str, Any] = {
@@ -71,13 +71,13 @@ def statistics_document(
         table = correlogram_table(correlogram)
         document["density_by_angle"] = density_by_angle(correlogram)
         document["density_by_offset"] = table.pop("density_by_offset")
-        del table["density"]  # the scene's own
+        del table["density"]  # the same as the scene's density
         document["correlogram"] = table
     return document
 
 
 def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
-    """The slabs of the coverage rule, a uniform volume cut as finely as its layers."""
+    """The slabs of the coverage rule; a uniform volume is cut into one slab per layer."""
     if not isinstance(scene, UniformScene):
         return scene.slabs()
     return tuple(
@@ -86,7 +86,7 @@ def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
 
 
 def _mean_density(scene: Scene) -> float:
-    """Density of a slice, averaged over height from the lowest occluder to the highest."""
+    """Mean density of a slice over the height from the lowest occluder to the highest."""
     layers = scene.slices()
     if not layers:
         return 0.0

@@ -1,8 +1,8 @@
-"""Voxels: a stand as a grid of cells that block light or do not.
+"""Voxels: a stand as a grid of cells that are either opaque or empty.
 
-Whatever knows a stand cell by cell, a point cloud (`aosplan.scenes.files.point_cloud`) or a generator, hands it
-on as a `VoxelVolume`; the measured model, the simulator and the statistics of
-`aosplan.scenes.occluder_statistics` start from it.
+Sources that describe a stand cell by cell, such as a point cloud
+(`aosplan.scenes.files.point_cloud`) or a generator, produce a `VoxelVolume`.  The measured model,
+the simulator and the statistics of `aosplan.scenes.occluder_statistics` use it.
 """
 
 from __future__ import annotations
@@ -25,55 +25,56 @@ if TYPE_CHECKING:
     from aosplan.scenes.opacity import Opacity
 
 MAX_VOXELS = 2_000_000_000
-# The ground takes the room of a few dozen slices.
+# The arrays of the ground need as much memory as a few dozen slices.
 MAX_COLUMNS = MAX_VOXELS // 100
-# A point on the face between two voxels belongs to the upper one; rounding must not decide.
+# A point on the face between two voxels belongs to the upper one; the tolerance absorbs rounding.
 FACE = 1e-6
 PLATE_TARGET_M = 0.06
-"""Pitch of the targets below plates, about: that below cubes of 0.25 m."""
+"""Approximate distance of the targets below plates, equal to that below cubes of 0.25 m."""
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelVolume:
-    """Which voxels above a plot hold something.
+    """The occupied voxels above a plot.
 
-    The plot wraps: beyond each edge stands what stands inside the opposite one, so that every
-    target has a canopy whatever the ray; a plot is to be wider than twice what the widest ray
-    crosses of it.
+    The plot is periodic: beyond each edge, the opposite side of the plot continues.  Every target
+    therefore has a canopy for every ray.  A plot should be wider than twice the horizontal length
+    of the widest ray in the canopy.
 
     Parameters
     ----------
     occupied
-        Shape (slices, rows, columns): slice k reaches from ``k * slice_height_m`` to
-        ``(k + 1) * slice_height_m`` above the ground, rows run along y (north), columns along x
-        (east).  It may have no slices: bare ground.
+        Shape (slices, rows, columns).  Slice k is from ``k * slice_height_m`` to
+        ``(k + 1) * slice_height_m`` above the ground; rows are along y (north), columns along x
+        (east).  Bare ground has no slices.
     voxel_m
-        Edge length of a voxel, along x and y.
+        Edge length of a voxel along x and y.
     x_min_m, y_min_m
-        Outer corner of the voxels in row 0 and column 0, in the coordinates of the source.
+        Outer corner of the voxel in row 0 and column 0, in the coordinates of the source.
     min_height_m
-        Height below which nothing was counted.
+        Height below which occluders were ignored.
     points
-        Points of the cloud that were used; 0 where the volume does not come from one.
+        Number of points of the cloud that were used; 0 if the volume is not from a point cloud.
     ground
         How the ground was found: ``class``, ``filter``, ``normalized`` or ``raster``.
     warnings
-        Pairs of a code and a sentence: what a reader of the results should know.
+        Pairs of a code and a sentence for the user of the results.
     source
         Where the volume comes from, for messages.
     assumed
-        What was assumed to get it, where it was not measured.
+        Assumptions that were made instead of measurements.
     slice_m
-        Thickness of a slice if it is not that of a voxel.  The voxels are then plates, of which
-        a ray meets one in each slice, and further ones for its longer path if it is slanted;
-        otherwise they are cubes with side faces.
+        Thickness of a slice if it is not that of a voxel.  The voxels are then plates: a ray meets
+        one in each slice, and a slanted ray more for its longer path.  Otherwise the voxels are
+        cubes with side faces.
     opacity
         How opacity was found, for volumes from point clouds.
     bounds
-        The same voxels if the first return of each pulse had all of its energy, and if the last
-        one had: the densest and the most open stand that the pulses admit.
+        The voxels for two extreme assumptions: the first return of each pulse has all of its
+        energy, and the last return has all of it.  These are the densest and the most open stand
+        that are consistent with the pulses.
     place
-        Latitude and longitude [deg] of the plot, if its source says where on earth it is.
+        Latitude and longitude [deg] of the plot, if the source has a location.
 
     Raises
     ------
@@ -121,12 +122,12 @@ class VoxelVolume:
 
     @property
     def targets_per_voxel(self) -> int:
-        """Targets along either side of a voxel that its size calls for."""
+        """Default number of targets along each side of a voxel."""
         return 4 if self.slice_m is None else max(round(self.voxel_m / PLATE_TARGET_M), 1)
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Extent of the plot along x and y: whole voxels."""
+        """Size of the plot along x and y, a whole number of voxels."""
         _, rows, columns = self.occupied.shape
         return columns * self.voxel_m, rows * self.voxel_m
 
@@ -138,27 +139,27 @@ class VoxelVolume:
 
     @property
     def points_per_m2(self) -> float:
-        """Points used, per square metre of the plot."""
+        """Number of used points per square metre of the plot."""
         return self.points / self.plot_area_m2
 
     @cached_property
     def slice_densities(self) -> NDArray[np.float64]:
-        """Occupied share of each slice, shape (slices,), ground up."""
+        """Occupied share of each slice, from the ground up, shape (slices,)."""
         _, rows, columns = self.occupied.shape
         counts = [np.count_nonzero(plane) for plane in self.occupied]
         return np.array(counts, dtype=np.float64) / float(rows * columns)
 
     @property
     def canopy_top_m(self) -> float:
-        """Upper face of the highest occupied voxel above the ground; 0 for bare ground."""
+        """Height of the top of the highest occupied voxel above the ground; 0 for bare ground."""
         filled = np.flatnonzero(self.slice_densities)
         return float(filled[-1] + 1) * self.slice_height_m if filled.size else 0.0
 
     @cached_property
     def column_occupancy(self) -> float:
-        """Share p of the plot's cells with an occupied voxel above them, 0 to 1.
+        """Share p of the plot's cells that have an occupied voxel above them, 0 to 1.
 
-        It is what a single photo from straight above every cell does not see.
+        This is the share of the ground that photos from vertically above do not see.
         """
         return float(self.occupied.any(axis=0).mean())
 
@@ -171,23 +172,23 @@ def fill(
     where: str,
     touched: NDArray[np.bool_] | None = None,
 ) -> NDArray[np.bool_]:
-    """Sort points into voxels above a ground; every length but `voxel_m` counts in voxels.
+    """Sort points into voxels above a ground; all lengths except `voxel_m` are in voxels.
 
     Parameters
     ----------
     blocks
-        Arrays of shape (3, n): x and y from the plot's outer corner, z from any datum.
+        Arrays of shape (3, n): x and y from the plot's outer corner, z above any datum.
     ground
-        z of the ground at the corners of the columns, shape (rows + 1, columns + 1); bilinear
-        between them.
+        z of the ground at the corners of the columns, shape (rows + 1, columns + 1); it is
+        interpolated bilinearly.
     cut
-        Height above the ground below which points are dropped.
+        Height above the ground below which points are ignored.
     voxel_m
         Edge length of a voxel.
     where
         What is filled, for messages.
     touched
-        Shape (rows * columns,): set where a column holds a point, whatever its height.
+        Shape (rows * columns,): set to true for each column with a point at any height.
 
     Returns
     -------
@@ -197,7 +198,7 @@ def fill(
     Raises
     ------
     RequestError
-        If that takes more than two thousand million voxels.
+        If this needs more than two thousand million voxels.
     """
     rows, columns = ground.shape[0] - 1, ground.shape[1] - 1
     cells = rows * columns
@@ -209,8 +210,8 @@ def fill(
     slices = 0
     for block in blocks:
         x, y, z = block + FACE
-        # All in place and of one type: a block stays in the processor's cache, and numpy needs no
-        # room to convert it in.
+        # All operations are in place and of one type: a block stays in the processor's cache, and
+        # numpy needs no buffers for conversions.
         column, row = np.floor(x), np.floor(y)
         x -= column
         y -= row
@@ -219,7 +220,7 @@ def fill(
         cell = row.astype(np.intp)
         if touched is not None:
             touched[cell] = True
-        # Base + x east + y (north + x twist).
+        # Bilinear ground: base + x * east + y * (north + x * twist).
         rise = twist.take(cell).astype(np.float64)
         rise *= x
         rise += north.take(cell).astype(np.float64)
@@ -234,9 +235,9 @@ def fill(
             continue
         slices = max(slices, int(level.max()) + 1)
         if slices * cells > MAX_VOXELS:
-            continue  # The error below wants to know how high the stand is.
+            continue  # The error message below needs the height of the whole stand.
         if slices * cells > occupied.size:
-            # In place, so that growing neither copies nor touches more than it has to.
+            # Resizing in place neither copies the array nor touches new pages before they are used.
             occupied.resize(slices * cells, refcheck=False)
         level *= cells
         level += cell.take(kept)
@@ -249,17 +250,17 @@ def fill(
 def footprint(touched: NDArray[np.bool_], reach: int) -> float:
     """Share of a plot that its points cover, 0 to 1.
 
-    The plot is cut into squares of columns.  One with a point in it counts, and so does one that
-    those enclose, a pond, say; along the rim a square counts by how full it is beside those
-    within.
+    The plot is divided into squares of columns.  A square counts if it contains a point, or if such
+    squares enclose it (a pond, for example).  A square at the rim counts in proportion to the
+    number of columns with points in it, compared with squares in the interior.
 
     Parameters
     ----------
     touched
-        Shape (rows, columns): which columns hold a point.
+        Shape (rows, columns): which columns contain a point.
     reach
-        Columns along the side of a square, from 1: wide enough for every square within the
-        footprint to hold a point.
+        Side of a square in columns, at least 1; it should be large enough that every square
+        inside the footprint contains a point.
     """
     rows, columns = touched.shape
     down, across = np.arange(0, rows, reach), np.arange(0, columns, reach)
@@ -279,18 +280,18 @@ def footprint(touched: NDArray[np.bool_], reach: int) -> float:
 
 
 def cells_along(length_m: float, voxel_m: float) -> int:
-    """Return how many voxels points spread over a length take, both ends included."""
+    """Number of voxels for points along a length, including both ends."""
     return math.floor(length_m / voxel_m + FACE) + 1
 
 
 def fits(size_m: Sequence[float], voxel_m: float) -> bool:
-    """Whether a volume of a size (x, y, z) stays within the bounds."""
+    """Whether a volume of size (x, y, z) stays within the limits."""
     columns, rows, slices = (float(length_m) / voxel_m + 1.0 for length_m in size_m)
     return columns * rows <= MAX_COLUMNS and columns * rows * slices <= MAX_VOXELS
 
 
 def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> RequestError:
-    """Return an error for a volume of a size (x, y, z), with a voxel size that would do."""
+    """An error for a volume of size (x, y, z) that suggests a possible voxel size."""
     enough_m = max(voxel_m, 1e-6)
     while not fits(size_m, enough_m):
         enough_m *= 1.1

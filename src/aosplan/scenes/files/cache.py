@@ -1,13 +1,13 @@
-"""Clouds that were read before: their voxels, kept in the user's cache folder.
+"""Cache of point clouds that were read before: their voxels, in the user's cache folder.
 
-An entry is a voxel file (`aosplan.scenes.files.voxel_file`) under a name made of everything that
-decides its content: the files, by path, size, time of their last change and samples of their bytes,
-how they were read, and the version of aosplan.  A file that changes gets another name, and the old
-entry is dropped with the oldest when the folder grows too large.  Only regular files of the user's
-own are read as entries, no links are followed.  The cache only ever saves time: whatever goes wrong
-with it, the cloud is read.
+An entry is a voxel file (`aosplan.scenes.files.voxel_file`).  Its name is a checksum of everything
+that determines its content: path, size, modification time and samples of the bytes of each file,
+the options of the reader, and the version of aosplan.  A file that changes therefore gets a new
+entry.  The old entry is deleted when the folder becomes too large, least recently used first.  Only
+regular files that belong to the user are read as entries, and links are not followed.  If anything
+goes wrong with the cache, the cloud itself is read.
 
-The environment variable ``AOSPLAN_CACHE`` names another folder; ``0`` turns the cache off.
+The environment variable ``AOSPLAN_CACHE`` sets another folder; ``0`` turns the cache off.
 """
 
 from __future__ import annotations
@@ -31,33 +31,33 @@ if TYPE_CHECKING:
 VARIABLE = "AOSPLAN_CACHE"
 
 READING = 3
-"""Counts up whenever the same cloud is read into other voxels."""
+"""To be increased whenever the reader produces other voxels from the same cloud."""
 
 MOST_OCTETS = 512 * 1024 * 1024
-"""Size of all entries together."""
+"""Largest total size of all entries [bytes]."""
 
 SAMPLES, SAMPLE_OCTETS = 16, 1 << 16
-"""A file is told from another of its name by so many samples of so many bytes."""
+"""Number and size [bytes] of the samples that distinguish a file from another with its name."""
 
 LARGEST_SHARE = 8
-"""One entry alone may have the eighth part of it."""
+"""A single entry may be at most this fraction, one eighth, of the total size."""
 
 ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
-"""Names of entries, and of those whose writing was cut short: nothing else is ever dropped."""
+"""Names of entries and of incomplete entries; other files are never deleted."""
 
 
 def stand(
     files: Sequence[str], reading: Mapping[str, Any], read: Callable[[], VoxelVolume]
 ) -> tuple[Stand, bool]:
-    """A cloud as voxels: from the cache, or read and kept there.
+    """A cloud as voxels, from the cache if possible; otherwise it is read and added to the cache.
 
     Parameters
     ----------
-    files
+    The files of one cloud.
         Of one cloud.
-    reading
+    The options with which it is read.
         The options by which it is read.
-    read
+    Function that reads the cloud.
         Reads it.
 
     Returns
@@ -71,11 +71,11 @@ def stand(
     if path is not None:
         with contextlib.suppress(AosplanError, OSError):
             found = stand_in(_own_content(path), path)
-            os.utime(path)  # the oldest is what was used longest ago
+            os.utime(path)  # the modification time is the time of last use
             return found, True
     volume = read()
     fresh = Stand.of(volume)
-    # A file that changed while it was read is kept under neither name.
+    # If a file changed while it was read, the voxels are not stored.
     if path is not None and path == _entry(files, reading):
         with contextlib.suppress(AosplanError, OSError):
             _keep(path, stand_npz(fresh))
@@ -83,7 +83,7 @@ def stand(
 
 
 def folder() -> str | None:
-    """Folder of the cache, which need not exist; None where it is turned off."""
+    """Folder of the cache, which may not exist yet; None if the cache is turned off."""
     given = os.environ.get(VARIABLE)
     if given == "0":
         return None
@@ -95,8 +95,8 @@ def folder() -> str | None:
 
 
 def _own_content(path: str) -> bytes:
-    """Content of an entry that is a regular file of the user's own; OSError if it is not."""
-    # A link is not followed, and a pipe does not wait for a writer.
+    """Content of an entry; OSError if it is not a regular file that belongs to the user."""
+    # Do not follow a link, and do not wait for the writer of a pipe.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with open(os.open(path, flags | getattr(os, "O_BINARY", 0)), "rb") as file:
         status = os.fstat(file.fileno())
@@ -107,7 +107,7 @@ def _own_content(path: str) -> bytes:
 
 
 def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
-    """Path of the entry of a cloud; None where there can be none."""
+    """Path of the entry of a cloud; None if the cloud cannot be cached."""
     import hashlib
 
     place = folder()
@@ -128,9 +128,9 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 
 
 def sampled(path: str, size: int) -> str:
-    """Checksum of a file's head, its tail and samples between; of a small one, of all of it.
+    """Checksum of the head, the tail and samples of a file; of a small file, of all of it.
 
-    Size and time alone miss a file that was copied over another with the times kept.
+    Size and time alone do not detect a file that was replaced by a copy with the same time.
     """
     import hashlib
 
@@ -154,7 +154,7 @@ def _keep(path: str, content: bytes) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-        os.replace(temporary, path)  # a link is replaced, never written through
+        os.replace(temporary, path)  # replaces a link instead of writing to its target
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
@@ -163,7 +163,7 @@ def _keep(path: str, content: bytes) -> None:
 
 
 def _drop_oldest(place: str) -> None:
-    """Drop what was used longest ago until the rest is within the bound."""
+    """Delete the least recently used entries until the others are within the limit."""
     entries = sorted(_entries(place), reverse=True)
     total = 0
     for _, size, path in entries:

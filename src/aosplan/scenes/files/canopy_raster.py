@@ -1,9 +1,9 @@
-"""Canopy height rasters (GeoTIFF): from heights to a `VoxelVolume`, by a rule for crowns.
+"""Canopy height rasters (GeoTIFF), converted to a `VoxelVolume` with an assumption about crowns.
 
-A raster tells how high the canopy is, and nothing of what is below.  The rule: wherever it is
-at least `min_height_m` high, leaves fill everything from `crown_base` times that height to the
-top.  Gaps within crowns are lost, so the stand comes out darker than it is, and stems and
-undergrowth are missing.
+A raster contains the height of the canopy, but nothing below it.  The assumption is that, wherever
+the canopy is at least `min_height_m` high, leaves fill the space from `crown_base` times that
+height to the top.  Gaps within crowns are not modelled, so the stand is denser than in reality.
+Stems and undergrowth are missing.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 EXTRA = "raster"
 CROWN_BASE = 0.5
 HIGHEST_M = 130.0
-"""No tree is higher; a raster that is holds elevations, or feet."""
+"""Height of the tallest trees; a raster with higher values has elevations, or heights in feet."""
 
 MAX_EXTENT_M = 100_000.0
 MOST_PIXELS = 500_000_000
@@ -46,7 +46,7 @@ PIXELS_AT_ONCE = 1 << 22
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 
 LOWEST_M = -100.0
-"""Canopy heights below this stand for no data, whether the raster says so or not."""
+"""Canopy heights below this value are treated as missing, even if the raster does not mark them."""
 
 
 def read_canopy(
@@ -62,31 +62,31 @@ def read_canopy(
     Parameters
     ----------
     path
-        A GeoTIFF of one band: heights above ground.
+        A GeoTIFF with one band of heights above the ground.
     voxel_m
         Edge length of a voxel; None for the size of the raster's cells.
     min_height_m
-        Lower vegetation is left out.
+        Lower vegetation is ignored.
     crown_base
-        Where crowns begin, as a share of the canopy's height, 0 to 1.
+        Height of the crown base as a share of the canopy height, 0 to 1.
     units
-        Units instead of those that the raster states: ``us-ft`` for cells and heights, or
-        ``us-ft,m`` (`aosplan.crs.given_units`).
+        Units that replace those in the raster: ``us-ft`` for cells and heights, or ``us-ft,m``
+        (`aosplan.crs.given_units`).
 
     Returns
     -------
     VoxelVolume
-        Each column has the height at its middle.  Where the raster knows nothing, nothing stands,
-        and a warning says how much that is.
+        Each column has the canopy height at its centre.  Cells without data are empty, and a
+        warning gives their share.
 
     Raises
     ------
     RequestError
-        If the file is no such raster, or has too many cells.
+        If the file is not such a raster, or has too many cells.
     MissingExtraError
         If rasterio is not installed.
     SurroundingsError
-        If the machine does not let it be read.
+        If the operating system does not allow it to be read.
     """
     _check_file(path)
     with needs_extra("reading canopy height rasters", EXTRA):
@@ -143,7 +143,7 @@ def _volume(
         )
     if not fits((*size_m, 0.0), edge_m):
         raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
-    # Rows of the volume run north, those of a raster mostly south.
+    # Rows of the volume are numbered northwards, rows of most rasters southwards.
     columns, rows = (max(math.floor(length / edge_m + FACE), 1) for length in size_m)
     column = _cells(columns, edge_m / cell_m[0], raster.width, backwards=place.a < 0.0)
     row = _cells(rows, edge_m / cell_m[1], raster.height, backwards=place.e < 0.0)
@@ -192,12 +192,12 @@ def _volume(
 def _metres(
     raster: Any, path: str, given: Units
 ) -> tuple[tuple[float, float], float, list[tuple[str, str]], tuple[float, float] | None]:
-    """Metres in a unit of x, of y and of the heights, warnings, and where on earth it is.
+    """Metres in the units of x, y and heights; warnings; latitude and longitude of the raster.
 
     Raises
     ------
     RequestError
-        If the cells have no size in metres, or the unit of the heights is not clear.
+        If the size of the cells in metres is unknown, or the unit of the heights is not clear.
     """
     if raster.transform.is_identity and raster.crs is None:
         raise RequestError(
@@ -240,7 +240,7 @@ def _metres(
 
 
 def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:
-    """Make heights nan that no canopy has, and warn of them: they mark cells without data."""
+    """Replace impossible heights, which mark cells without data, by nan, and return a warning."""
     strange = tops < LOWEST_M
     if not strange.any():
         return []
@@ -276,7 +276,7 @@ def _check_layout(raster: Any, path: str) -> None:
 
 
 def _cells(count: int, step: float, cells: int, *, backwards: bool) -> NDArray[np.intp]:
-    """Cells of the raster, along one axis, at the middles of voxels counted east or north."""
+    """Raster cells along one axis at the centres of voxels that are numbered east or north."""
     cell: NDArray[np.intp] = np.minimum((np.arange(count) + 0.5) * step, cells - 1.0).astype(
         np.intp
     )
@@ -286,7 +286,7 @@ def _cells(count: int, step: float, cells: int, *, backwards: bool) -> NDArray[n
 
 
 def _heights(raster: Any, row: NDArray[np.intp], column: NDArray[np.intp], up_m: float) -> Floats:
-    """Canopy heights [m] at rows and columns of the raster, nan if it knows none."""
+    """Canopy heights [m] at rows and columns of the raster; nan for cells without data."""
     scale, shift = raster.scales[0] * up_m, raster.offsets[0] * up_m
     tops = np.full((row.size, column.size), np.nan, dtype=np.float32)
     west, east = int(column.min()), int(column.max()) + 1
@@ -308,7 +308,7 @@ def _heights(raster: Any, row: NDArray[np.intp], column: NDArray[np.intp], up_m:
 def _crowns(
     tops: Floats, voxel_m: float, min_height_m: float, crown_base: float, where: str
 ) -> NDArray[np.bool_]:
-    """Voxels from the crowns' bases to their tops, shape (slices, rows, columns)."""
+    """Voxels from crown base to top, shape (slices, rows, columns)."""
     canopy = (tops >= min_height_m) & (tops > 0.0)
     tops = np.where(canopy, tops, -1.0)
     highest = float(tops.max())

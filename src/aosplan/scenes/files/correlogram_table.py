@@ -1,4 +1,4 @@
-"""A correlogram as plain values, and back: what scene files hold of one."""
+"""Conversion of a correlogram to the plain values in scene files, and back."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DIGITS = 6
-"""Decimals of correlations and densities: far more than the correlogram is good for."""
+"""Number of decimals of correlations and densities; the correlogram itself is less accurate."""
 
 MOST_ENTRIES = 1_000_000
 
 
 def correlogram_table(table: Correlogram) -> dict[str, Any]:
-    """A correlogram as plain values, the densities by offset among them."""
+    """A correlogram as plain values, including the densities by offset."""
     return {
         "lags": table.lags.tolist(),
         "directions_deg": table.directions_deg.tolist(),
@@ -33,27 +33,27 @@ def correlogram_table(table: Correlogram) -> dict[str, Any]:
 
 
 def density_by_angle(table: Correlogram) -> list[list[float]]:
-    """Pairs of an angle off nadir [deg] and p of views at it, the mean over directions."""
+    """Pairs of an angle off nadir [deg] and the density p at that angle, averaged over directions."""
     angles = np.degrees(np.arctan(table.lags)).tolist()
-    kept = np.round(table.density_by_offset, DIGITS)  # as in files, so that they say the same
+    kept = np.round(table.density_by_offset, DIGITS)  # rounded as in files, so that both agree
     densities = np.round(kept.mean(axis=0), DIGITS).tolist()
     return [[0.0, table.density], *map(list, zip(angles, densities, strict=True))]
 
 
 def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
-    """A correlogram from what `correlogram_table` gives.
+    """A correlogram from the result of `correlogram_table`.
 
     Parameters
     ----------
     table
         The values.
     where
-        The file, for messages.
+        Name of the file, for messages.
 
     Raises
     ------
     RequestError
-        If a value is missing, of the wrong shape, or outside its domain.
+        If a value is missing, has the wrong shape, or is outside its domain.
     """
 
     def numbers(name: str, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:

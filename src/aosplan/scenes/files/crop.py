@@ -1,7 +1,7 @@
-"""A rectangle that is cut out of a point cloud while it is read.
+"""A rectangle to which a point cloud is cropped while it is read.
 
-It has sides along x and y of the cloud, and is stated in the cloud's coordinates or in degrees.
-Tiles that it does not meet are not read at all.
+Its sides are parallel to x and y of the cloud.  It is given in the coordinates of the cloud or in
+degrees.  Tiles that do not overlap it are not read.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ WGS84 = "EPSG:4326"
 GLOBE_DEG = (180.0, 90.0, 180.0, 90.0)
 
 NEARBY = 10_000.0
-"""Numbers that could be degrees are coordinates if the cloud lies nearer to them than this."""
+"""Numbers in the range of degrees are coordinates if the cloud is closer to them than this."""
 
 NARROWEST_M = 50.0
-"""A plan that meets less of a cloud takes all of it."""
+"""If the overlap with a plan is narrower than this, the whole cloud is used."""
 
 
 @dataclass(frozen=True)
 class Crop:
-    """What to cut out of a point cloud.
+    """The rectangle to which a point cloud is cropped.
 
     Parameters
     ----------
     bounds
-        West, south, east and north, or least x and y and largest x and y.
+        West, south, east and north, or smallest x and y and largest x and y.
     frame
         ``degrees``: longitudes and latitudes of WGS 84.  ``either``: coordinates of the cloud, or
-        degrees if they can be no coordinates of it.
+        degrees if the numbers cannot be coordinates of the cloud.
     margin_m
-        Wanted around the bounds.
+        Margin around the bounds.
     of_plan
-        Whether it is the place of a plan rather than what the user asks for: if it does not meet
-        the cloud, all of the cloud is taken, and if it does, a warning says so.
+        Whether the bounds come from a plan and not from the user.  If they do not overlap the
+        cloud, the whole cloud is used; if they do, a warning says that it was cropped.
     """
 
     bounds: tuple[float, float, float, float]
@@ -64,18 +64,18 @@ class Crop:
 
 
 class Box(NamedTuple):
-    """A rectangle in the metres of a cloud.
+    """A rectangle in the coordinates of a cloud, in metres.
 
     Attributes
     ----------
     low_m, high_m
-        Least and largest x and y, each of shape (2,).
+        Smallest and largest x and y, each of shape (2,).
     place
-        Latitude and longitude of its middle, if they are known.
+        Latitude and longitude of the centre, if they are known.
     said
         Warnings.
     is_empty
-        The error if no point lies in it.
+        The error to raise if no point is in the rectangle.
     """
 
     low_m: Floats
@@ -85,7 +85,9 @@ class Box(NamedTuple):
     is_empty: RequestError
 
     def holds(self, raw: NDArray[np.int32], file: PointFile) -> NDArray[np.bool_]:
-        """Which points of a file, shape (3, n) as its integers, lie in it."""
+        """Mask of the points of a file, shape (3, n) as integers of the file, that are in the
+        rectangle.
+        """
         scales, offsets = file.scales_m[:2], file.offsets_m[:2]
         least = np.ceil((self.low_m - offsets) / scales - 1e-6)
         most = np.floor((self.high_m - offsets) / scales + 1e-6)
@@ -95,7 +97,10 @@ class Box(NamedTuple):
         return inside
 
     def meets(self, file: PointFile) -> bool:
-        """Whether a file may have points in it, by its header, if that holds its first point."""
+        """Whether a file may have points in the rectangle, by the bounds in its header.
+
+        The bounds are used only if the first point of the file is within them.
+        """
         low, high = file.bounds * file.metres
         first = file.first_m()[:2]
         if not ((low - 1.0 <= first) & (first <= high + 1.0)).all():
@@ -104,13 +109,13 @@ class Box(NamedTuple):
 
 
 def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> Box | None:
-    """The rectangle of a crop in the metres of some files; None to take all of their points.
+    """The rectangle of a crop in the coordinates of some files; None to use all of their points.
 
     Raises
     ------
     RequestError
-        If the crop is in degrees and the cloud states no coordinate reference system, or if it
-        does not meet the cloud.
+        If the crop is in degrees and the cloud has no coordinate reference system, or if it does
+        not overlap the cloud.
     """
     file = next((file for file in files if file.reference.horizontal is not None), files[0])
     crs, metres = file.reference.horizontal, file.metres
@@ -169,7 +174,9 @@ def _text(corners: Floats) -> str:
 
 
 def _in_system(crs: CRS, bounds: tuple[float, float, float, float]) -> Floats:
-    """Bounds in degrees as bounds in a system; not finite if they have no place there."""
+    """Bounds in degrees converted to a coordinate reference system; not finite if that is
+    impossible.
+    """
     if (np.abs(bounds) > GLOBE_DEG).any():
         return np.full(4, math.nan)
     from pyproj.exceptions import ProjError

@@ -1,8 +1,8 @@
-"""The ground below a point cloud: from its points to a height at every corner of a grid.
+"""The ground below a point cloud: height at every corner of a grid, from the points.
 
-Points come in blocks of shape (3, n), x, y and z in metres from the corner of the plot, so that
-clouds of any size stream through.  The numbers of triangles, nodes and filter cells are bounded:
-where a plot is too large for a bound, cells grow and their points are merged.
+Points come in blocks of shape (3, n) with x, y and z in metres from the corner of the plot, so that
+clouds of any size can be processed.  The numbers of triangles, nodes and filter cells are limited.
+On larger plots the cells are larger, and the points in a cell are merged.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-# Triangulating takes about 7 µs a vertex, evaluating the triangles 0.3 µs a node.
+# The triangulation takes about 7 µs per vertex, its evaluation 0.3 µs per node.
 MAX_VERTICES = 20_000
 MAX_NODES = 160_000
 
@@ -36,11 +36,11 @@ NORMALIZED_SHARE = 0.9
 
 
 class _Cells:
-    """Square cells over a plot, numbered row by row, not many more than a bound."""
+    """Square cells over a plot, numbered row by row; their number is close to a limit or below it."""
 
     def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
         width, depth = float(size_m[0]), float(size_m[1])
-        # On a narrow strip it is not the area that counts but the length.
+        # The last but one bound keeps the number of cells of a narrow strip low.
         self.edge_m = max(
             least_edge_m, math.sqrt(width * depth / most), max(width, depth) / most, 1e-6
         )
@@ -48,7 +48,7 @@ class _Cells:
         self.count = self.columns * (int(depth / self.edge_m) + 1)
 
     def holding(self, points: Floats) -> NDArray[np.intp]:
-        """Numbers of the cells that points lie in, shape (n,)."""
+        """Indices of the cells that contain the points, shape (n,)."""
         column = (points[0] / self.edge_m).astype(np.intp)
         row = (points[1] / self.edge_m).astype(np.intp)
         cell: NDArray[np.intp] = row * self.columns + column
@@ -62,7 +62,7 @@ class _Cells:
 
 
 def vertices(blocks: Iterable[Floats], count: int, size_m: Floats) -> Floats:
-    """Points to triangulate, shape (3, n): all, or where they are too many a mean per cell."""
+    """Points to triangulate, shape (3, n): all points, or means per cell if there are too many."""
     if count <= MAX_VERTICES:
         return np.concatenate(list(blocks), axis=1)
     cells = _Cells(size_m, MAX_VERTICES)
@@ -78,7 +78,7 @@ def vertices(blocks: Iterable[Floats], count: int, size_m: Floats) -> Floats:
 
 
 def lowest(blocks: Iterable[Floats], size_m: Floats, edge_m: float = FILTER_CELL_M) -> Floats:
-    """Lowest point of each cell that holds any, shape (3, n)."""
+    """Lowest point of each cell that contains a point, shape (3, n)."""
     cells = _Cells(size_m, MAX_FILTER_CELLS, edge_m)
     low = np.full((3, cells.count), np.inf)
     for block in blocks:
@@ -90,26 +90,26 @@ def lowest(blocks: Iterable[Floats], size_m: Floats, edge_m: float = FILTER_CELL
 
 
 def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
-    """Whether z already counts from the ground, by the lowest points of the plot.
+    """Whether z is already the height above the ground, judged by the lowest points of the plot.
 
-    It does where the lowest point lies within half a metre of zero in nine of ten cells of 5 m.
+    It is if the lowest point is within half a metre of zero in nine of ten cells of 5 m.
     """
     bottom = lowest([low], size_m, COARSE_CELL_M)[2]
     return float(np.mean(np.abs(bottom - zero_m) <= NORMALIZED_WITHIN_M)) >= NORMALIZED_SHARE
 
 
 def filtered(low: Floats, size_m: Floats) -> Floats:
-    """Those of the lowest points that are ground, shape (3, n), by a cloth simulation filter.
+    """Those of the lowest points that are ground, shape (3, n), found by a cloth simulation filter.
 
-    A cloth falls on the upturned cloud, and what it comes to rest on is ground (Zhang et al.
-    2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a slope, so the
-    general slope is taken off first, and the cloth is the softest: on a slope of 27 % that
+    A simulated cloth falls on the inverted cloud; points that it touches are ground (Zhang et al.
+    2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a slope.  The mean
+    slope is therefore subtracted first, and the softest cloth is used.  On a slope of 27 % this
     halves the error of the ground, to 0.06 m at 10 points per m².
     """
     from scipy.spatial import cKDTree
 
     cells = _Cells(size_m, MAX_FILTER_CELLS, FILTER_CELL_M)
-    # Over a large hole the filter would search the whole cloth for each of its nodes.
+    # Above a large hole, the filter would search the whole cloth for each of its nodes.
     holes = cells.centres(np.setdiff1d(np.arange(cells.count), cells.holding(low)))
     patches = np.vstack([holes, low[2, cKDTree(low[:2].T).query(holes.T)[1]]])
     level = np.hstack([low, patches])
@@ -122,13 +122,14 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
     with silent(1):
-        cloth.do_filtering(ground, other, False)  # False: no file of the cloth's nodes.
+        # False: do not write the nodes of the cloth to a file
+        cloth.do_filtering(ground, other, False)
     index = np.array(ground, dtype=np.intp)
     return low[:, index[index < low.shape[1]]]
 
 
 def slope(points: Floats) -> tuple[float, float]:
-    """Least-squares slope of points towards x and y; none where they lie on a line."""
+    """Least-squares slope of points along x and y; zero if the points are on a line."""
     x, y, z = points - points.mean(axis=1, keepdims=True)
     xx, xy, yy = (x * x).sum(), (x * y).sum(), (y * y).sum()
     xz, yz = (x * z).sum(), (y * z).sum()
@@ -139,8 +140,8 @@ def slope(points: Floats) -> tuple[float, float]:
 
 
 def _cloth_filter() -> Any:
-    # The threads of the filter's OpenMP wait for each other at every step of the cloth, for
-    # seconds when a core is busy elsewhere; it reads the number of threads when it is loaded.
+    # The OpenMP threads of the filter synchronise at every step of the cloth, which takes seconds
+    # if another process uses a core. The number of threads is read when the library is loaded.
     threads = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
@@ -157,9 +158,9 @@ def _cloth_filter() -> Any:
 def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArray[np.float32]:
     """z of the ground at the corners of a grid of cells, shape (rows + 1, columns + 1).
 
-    Linear within the Delaunay triangles of the points, shape (3, n); outside their hull the
-    z of the nearest one.  Of more than `MAX_NODES` corners every second, third ... is
-    evaluated, and those between are interpolated.
+    It is linear within the Delaunay triangles of the points, which have shape (3, n).  Outside
+    their hull it is the z of the nearest point.  If there are more than `MAX_NODES` corners, only
+    every second, third, ... is evaluated, and the others are interpolated.
     """
     from scipy.spatial import cKDTree
 
@@ -175,9 +176,10 @@ def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArra
 
 
 def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Floats:
-    """z at the nodes of a raster within the triangles of the points, else nan.
+    """z at the nodes of a raster inside the triangles of the points, nan at the other nodes.
 
-    Row by row of the raster through each triangle: scipy finds a node's triangle by a small
+    Each triangle is filled row by row.  scipy's interpolation solves a small linear system for each
+    node, and its threads may wait for seconds if a processor is busy.
     linear system for each, whose threads wait for seconds where a processor is busy.
     """
     from scipy.spatial import Delaunay, QhullError
@@ -186,8 +188,8 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
     try:
         triangles = Delaunay(points[:2].T).simplices
     except (QhullError, ValueError):
-        return raster  # Fewer than three points, or all on a line, span no triangle.
-    # Corner 0 is the southernmost, corner 2 the northernmost.
+        return raster  # Fewer than three points, or points on a line, have no triangle.
+    # Corner 0 is the southernmost corner, corner 2 the northernmost.
     triangles = np.take_along_axis(triangles, np.argsort(points[1][triangles], axis=1), axis=1)
     x, y = points[0][triangles] / pitch_m, points[1][triangles] / pitch_m
     z = points[2][triangles]
@@ -220,7 +222,7 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
 
 
 def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """For each of many intervals the integers in it, of 0 to count - 1: (interval, integer)."""
+    """The integers from 0 to count - 1 in each of many intervals, as pairs (interval, integer)."""
     first = np.maximum(np.ceil(low - 1e-9), 0.0).astype(np.intp)
     last = np.minimum(np.floor(high + 1e-9), count - 1.0).astype(np.intp)
     lengths = np.maximum(last - first + 1, 0)
@@ -230,7 +232,7 @@ def _steps(low: Floats, high: Floats, count: int) -> tuple[NDArray[np.intp], NDA
 
 
 def _crossing(x0: Floats, y0: Floats, x1: Floats, y1: Floats, row: NDArray[np.intp]) -> Floats:
-    """x at which edges meet rows, from their lower ends (x0, y0) to their upper (x1, y1)."""
+    """x at which edges from (x0, y0) up to (x1, y1) cross rows."""
     rise = y1 - y0
     share = np.divide(row - y0, rise, out=np.zeros_like(rise), where=rise > 0.0)
     crossing: Floats = x0 + np.clip(share, 0.0, 1.0) * (x1 - x0)
@@ -238,7 +240,7 @@ def _crossing(x0: Floats, y0: Floats, x1: Floats, y1: Floats, row: NDArray[np.in
 
 
 def _refined(nodes: NDArray[np.float32], step: int, count: int) -> NDArray[np.float32]:
-    """Interpolate along the first axis between every `step`-th of `count` rows."""
+    """Interpolate along the first axis to `count` rows, of which `nodes` has every `step`-th."""
     row = np.arange(count)
     below = np.minimum(row // step, len(nodes) - 2)
     weight = (row / step - below).astype(np.float32)[:, np.newaxis]

@@ -1,7 +1,7 @@
-"""LAS and LAZ files: their points by the million, and whatever is wrong with one, named.
+"""LAS and LAZ files: reading points in chunks, with errors that name what is wrong with a file.
 
-What a header says is held against the file before laspy, or the decoder behind it, acts on it:
-they would wait for thousands of millions of records, or end the process for want of memory.
+The header is checked against the size of the file before laspy or its decoder uses it.  With a
+damaged header they would try to read billions of records, or crash because of a lack of memory.
 """
 
 from __future__ import annotations
@@ -29,48 +29,49 @@ if TYPE_CHECKING:
 
 EXTRA = "lidar"
 CHUNK_POINTS = 1_000_000
-"""Points that are decompressed at once; its decoder works on several parts of them in parallel."""
+"""Number of points that are decompressed at once; the decoder works on parts of them in parallel."""
 
 PLAIN_CHUNK_POINTS = 200_000
-"""The same where nothing is to decode: few enough to stay in a processor's cache."""
+"""The same for uncompressed files: small enough to stay in a processor's cache."""
 
 LAST_POINT_FORMAT = 10
 
 
 class PointFile:
-    """A file of points, after a look at its header.
+    """A file of points whose header has been checked.
 
     Parameters
     ----------
     name
         Path of the file.
     units
-        Units that the user gives, instead of those that the file states.
+        Units from the user, which replace those that the file states.
 
     Attributes
     ----------
     count
         Number of points.
     later_returns
-        Number of points, by the header, that are not the first return of their pulse.
+        Number of points that are not the first return of their pulse, from the header.
     scales_m, offsets_m
-        What makes metres of the integers in the file, ``raw * scales_m + offsets_m``, each of
+        Conversion of the integers in the file to metres: ``raw * scales_m + offsets_m``, each of
         shape (3,).
     bounds
-        Least and largest x and y by the header, in units of the file, shape (2, 2).
+        Smallest and largest x and y from the header, in units of the file, shape (2, 2).
     reference
-        What the file states of its coordinate reference system.
+        The coordinate reference system and units that the file states.
     warnings
-        Codes, and sentences that go on from the file's name.
+        Codes, and sentences that continue after the name of the file.
 
     Raises
     ------
     RequestError
-        If the file is missing, damaged, empty, not on a plane, or of contradictory units.
+        If the file is missing, damaged or empty, if its coordinates are not on a plane, or if it
+        states contradictory units.
     MissingExtraError
         If laspy or its decoder is not installed.
     SurroundingsError
-        If the machine does not let it be read.
+        If the operating system does not allow it to be read.
     """
 
     def __init__(self, name: str, units: Units | None = None) -> None:
@@ -114,14 +115,14 @@ class PointFile:
             return first
 
     def stretch(self, x: float, y: float) -> None:
-        """Multiply x and y by factors, where a projection's scale is not 1."""
+        """Multiply x and y by factors, if the scale of the projection is not 1."""
         self.scales_m = self.scales_m * [x, y, 1.0]
         self.offsets_m = self.offsets_m * [x, y, 1.0]
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yield coordinates as integers, shape (3, n), classes (n,) and withheld flags (n,).
+        """Yield coordinates as integers (3, n), classes (n,) and withheld flags (n,).
 
-        Raises the same errors.
+        The errors are those of the constructor.
         """
         with _faults(self.name), open(self.name, "rb") as stream:
             reader = _reader(stream)
@@ -132,14 +133,14 @@ class PointFile:
                 records = _plain_records(reader.header, stream, self.count)
             for chunk in records:
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
-                # Of one piece, as numbers are compared sixty-four at a time then.
+                # A contiguous array, because numpy then compares many elements at once.
                 kind = np.ascontiguousarray(chunk.classification)
                 yield raw, kind, np.asarray(chunk.withheld, dtype=np.bool_)
 
     def pulse_chunks(self) -> Iterator[PulseChunk]:
-        """Yield what is known of the pulses as well.
+        """Yield points with the attributes of their pulses.
 
-        Raises the same errors.
+        The errors are those of the constructor.
         """
         with _faults(self.name), open(self.name, "rb") as stream:
             reader = _reader(stream, of_pulses=True)
@@ -163,9 +164,9 @@ class PointFile:
 
 
 class PulseChunk(NamedTuple):
-    """Some points of a file with what is known of their pulses, arrays of length n.
+    """Some points of a file with the attributes of their pulses, arrays of length n.
 
-    `raw` has shape (3, n); `time_s` is None if the file's points have no GPS time.
+    `raw` has shape (3, n).  `time_s` is None if the points of the file have no GPS time.
     """
 
     raw: NDArray[np.int32]
@@ -188,7 +189,7 @@ def not_metric(source: str, why: str) -> RequestError:
 
 @contextlib.contextmanager
 def _faults(name: str) -> Iterator[None]:
-    """Turn whatever goes wrong while a file is read into an error of ours."""
+    """Convert any failure while a file is read into an `AosplanError`."""
     try:
         yield
     except AosplanError:
@@ -204,7 +205,7 @@ def _faults(name: str) -> Iterator[None]:
     except (MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
-        # laspy, its decoder, struct and numpy each complain about damage in their own way.
+        # laspy, its decoder, struct and numpy report damage with exceptions of different types.
         raise RequestError(
             f"point cloud {name} is damaged or truncated: {' '.join(str(error).split())}"
         ) from error
@@ -221,14 +222,16 @@ def _reader(stream: IO[bytes], *, of_pulses: bool = False) -> Any:
     return laspy.open(
         stream,
         closefd=False,
-        # Extended records may hold anything, waveforms of gigabytes among it.
+        # Extended records may contain anything, such as gigabytes of waveforms.
         read_evlrs=False,
         decompression_selection=selection,
     )
 
 
 def _plain_records(header: Any, stream: IO[bytes], count: int) -> Iterator[Any]:
-    """Yield records that are not compressed, all in the same memory: each until the next."""
+    """Yield records that are not compressed; all use the same memory, so each is valid until the
+    next.
+    """
     from laspy import PackedPointRecord
 
     layout = header.point_format
@@ -243,7 +246,7 @@ def _plain_records(header: Any, stream: IO[bytes], count: int) -> Iterator[Any]:
 
 
 def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
-    """Number of points, after a look at whether the file can hold them, and what is odd of it."""
+    """Number of points, checked against the size of the file, and warnings about the header."""
     size = os.fstat(stream.fileno()).st_size
     head = stream.read(375)
     if not head:
@@ -267,7 +270,7 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
             f"point cloud {name} is damaged or truncated: its header places {records} records "
             f"before byte {start}, and the file has {size} bytes"
         )
-    # The upper bits of the format mark compression, where the width does not tell the size.
+    # The upper bits of the format mark compression. The size of compressed points is unknown.
     compressed, layout = kind >= 64, kind % 64
     if layout > LAST_POINT_FORMAT:
         raise RequestError(
@@ -302,12 +305,13 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
 
 
 def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
-    """See that the compressed chunks fit into the file, as the decoder allocates by their table.
+    """Check that the compressed chunks fit into the file, because the decoder allocates by their
+    table.
 
     Returns
     -------
     list
-        A warning if the chunks hold more points than the header counts.
+        A warning if the chunks contain more points than the header states.
     """
     with needs_extra("reading compressed point clouds", EXTRA):
         import lazrs
@@ -316,7 +320,7 @@ def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
         raise ValueError("the record that describes its compression is missing")
     start, size = header.offset_to_point_data, os.fstat(stream.fileno()).st_size
     table = _integer_at(stream, start, "<q")
-    if table <= 0:  # A writer that could not seek back left it at the end of the file.
+    if table <= 0:  # A writer that could not seek put the position at the end of the file.
         table = _integer_at(stream, size - 8, "<q")
     if not start < table < size or _integer_at(stream, table + 4, "<I") * 16 > size:
         raise ValueError("its table of chunks does not fit into the file")
@@ -326,7 +330,7 @@ def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
     if sum(length for _, length in chunks) > size - start:
         raise ValueError("its chunks do not fit into the file")
     stream.seek(start)
-    # Of chunks of one size the last may be filled in part.
+    # If all chunks have the same size, the last one may be filled partly.
     held = [points for points, _ in chunks]
     least = sum(held) if layout.uses_variable_size_chunks() else sum(held[:-1]) + 1
     if not held or least <= header.point_count:

@@ -1,9 +1,9 @@
-"""Coordinate reference systems of LAS and LAZ files, from wherever a file may state them.
+"""Coordinate reference systems of LAS and LAZ files, from all places where a file may state them.
 
-A file has WKT or GeoTIFF keys, in its variable length records before the points or in the
-extended ones behind them.  The WKT bit of the header decides which of them counts if both are
-there (LAS 1.4 R15, 2.4 and 2.6.2).  Of GeoTIFF keys, x and y have the unit of key 3076 or that of
-the projected system, key 3072; z has that of key 4099 or of the vertical system, key 4096.
+A file has WKT or GeoTIFF keys, in the variable length records before the points or in the extended
+ones after them.  If both exist, the WKT bit of the header decides which applies (LAS 1.4 R15, 2.4
+and 2.6.2).  With GeoTIFF keys, the unit of x and y is that of key 3076 or of the projected system,
+key 3072.  The unit of z is that of key 4099 or of the vertical system, key 4096.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     Warned = tuple[str, str]
 
 WKT, GEO_KEYS, GEO_DOUBLES, GEO_ASCII = 2112, 34735, 34736, 34737
-"""Record ids of the user LASF_Projection."""
+"""Record ids of the user id LASF_Projection."""
 
 MODEL, GEODETIC, PROJECTED, UNIT, UNIT_SIZE, VERTICAL, VERTICAL_UNIT = (
     1024, 2048, 3072, 3076, 3077, 4096, 4099,
@@ -33,31 +33,31 @@ MODEL, GEODETIC, PROJECTED, UNIT, UNIT_SIZE, VERTICAL, VERTICAL_UNIT = (
 
 USER_DEFINED = 32767
 WITHOUT_UNIT = range(5001, 5200)
-"""Values of key 4096 that GeoTIFF 1.0 has for ellipsoids and datums, which state no unit."""
+"""Values of key 4096 that GeoTIFF 1.0 uses for ellipsoids and datums, which have no unit."""
 
 MOST_BYTES = 1 << 20
-"""Longer records describe no coordinate reference system."""
+"""Longest record that is read as a coordinate reference system."""
 
 
 class UnclearUnitError(RequestError):
-    """What a file states of its units can be read in two ways, or not at all."""
+    """The units that a file states are ambiguous or unreadable."""
 
 
 class Reference(NamedTuple):
-    """What a file states of its coordinates.
+    """The coordinate reference system and units that a file states.
 
     Attributes
     ----------
     units
-        Metres in the units of x and y, and of z; None if nothing states them.
+        Metres in the unit of x and y, and in the unit of z; None if the file does not state it.
     horizontal
-        System of x and y, if there is one that can be read.
+        System of x and y, if there is one and it can be read.
     vertical
-        Name of the system of z, if the file names it.
+        Name of the system of z, if the file states it.
     unreadable
-        What cannot be read, going on from the name of the file, or empty.
+        What cannot be read, to continue a sentence after the name of the file; empty otherwise.
     warnings
-        Codes, and sentences that go on from the name of the file.
+        Codes, and sentences that continue after the name of the file.
     """
 
     units: Units = Units(None, None)
@@ -68,14 +68,16 @@ class Reference(NamedTuple):
 
 
 def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned]]:
-    """Units for every axis, and what is assumed or converted, going on from the file's name.
+    """Units for every axis, and warnings about assumptions and conversions.
+
+    The sentences of the warnings continue after the name of the file.
 
     Parameters
     ----------
     found
         What the file states.
     given
-        What the user says, which overrides it.
+        Units from the user, which override those that the file states.
     """
     if given is not None:
         return given, []
@@ -106,13 +108,14 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
 
 
 def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
-    """What a file states of its coordinates, by laspy's header and the open file.
+    """The coordinate reference system and units that a file states, from laspy's header and the
+    file.
 
     Raises
     ------
     RequestError
-        If the coordinates are not on a plane, the units contradict each other within one
-        statement, or the extended records lie past the end of the file.
+        If the coordinates are not on a plane, if the statements about one unit contradict each
+        other, or if the extended records are beyond the end of the file.
     """
     records = [
         (int(record.record_id), record.record_data_bytes())
@@ -148,7 +151,7 @@ def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
 
 
 def _extended(stream: IO[bytes], name: str) -> Iterator[tuple[int, bytes]]:
-    """Records behind the points that describe coordinates; others are passed over unread."""
+    """Records after the points that describe coordinates; other records are skipped."""
     size = os.fstat(stream.fileno()).st_size
     stream.seek(0)
     head = stream.read(375)
@@ -228,7 +231,7 @@ def _of_keys(records: dict[int, bytes], what: str) -> Reference:
 
 
 def _keys(records: dict[int, bytes]) -> dict[int, tuple[int, int]]:
-    """Place and value of each key of a directory."""
+    """Location and value of each key in the GeoTIFF key directory."""
     data = records[GEO_KEYS]
     if len(data) < 8:
         return {}
@@ -238,13 +241,13 @@ def _keys(records: dict[int, bytes]) -> dict[int, tuple[int, int]]:
 
 
 def _value(keys: dict[int, tuple[int, int]], key: int) -> int | None:
-    """A short value of a key; None if it is missing or undefined."""
+    """Value of a key that is a short integer; None if it is missing or undefined."""
     place, value = keys.get(key, (0, 0))
     return value if place == 0 and value != 0 else None
 
 
 def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float | None:
-    """Metres in the unit of x and y by its own key: a code, or a size in metres."""
+    """Metres in the unit of x and y from its own keys: a unit code, or a size in metres."""
     code = _value(keys, UNIT)
     if code is None:
         return None
@@ -259,7 +262,7 @@ def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float 
 def _agreed(
     by_key: float | None, by_system: float | None, axes: str, keys: tuple[int, int], what: str
 ) -> float | None:
-    """A unit that may be stated twice.
+    """A unit that may be stated by its own key and by the coordinate reference system.
 
     Raises
     ------

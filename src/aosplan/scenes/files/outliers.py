@@ -1,7 +1,8 @@
-"""Points of a cloud that are far from all others: named, and left for the user to judge.
+"""Warnings about points of a cloud that are far away from all others.
 
-One bird above a stand raises the canopy's top to its height, and one ground point that lies too
-deep raises every plant around it.  Both are read as they are, with a warning that says where.
+A single bird above a stand raises the canopy top to its height, and a ground point that is too low
+raises the heights of all plants around it.  Such points are not removed; a warning says where they
+are, and the user decides.
 """
 
 from __future__ import annotations
@@ -20,20 +21,20 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 GAP_M = 10.0
-"""Voxels above an empty space as high as this may be no vegetation."""
+"""Voxels above an empty gap that is at least this high may not be vegetation."""
 
 FEW = 0.001
-"""They are outliers if they are no more than this share of all occupied voxels."""
+"""Voxels above a gap are outliers if they are at most this share of all occupied voxels."""
 
 GROUND_STEP_M = 10.0
 STEEPEST = 2.0
-"""Ground farther than this from its neighbours, and beyond this slope towards them, is doubted."""
+"""A ground point is suspect if it is far from its neighbours and the slope to them is steeper."""
 
 NEIGHBOURS = 8
 
 
 def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
-    """Yield the warning of voxels that stand alone high above all others, if there are any."""
+    """Yield a warning about voxels high above all others, if there are any."""
     slices = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
     gaps = np.flatnonzero(np.diff(slices) > GAP_M / volume.voxel_m)
     if gaps.size == 0:
@@ -59,12 +60,12 @@ def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
 
 
 def of_ground(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:
-    """Yield the warning of ground points far below or above their neighbours.
+    """Yield a warning about ground points far below or above their neighbours, if there are any.
 
     Parameters
     ----------
     points
-        Ground points, shape (3, n), counted from the origin.
+        Ground points relative to the origin, shape (3, n).
     origin_m
         Corner of the plot, shape (3,).
     """
@@ -72,7 +73,7 @@ def of_ground(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:
 
     if points.shape[1] <= NEIGHBOURS:
         return
-    nearest = range(2, NEIGHBOURS + 2)  # the first is the point itself
+    nearest = range(2, NEIGHBOURS + 2)  # the first neighbour is the point itself
     distance, index = map(np.asarray, cKDTree(points[:2].T).query(points[:2].T, list(nearest)))
     step = points[2] - np.median(points[2, index], axis=1)
     found = np.flatnonzero(np.abs(step) > GROUND_STEP_M + STEEPEST * distance[:, -1])

@@ -1,13 +1,15 @@
-"""Point clouds: LAS and LAZ files of one stand become a `VoxelVolume`.
+"""Point clouds: LAS and LAZ files of one stand, converted to a `VoxelVolume`.
 
-Noise (classes 7 and 18, withheld points) is dropped.  The ground is a linear triangulation of
-the ground points, the nearest ground point outside their hull, evaluated at the corners of the
-voxel columns and bilinear between them; a point's height is its z above that.  A voxel is
-occupied where at least one point falls into it.
+Noise (classes 7 and 18, withheld points) is removed.  The ground points are triangulated, and the
+ground is linear within the triangles; outside their hull it has the height of the nearest ground
+point.  It is evaluated at the corners of the voxel columns and interpolated bilinearly between
+them.  The height of a point is its z above this ground.  A voxel is occupied if it contains at
+least one point.
 
-A file is decoded once.  Its coordinates, still the integers of the file, wait in an anonymous
-temporary file until the ground is known, and stream from there into the voxels: memory follows
-the voxels, not the points.  Nothing is allocated on a header's word.
+Each file is decoded once.  The coordinates, as integers of the file, are kept in an anonymous
+temporary file until the ground is known, and are then sorted into voxels block by block.  The
+memory therefore depends on the number of voxels, not of points.  No memory is allocated because of
+an unchecked number in a header.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ GroundMethod = Literal["auto", "class", "filter", "normalized"]
 NOISE_CLASSES = (7, 18)
 GROUND_CLASS = 2
 
-# Fifty for each vertex of the ground; of more, each has a mean that is sure enough.
+# Fifty points for each vertex of the ground; their mean is accurate enough without the others.
 ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 
 MAX_EXTENT_M = 100_000.0
@@ -65,26 +67,26 @@ SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
 FULL_FOOTPRINT = 0.95
 POINTS_A_COLUMN = 1.6
-"""Points on the ground of a voxel below which every fifth would hold none by chance."""
+"""Mean points per voxel column; with fewer, over a fifth of the columns are empty by chance."""
 
 MOST_PULSE_COLUMNS = 400_000
-"""Columns of voxels up to which pulses are fitted; wider plots take voxels twice as large,"""
+"""Largest number of voxel columns for a fit of pulses; wider plots get larger voxels."""
 
 LARGEST_PULSE_VOXEL_M = 0.5
-"""up to this size: V was within 2.3 % for voxels of 0.15 to 0.5 m."""
+"""Largest voxel for a fit of pulses; V differed by at most 2.3 % from 0.15 to 0.5 m."""
 
 DEFAULT_VOXEL_M = 0.25
 USUAL_VOXELS = 800_000_000
-"""Wide plots take larger voxels than the default ones for as many to be enough,"""
+"""Approximate limit of the number of voxels on large plots if the user gives no voxel size."""
 
 USUAL_TOP_M = 45.0
-"""up to this height,"""
+"""Greatest height of a stand that is assumed for this limit."""
 
 LARGEST_VOXEL_M = 0.5
-"""and up to this size: on wider ones the default is refused, as too small."""
+"""Largest voxel size for this limit. On larger plots, the default is refused as too small."""
 
 SPACINGS_ACROSS = 4.0
-"""Mean spacings of points across a square that is to hold one: it has 16 on average."""
+"""Side of a square in mean distances between points; it contains 16 points on average."""
 
 
 def read_voxels(
@@ -107,48 +109,48 @@ def read_voxels(
     paths
         The files; several are read as one cloud.
     voxel_m
-        Edge length of a voxel; None for 0.25 m, or on plots of several hundred metres what makes
-        `USUAL_VOXELS` of them, with a warning.
+        Edge length of a voxel.  None for 0.25 m, or, on plots of several hundred metres, for the
+        size that results in `USUAL_VOXELS` voxels, with a warning.
     ground
-        ``class``: the points of class 2.  ``filter``: a cloth simulation filter finds them.
-        ``normalized``: z already is the height above ground.  ``auto``: the first that applies
-        of class (a ground point per 25 m² or more), normalized (in nine of ten cells of 5 m
-        the lowest point lies within 0.5 m of zero) and filter.
+        ``class``: the points of class 2.  ``filter``: the points that a cloth simulation filter
+        finds.  ``normalized``: z is already the height above the ground.  ``auto``: the first of
+        these that applies: class (at least one ground point per 25 m²), normalized (the lowest
+        point is within 0.5 m of zero in nine of ten cells of 5 m), filter.
     min_height_m
         Points below this height are not occluders.
     units
-        Units of the coordinates instead of those that the files state: ``us-ft``, or ``us-ft,m``
-        if z has another one (`aosplan.crs.given_units`).
+        Units that replace those in the files: ``us-ft``, or ``us-ft,m`` if the unit of z differs
+        (`aosplan.crs.given_units`).
     opacity
-        ``voxels``: a voxel is opaque if a point lies in it.  ``pulses``: what a voxel hides is
-        fitted to the laser pulses (`aosplan.scenes.pulses`), and realised in smaller cells.
-        ``auto``: pulses if the cloud has them and they are sound, else voxels with a warning.
+        ``voxels``: a voxel is opaque if it contains a point.  ``pulses``: the opacity is fitted to
+        the laser pulses (`aosplan.scenes.pulses`) and realised in smaller cells.  ``auto``: pulses
+        if the cloud has them and they are usable, otherwise voxels with a warning.
     leaf_size_m
-        Edge of those cells; None for 0.06 m, more on large plots.
+        Edge of these cells; None for 0.06 m, or more on large plots.
     trajectory
-        CSV file of the sensor's positions (`aosplan.scenes.pulses.trajectory`); None to find
-        them from the pulses.
+        CSV file with positions of the sensor (`aosplan.scenes.pulses.trajectory`); None to
+        compute them from the pulses.
     crop
-        Rectangle outside of which points are left out; None to take them all.
+        Rectangle outside of which points are ignored; None to use all points.
     progress
-        Called with the work done and the work in total, in points; a point counts twice, when
-        it is read and when it is placed.
+        Function that is called with the work done and the total work, in points.  A point counts
+        twice, when it is read and when it is sorted into a voxel.
 
     Returns
     -------
     VoxelVolume
-        Slices up to the highest occupied one; coordinates in metres, converted from whatever
-        unit the files state.  Warnings name what was converted or assumed.
+        Slices up to the highest occupied one.  Coordinates are in metres, converted from the unit
+        that the files state.  Warnings name conversions and assumptions.
 
     Raises
     ------
     RequestError
-        If a file is missing, damaged or empty, its coordinates make no plot in metres, or
-        the plot has too many voxels.
+        If a file is missing, damaged or empty, if its coordinates are not metres on a plane, or
+        if the plot needs too many voxels.
     MissingExtraError
         If laspy, its LAZ backend or the ground filter is not installed.
     SurroundingsError
-        If the machine refuses: permission, disk, memory.
+        If the operating system fails: permission, disk, memory.
     """
     names = [os.fspath(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
     _check_request(names, voxel_m, ground, min_height_m)
@@ -239,7 +241,7 @@ def _from_pulses(
     trajectory: str | None,
     points: int,
 ) -> tuple[PulseVolume | None, str]:
-    """What the pulses say of a stand, or None and the reason why they say nothing."""
+    """The volume from the pulses of a stand, or None and the reason why they cannot be used."""
     from aosplan.scenes.pulses.fit import UnsoundPulsesError, volume_from_pulses
     from aosplan.scenes.pulses.trace import Grid
     from aosplan.scenes.pulses.trajectory import read_trajectory
@@ -270,7 +272,7 @@ def _from_pulses(
 
 
 def _voxel_for(cloud: Spool) -> tuple[float, list[Warned]]:
-    """Voxel size for a cloud, and a warning if it is not the default one."""
+    """Voxel size for a cloud, and a warning if it is not the default."""
     width_m, depth_m, rise_m = (float(length) for length in cloud.high_m - cloud.low_m)
     volume_m3 = width_m * depth_m * min(rise_m, USUAL_TOP_M)
     if not DEFAULT_VOXEL_M**3 < volume_m3 / USUAL_VOXELS <= LARGEST_VOXEL_M**3:
@@ -297,7 +299,7 @@ def _check_request(
         raise RequestError(f"ground method '{ground}' is unknown", f"use {', '.join(methods)}")
 
 
-# --- Points: from the files to the disk ---
+# --- Points: from the files to a temporary file ---
 
 
 def _decode(
@@ -307,7 +309,7 @@ def _decode(
     progress: Progress | None,
     box: Box | None,
 ) -> int:
-    """Spool all points that are not noise; return how many there were with it."""
+    """Store all points that are not noise; return the number of points including noise."""
     total = sum(file.count for file in files)
     done = 0
     for file in files:
@@ -341,7 +343,7 @@ def _decode(
 
 @dataclass(frozen=True)
 class _Plot:
-    """The rectangle that the points fill; whole voxels of it are the plot."""
+    """The rectangle of the points; the plot consists of the whole voxels in it."""
 
     origin_m: Floats
     size_m: Floats
@@ -352,7 +354,7 @@ class _Plot:
 
     @classmethod
     def around(cls, cloud: Spool, voxel_m: float, source: str) -> _Plot:
-        """Return the plot of a cloud, after a look at whether it can be one."""
+        """Return the plot of a cloud, after checking its coordinates and its size."""
         low, high = cloud.low_m, cloud.high_m
         size = high - low
         degrees = (np.abs([low[:2], high[:2]]) <= (180.0, 90.0)).all()
@@ -361,7 +363,7 @@ class _Plot:
                 source,
                 f"x {low[0]:g} to {high[0]:g} and y {low[1]:g} to {high[1]:g} look like degrees",
             )
-        # The ground filter works for long on a cloud that is kilometres high.
+        # The ground filter takes very long for a cloud that is kilometres high.
         if max(size) > MAX_EXTENT_M or size[2] > MAX_RISE_M:
             raise RequestError(
                 f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x {size[2]:.3g} m, "
@@ -374,16 +376,16 @@ class _Plot:
         return cls(low, size, rows, columns, voxel_m, source)
 
     def surface(self, points: Floats) -> NDArray[np.float32]:
-        """Height of the ground at the corners of the voxel columns, from points on it."""
+        """Height of the ground at the corners of the voxel columns, from ground points."""
         return surface(points, self.rows, self.columns, self.voxel_m)
 
 
 def _find_ground(
     cloud: Spool, plot: _Plot, method: GroundMethod
 ) -> tuple[str, NDArray[np.float32], list[Warned]]:
-    """Decide on a method; return it, z of the ground at the corners of the columns, and warnings.
+    """Choose a method; return it, z of the ground at the corners of the columns, and warnings.
 
-    z counts from the lowest point of the cloud.
+    z is relative to the lowest point of the cloud.
     """
     origin, size = plot.origin_m, plot.size_m
     if method in ("auto", "class"):
@@ -424,7 +426,7 @@ def _followed(
 
 
 def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
-    """Yield what a reader of the results should know about the cloud."""
+    """Yield warnings about the cloud for the user of the results."""
     occupancy = volume.column_occupancy
     if volume.ground == "filter":
         message = "the ground is what a cloth simulation filter found, not a classification"
@@ -452,7 +454,7 @@ def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[W
 
 
 def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
-    """Yield what a reader should know about voxels that are opaque if they hold a point."""
+    """Yield warnings about voxels that are opaque because they contain a point."""
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.opacity is not None and volume.opacity.reason:
         message = (

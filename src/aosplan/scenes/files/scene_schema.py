@@ -1,4 +1,4 @@
-"""Scene files, as pydantic checks them: for their JSON Schema, and to say what is wrong with one."""
+"""Pydantic models of scene files, for their JSON Schema and for messages about errors."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class SceneDocument(Document):
     correlogram: CorrelogramDocument | None = None
     density_by_offset: list[list[Finite]] | None = None
 
-    # Of the statistics, not read.
+    # Statistics that the program prints; they are not read.
     schema_: Any = Field(default=None, alias="schema")
     version: Any = None
     kind: Any = None

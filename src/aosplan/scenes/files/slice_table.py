@@ -1,4 +1,4 @@
-"""A table of slices (CSV) as a layered scene."""
+"""Tables of slices (CSV), read as layered scenes."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ COLUMNS: dict[str, Callable[[str, str], float]] = {
     "density": q.share,
     "occluder_size_m": _length,
 }
-"""Columns that the header has to name, in any order and among others, and how each is read."""
+"""Required columns of the header, in any order and among other columns, and their parsers."""
 
 
 def read_slices(path: str) -> LayeredScene:
-    """A layered scene from a CSV file with a header line, a slice a line.
+    """Read a layered scene from a CSV file with a header and one slice per line.
 
-    Lengths are metres, the density is a share (``0.02`` or ``2%``).  Slices may come in any
-    order, without overlap.
+    Lengths are in metres; the density is a share (``0.02`` or ``2%``).  Slices may be in any order
+    but must not overlap.
 
     Raises
     ------
     RequestError
-        If the file is no such table; the message names the line and the column.
+        If the file is not such a table; the message names the line and the column.
     """
     text = text_of(read_bytes(path), path)
     rows = csv.reader(text.splitlines(), strict=True)
@@ -72,9 +72,9 @@ def read_slices(path: str) -> LayeredScene:
 
 
 def _as_long_as(header: list[str], cells: list[str]) -> list[str]:
-    """A row without the empty cells behind the header's, or with those that it leaves out.
+    """A row with as many cells as the header.
 
-    Spreadsheets write commas behind the last column, and may leave them out again.
+    Spreadsheets add commas after the last column, or leave out empty cells at the end of a row.
     """
     if not any(cell.strip() for cell in cells[len(header) :]):
         cells = cells[: len(header)]
@@ -84,7 +84,7 @@ def _as_long_as(header: list[str], cells: list[str]) -> list[str]:
 
 
 def _places(header: list[str], path: str) -> dict[str, int]:
-    """Where each column stands."""
+    """Index of each column."""
     if not any(header):
         raise RequestError(f"'{path}' has no header line", f"it reads {','.join(COLUMNS)}")
     for mark, word in ((";", "semicolons"), ("\t", "tabs")):

@@ -1,4 +1,4 @@
-"""Points on the disk: from the files in any order, and back in blocks as often as is needed."""
+"""Temporary storage of points on the disk, from which they are read in blocks several times."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-# Small enough for the dozen arrays of a block to stay in a processor's cache.
+# Small enough that the dozen arrays of a block stay in a processor's cache.
 BLOCK_POINTS = 1 << 16
 
 
 class Spool:
-    """Points in an anonymous temporary file, as the integers they came as.
+    """Points in an anonymous temporary file, as the integers of their files.
 
-    They lie there in pieces of shape (3, n), the points marked as ground before the others.
+    They are stored in pieces of shape (3, n) with the ground points first.
     """
 
     def __init__(self) -> None:
@@ -47,7 +47,7 @@ class Spool:
         self._file.close()
 
     def append(self, raw: NDArray[np.int32], ground_count: int, file: PointFile) -> None:
-        """Add points of a file, shape (3, n), the first of which are ground."""
+        """Add points of a file, shape (3, n); the first `ground_count` of them are ground."""
         count = raw.shape[1]
         if count == 0:
             return
@@ -63,9 +63,9 @@ class Spool:
     def blocks(
         self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False, every: int = 1
     ) -> Iterator[Floats]:
-        """Yield points, or every second, third ..., as shape (3, n).
+        """Yield blocks of shape (3, n) with all points, or every second, third, ... point.
 
-        They count from an origin in multiples of a length.
+        Coordinates are relative to an origin, in units of `unit_m`.
         """
         position = 0
         for piece in self._pieces:

@@ -1,4 +1,4 @@
-"""Files of one point cloud: whether their coordinates go together, and what is said of them."""
+"""Checks that the files of one point cloud have the same coordinates, and their common warnings."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     Warned = tuple[str, str]
 
 APART_M = 0.05
-"""Coordinate reference systems that place a point farther apart than this are different ones."""
+"""Coordinate reference systems are different if a point differs by more than this between them."""
 
 
 def said_of_files(files: Sequence[PointFile]) -> list[Warned]:
-    """The warnings of files, one for all files that share it."""
+    """The warnings of files; a warning that several files share is given once."""
     names: dict[Warned, list[str]] = {}
     for file in files:
         for warning in file.warnings:
@@ -40,18 +40,19 @@ def _and_more(names: Sequence[str]) -> str:
 def brought_together(
     files: Sequence[PointFile], source: str
 ) -> tuple[list[Warned], tuple[float, float] | None]:
-    """Scale x and y of files to true metres, if they have one coordinate reference system.
+    """Scale x and y of the files to true metres, after checking that they have one reference
+    system.
 
     Returns
     -------
     tuple
-        Warnings, of a projection whose scale is not 1 here and of files that state no system; and
-        the latitude and longitude of the cloud, if its system says them.
+        Warnings about a projection whose scale is not 1 and about files without a reference
+        system; latitude and longitude of the cloud, if its reference system gives them.
 
     Raises
     ------
     RequestError
-        If the files have different systems, or their projection distorts angles here.
+        If the files have different reference systems, or if their projection distorts angles.
     """
     first = next((file for file in files if file.reference.horizontal is not None), None)
     if first is None:
@@ -86,7 +87,7 @@ def brought_together(
 
 
 def _check_same(first: PointFile, file: PointFile) -> None:
-    """Refuse a file whose system is not that of the first."""
+    """Refuse a file whose reference system differs from that of the first file."""
     one, other = first.reference, file.reference
     if other.horizontal is not None and file is not first:
         assert one.horizontal is not None
@@ -105,7 +106,7 @@ def _check_same(first: PointFile, file: PointFile) -> None:
 
 
 def _datum(name: str) -> str:
-    """Name of a vertical system without its unit: ``NAVD88 height (ftUS)`` is NAVD88."""
+    """Name of a vertical datum without its unit, so that ``NAVD88 height (ftUS)`` is NAVD88."""
     return name.lower().split(" height")[0].split("(")[0].strip()
 
 

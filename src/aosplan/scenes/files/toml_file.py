@@ -1,7 +1,8 @@
-"""Scene files: TOML or JSON tables that become scenes.
+"""Scene files in TOML and JSON.
 
-A table that is sound at first sight becomes one at once.  Only of others pydantic says what is
-wrong with them (`aosplan.scenes.files.scene_schema`): importing it takes as long as a plan.
+A quick check finds out whether a table is valid, which then becomes a scene directly.  Only if it
+is not, pydantic is imported to produce the error message (`aosplan.scenes.files.scene_schema`),
+because the import takes as long as a whole plan.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ TABLES = ("layers", "correlogram", "density_by_offset")
 
 
 class SceneFile(NamedTuple):
-    """What a scene file holds: a scene, and a correlogram's table where one was measured."""
+    """Content of a scene file: a scene, and the table of a correlogram if the file has one."""
 
     scene: Scene
     table: dict[str, Any] | None
     path: str
 
     def correlogram(self) -> Correlogram | None:
-        """The correlogram, which is checked now: a plan by another model does not pay for it."""
+        """The correlogram; it is checked here, so that other models do not spend time on it."""
         if self.table is None:
             return None
         from aosplan.scenes.files.correlogram_table import correlogram_from
@@ -45,7 +46,7 @@ class SceneFile(NamedTuple):
 
 
 def read_scene_file(path: str) -> SceneFile:
-    """A scene from a TOML or JSON file.
+    """Read a scene from a TOML or JSON file.
 
     Raises
     ------
@@ -62,7 +63,7 @@ def read_scene_file(path: str) -> SceneFile:
 
 
 def is_sound(table: Table) -> bool:
-    """Whether a table has the names and kinds of values of a scene file beyond doubt."""
+    """Whether a table certainly has the names and types of a scene file."""
     layers, correlogram = table.get("layers", []), table.get("correlogram", _NONE)
     return (
         isinstance(table.get("name"), str)
@@ -87,7 +88,7 @@ _NONE: dict[str, Any] = {"lags": [], "directions_deg": [], "rho": [], "reach": 0
 
 
 def _is_number(value: Any) -> bool:
-    # Booleans are integers, and integers may be larger than any float.
+    # bool is a subclass of int, and an int may be too large for a float.
     return (type(value) is float and math.isfinite(value)) or (
         type(value) is int and abs(value) < 2**53
     )
@@ -135,7 +136,7 @@ def _scene(table: Table, path: str) -> Scene:
 
 
 def _correlogram(table: Table) -> dict[str, Any] | None:
-    """A correlogram with the densities that stand beside it."""
+    """The table of a correlogram, with the densities that the document has outside of it."""
     if "correlogram" not in table:
         return None
     beside = {"density": "integrated_density", "density_by_offset": "density_by_offset"}
@@ -169,14 +170,14 @@ def _lacking(path: str, what: str) -> RequestError:
 
 
 def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
-    """A scene as a TOML file that plans at once: its statistics, without the cloud behind it.
+    """A scene as a TOML file with its statistics, from which a plan can be made without the cloud.
 
     Parameters
     ----------
     scene
         Uniform or layered.
     correlogram
-        Its correlogram, where there is one: the measured model then predicts by it.
+        The correlogram of the scene, if there is one; the measured model then uses it.
     """
     import tomli_w
 

@@ -1,9 +1,9 @@
-"""A stand in one compressed file (``.npz``), so that it plans again without its cloud.
+"""A stand in one compressed file (``.npz``), from which plans can be made without the point cloud.
 
-The file is a zip archive of plain arrays: ``occupied``, eight voxels to an octet along x, the
-numbers and texts of a `VoxelVolume` beside it, and what was estimated from them: the layers, and
-the correlogram where one was measured.  It is read without pickle, and written with fixed dates,
-so that the same stand gives the same bytes.
+The file is a zip archive of plain arrays.  It contains ``occupied`` (eight voxels per octet along
+x), the numbers and texts of a `VoxelVolume`, and the results computed from them: the layers, and
+the correlogram if there is one.  It is read without pickle and written with constant dates, so that
+the same stand results in the same bytes.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ if TYPE_CHECKING:
 
 VERSION = 1
 BOUNDS = ("densest", "most_open")
-"""Names of the bounds of a volume from pulses."""
+"""Names of the two bounds of a volume from pulses."""
 
 MOST_OCTETS = MAX_VOXELS // 4
-"""Size that a file, or an array in it, may have: eight voxels to an octet, and half as much again."""
+"""Largest size of a file, or of an array in it: twice that of all voxels at eight per octet."""
 
 PLAIN_OCTETS = 16 * 1024 * 1024
-"""A file may always unpack to this much,"""
+"""Size that any file may have after unpacking."""
 
 MOST_RATIO = 200
-"""and a larger one to so many times its size: the voxels of trees pack to a tenth or so."""
+"""Factor by which a larger file may grow; packing voxels of trees shrinks them to about a tenth."""
 
 DAMAGE = (
     ArithmeticError,
@@ -58,11 +58,11 @@ DAMAGE = (
     zipfile.LargeZipFile,
     zlib.error,
 )
-"""What readers of archives and arrays raise when the file is something else."""
+"""Exceptions of the readers of archives and arrays if the file is not valid."""
 
 
 class Stand(NamedTuple):
-    """A volume, its layers, and its correlogram where one was measured."""
+    """A volume, its layers, and its correlogram if there is one."""
 
     volume: VoxelVolume
     layers: tuple[Layer, ...]
@@ -70,7 +70,7 @@ class Stand(NamedTuple):
 
     @classmethod
     def of(cls, volume: VoxelVolume) -> Stand:
-        """A volume with its layers, which are estimated."""
+        """A volume with its layers, which are computed here."""
         from aosplan.scenes.occluder_statistics import layered_scene
 
         return cls(volume, layered_scene(volume, "stand").layers)
@@ -88,7 +88,7 @@ class Stand(NamedTuple):
 
 
 def stand_npz(stand: Stand) -> bytes:
-    """A stand as the bytes of an ``.npz`` file."""
+    """The bytes of an ``.npz`` file with a stand."""
     volume = stand.volume
     about = {
         "version": VERSION,
@@ -126,18 +126,18 @@ def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
 
 
 def read_stand(path: str) -> Stand:
-    """A stand from a file that `stand_npz` made.
+    """Read a stand from a file that `stand_npz` wrote.
 
     Raises
     ------
     RequestError
-        If the file is something else, is damaged, or would not fit in memory.
+        If the file is not valid, is damaged, or would not fit in memory.
     """
     return stand_in(read_bytes(path, most=MOST_OCTETS), path)
 
 
 def stand_in(stored: bytes, path: str) -> Stand:
-    """The stand in the content of a file; the errors of `read_stand`."""
+    """The stand in the content of a file; raises the errors of `read_stand`."""
     content = io.BytesIO(stored)
     try:
         with zipfile.ZipFile(content) as archive:
@@ -161,7 +161,7 @@ def _stand(
     about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]], path: str
 ) -> Stand:
     volume = _volume(about, packed, bounds)
-    if "layers" not in about:  # an early version kept the voxels alone
+    if "layers" not in about:  # a file of an early version has only the voxels
         return Stand.of(volume)
     layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
     table = about.get("correlogram")

@@ -1,14 +1,15 @@
 """Attenuation of each voxel from intercepted energy and path lengths, and its scale.
 
-With I the energy intercepted in a voxel and L the weight times path that entered it, I/L is the
-likeliest attenuation λ [1/m].  Few rays make it uncertain, so it is shrunk towards that of the
-block of 2 x 2 x 2 around it, λ = (I + a)/(L + a/λ_parent), from the layer through blocks of up to
-4 m down to the voxel.  The strength a of the shrinkage is the one with which one half of the
-pulses predicts the other best.
+I is the energy intercepted in a voxel, and L the sum of weight times path length in it.  The
+maximum likelihood estimate of the attenuation λ [1/m] is I/L.  It is uncertain if few rays cross
+the voxel.  It is therefore shrunk towards the attenuation of the block of 2 x 2 x 2 around the
+voxel, λ = (I + a)/(L + a/λ_parent).  The blocks form a pyramid from the whole layer through blocks
+of up to 4 m down to the voxel.  The strength a is chosen so that each half of the pulses predicts
+the other half best.
 
-The mean transmission through voxels of one λ each is not quite the measured one, as leaves are
-clumped within voxels and λ is uncertain.  A scale for all λ makes the pulses transmit, on average,
-what they report, each quarter of them through the λ of the other three (cross-fitting).
+The mean transmission through these voxels differs slightly from the measured one, because leaves
+are clumped within voxels and λ is uncertain.  A scale factor for all λ corrects this on average.
+It is found by cross-fitting: each quarter of the pulses is predicted by the λ of the other three.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ SCALES = (0.02, 50.0)
 
 
 class Sums(NamedTuple):
-    """Energy intercepted [pulses] and weight times path [m] by voxel, both of one shape."""
+    """Intercepted energy [pulses] and weight times path [m] of each voxel, both of the same shape."""
 
     intercepted: Singles
     path_m: Singles
 
 
 def total(parts: Sequence[Sums]) -> Sums:
-    """Sums of several parts of the pulses."""
+    """The sum of the sums of several parts of the pulses."""
     intercepted, path_m = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
     return Sums(intercepted, path_m)
 
@@ -49,9 +50,9 @@ def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:
     Parameters
     ----------
     sums
-        Of shape (slices, rows, columns).
+        Sums of shape (slices, rows, columns).
     strength
-        a: pulses' worth of the parent in each voxel.
+        a, the weight of the parent in each voxel, as a number of pulses.
     voxel_m
         Edge of a voxel.
     """
@@ -70,14 +71,14 @@ def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:
 
 
 def _shrunk(sums: Sums, parent: Singles, strength: float) -> Singles:
-    """(I + a)/(L + a/λ), and 0 below a parent without attenuation."""
+    """(I + a)/(L + a/λ), or 0 if the parent has no attenuation."""
     above = (sums.intercepted + np.float32(strength)) * parent
     rate: Singles = above / np.maximum(sums.path_m * parent + np.float32(strength), 1e-30)
     return rate
 
 
 def _halved(values: Singles) -> Singles:
-    """Sums over blocks of 2 x 2 x 2, the last ones padded."""
+    """Sums over blocks of 2 x 2 x 2; odd sizes are padded with zeros."""
     for axis in range(3):
         if values.shape[axis] % 2:
             pad = [(0, 0)] * 3
@@ -90,7 +91,7 @@ def _halved(values: Singles) -> Singles:
 
 
 def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
-    """Values of blocks in each of their voxels."""
+    """The value of each block, repeated for each of its voxels."""
     for axis, length in enumerate(shape):
         if values.shape[axis] == 1 and axis > 0:
             continue
@@ -101,7 +102,7 @@ def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
 
 
 def best_strength(halves: tuple[Sums, Sums], voxel_m: float) -> float:
-    """The strength with which each half of the pulses predicts the other best.
+    """The strength of the shrinkage with which each half of the pulses predicts the other best.
 
     The likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
     """
@@ -121,14 +122,14 @@ def best_strength(halves: tuple[Sums, Sums], voxel_m: float) -> float:
 
 
 def scale_for(depths: Floats, gap: float) -> float:
-    """Factor by which optical depths are to be multiplied so that their mean transmission is a gap.
+    """Factor of optical depths that makes their mean transmission equal to a gap fraction.
 
     Parameters
     ----------
     depths
         Optical depths of pulses, shape (P,).
     gap
-        Mean transmission that the pulses report, 0 to 1.
+        Mean transmission of the pulses, 0 to 1.
     """
     low, high = np.log(SCALES)
     for _ in range(50):

@@ -1,4 +1,4 @@
-"""Clean returns: exact duplicates, and flight lines that never saw the ground."""
+"""Cleaning of returns: exact duplicates, and flight lines without ground."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from aosplan.scenes.pulses.returns import Returns
 
 LOW_SHARE = 0.005
-"""Share of a line's last returns below the cut from which the line has seen the ground."""
+"""Smallest share of last returns below the cut in a flight line that reached the ground."""
 
 LONGEST_PAUSE_S = 5.0
-"""A line is cut in two where the sensor did not measure the stand for longer."""
+"""A flight line is split where the sensor recorded no return of the stand for longer than this."""
 
 
 def without_duplicates(returns: Returns) -> Returns:
-    """Returns of which no two agree in place, number, line and time, in their order.
+    """Returns without duplicates, which have the same coordinates, number, line and time.
 
-    Tiles that overlap, and files that were merged twice, repeat points.
+    The order is kept.  Points occur twice in overlapping tiles and in files that were merged twice.
     """
     odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
     key = np.zeros(returns.number.size, dtype=np.uint64)
@@ -37,7 +37,7 @@ def without_duplicates(returns: Returns) -> Returns:
 
 
 def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Spread the bits of keys (the finaliser of MurmurHash3), so that few collide."""
+    """Mix the bits of keys (the finaliser of MurmurHash3), so that few keys collide."""
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xFF51AFD7ED558CCD)
     key = (key ^ (key >> np.uint64(33))) * np.uint64(0xC4CEB9FE1A85EC53)
     mixed: NDArray[np.uint64] = key ^ (key >> np.uint64(33))
@@ -45,7 +45,7 @@ def _mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def split_lines(returns: Returns, *, timed: bool) -> Returns:
-    """Number the flight lines anew, from 0, each without a long pause."""
+    """Number the flight lines from 0, and split them at long pauses."""
     _, line = np.unique(returns.line, return_inverse=True)
     if not timed:
         return returns._replace(line=line.astype(np.int32))
@@ -59,10 +59,10 @@ def split_lines(returns: Returns, *, timed: bool) -> Returns:
 
 
 def lines_with_ground(returns: Returns, low: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which returns belong to flight lines whose last returns reach the ground.
+    """Mask of the returns in flight lines whose last returns reach the ground.
 
-    A clip that is cut by height or by class leaves lines without low returns.  Such a line
-    would count every pulse as intercepted.
+    If a cloud was clipped by height or by class, some lines have no low returns.  Every pulse of
+    such a line would count as intercepted.
     """
     last = returns.number == returns.total
     lines = int(returns.line.max(initial=-1)) + 1

@@ -1,4 +1,4 @@
-"""From the pulses of a point cloud to a binary volume: all steps, and the reasons to stop."""
+"""From the pulses of a point cloud to a binary volume: all steps, and reasons for stopping."""
 
 from __future__ import annotations
 
@@ -25,45 +25,45 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_RETURNS = 5_000_000
-"""Returns of a plot whose pulses are all traced; of one with more a share of the pulses is."""
+"""Largest number of returns whose pulses are all traced; of more, a random share of the pulses is."""
 
 MOST_VOXELS = 100_000_000
 FEWEST_PULSES = 1000
 FEWEST_A_M2 = 2.0
 LEAST_COMPLETE = 0.5
 FEWEST_THROUGH = 500
-"""Pulses that cross all of the canopy within the plot from which they alone set the scale."""
+"""Smallest number of pulses through the whole canopy within the plot that alone set the scale."""
 
 LEAST_COSINE = 0.2
-"""Of the zenith angle: flatter pulses say nothing of views from above."""
+"""Smallest cosine of the zenith angle; flatter pulses are not representative of views from above."""
 
 WIDEST_M = 0.5
-"""Distance of a first return from the line between the last one and the sensor."""
+"""Largest distance of a first return from the line between the last return and the sensor."""
 
 FOLDS = 4
-"""Parts of the pulses, each of which is predicted from the others."""
+"""Number of parts of the pulses; each is predicted from the others."""
 
 FOLD_SEED = 1
 ENERGIES = ("first", "weighted", "last")
 
 
 class UnsoundPulsesError(Exception):
-    """The pulses do not tell the opacity; the text says why."""
+    """The opacity cannot be found from the pulses; the message says why."""
 
 
 class PulseVolume(NamedTuple):
-    """What pulses say of a stand.
+    """Result of the fit of pulses.
 
     Attributes
     ----------
     occupied
         Opaque cells, shape (slices, rows, columns).
     bounds
-        The same for the gaps of first and of last returns.
+        Opaque cells for the gaps of first returns and for the gaps of last returns.
     cell_m
         Edge of a cell.
     opacity
-        How they were found.
+        How the opacity was found.
     """
 
     occupied: NDArray[np.bool_]
@@ -73,18 +73,18 @@ class PulseVolume(NamedTuple):
 
 
 class Beams(NamedTuple):
-    """Pulses that are fit for the attenuation, and what goes with each.
+    """Pulses that can be used for the attenuation, with their directions and energies.
 
     Attributes
     ----------
     returns, pulses
-        The returns, and the pulses among them.
+        The returns, and the pulses that they form.
     energy
         Shape (n,): energy of each return.
     low
-        Shape (n,): which returns lie below the cut, and so on the ground.
+        Shape (n,): returns below the cut, which count as ground.
     to_sensor
-        Shape (3, P): unit vectors.
+        Shape (3, P): unit vectors from the last return of each pulse to the sensor.
     kind
         Energies of the returns: ``intensity`` or ``equal``.
     """
@@ -97,11 +97,11 @@ class Beams(NamedTuple):
     kind: str
 
     def take(self, which: NDArray[np.bool_]) -> Beams:
-        """Some of the pulses."""
+        """A part of the pulses."""
         return self._replace(pulses=self.pulses.take(which), to_sensor=self.to_sensor[:, which])
 
     def gaps(self) -> dict[str, Floats]:
-        """Share of each pulse's energy that reaches the ground, by `ENERGIES`, shape (P,)."""
+        """Share of each pulse's energy that reaches the ground, for each of `ENERGIES`, shape (P,)."""
         reached = grouping.sums_of(self.pulses, self.energy * self.low)
         whole = grouping.sums_of(self.pulses, self.energy)
         return {
@@ -123,15 +123,15 @@ class Field(NamedTuple):
     Attributes
     ----------
     rate
-        λ [1/m], shape (slices, rows, columns), before the scale.
+        λ [1/m], shape (slices, rows, columns), before scaling.
     scales
-        Factors of λ, by `ENERGIES`.
+        Scale factors of λ, for each of `ENERGIES`.
     gaps
-        Share of energy that reaches the ground, by `ENERGIES`.
+        Share of the energy that reaches the ground, for each of `ENERGIES`.
     strength
-        Of the shrinkage.
+        Strength of the shrinkage.
     sampled
-        Share of the voxels between the cut and the top that pulses crossed.
+        Share of the voxels between cut and top that pulses crossed.
     """
 
     rate: NDArray[np.float32]
@@ -150,27 +150,27 @@ def volume_from_pulses(
     trajectory: Trajectory | None = None,
     points: int = 0,
 ) -> PulseVolume:
-    """Fit the attenuation of a stand to its pulses, and realise it.
+    """Fit the attenuation of a stand to its pulses, and realise it as cells.
 
     Parameters
     ----------
     files
         Point clouds of the stand.
     grid
-        Voxels above the ground; its number of slices is found here.
+        Voxels above the ground; the number of slices is determined here.
     origin_m
-        Shape (3,): the plot's corner, from which the grid counts.
+        Shape (3,): the corner of the plot, which is the origin of the grid.
     leaf_m
-        Edge of the cells; None for the default, larger on large plots.
+        Edge of the cells; None for the default, which is larger on large plots.
     trajectory
         Positions of the sensor, if they are known.
     points
-        Returns of the plot, which decide whether all of its pulses are traced.
+        Number of returns of the plot; if it is large, only a share of the pulses is traced.
 
     Raises
     ------
     UnsoundPulsesError
-        If the pulses do not tell.
+        If the pulses cannot be used.
     """
     share = min(MOST_RETURNS / max(points, 1), 1.0)
     beams, grid = sound_beams(files, grid, origin_m, trajectory, share)
@@ -222,12 +222,13 @@ def sound_beams(
     trajectory: Trajectory | None = None,
     share: float = 1.0,
 ) -> tuple[Beams, trace.Grid]:
-    """Clean, group and track the pulses of some files, and keep those that meet the plot's ground.
+    """Clean and group the returns of some files, find the directions, and keep the pulses of the
+    plot.
 
     Raises
     ------
     UnsoundPulsesError
-        If too few are left.
+        If too few pulses remain.
     """
     from aosplan.scenes.pulses.returns import read_returns
 
@@ -290,13 +291,13 @@ def sound_beams(
 def directions(
     returns: Returns, pulses: Pulses, trajectory: Trajectory | None, origin_m: Floats
 ) -> tuple[Floats, NDArray[np.bool_], float | None]:
-    """Unit vectors from the last returns to the sensor, and whether they are sound.
+    """Unit vectors from the last returns to the sensor, and whether they are reliable.
 
     Returns
     -------
     tuple
-        Vectors of shape (3, P), soundness (P,), and the residual [deg] of the worst flight line
-        that was rejected for it.
+        Vectors of shape (3, P); a mask of the reliable ones, shape (P,); the largest residual
+        [deg] of the flight lines that were rejected because of it.
     """
     at_m = returns.xyz_m[:, pulses.last]
     to_sensor = np.zeros_like(at_m)
@@ -323,7 +324,7 @@ def directions(
             to_sensor[:, of] = away / np.sqrt((away * away).sum(axis=0))
             sound[of] = True
     sound &= to_sensor[2] > LEAST_COSINE
-    # Returns that do not lie on the line to the sensor belong to two pulses.
+    # If the first return is not on the line to the sensor, the returns belong to different pulses.
     lever = returns.xyz_m[:, pulses.first] - at_m
     along = (lever * to_sensor).sum(axis=0)
     aside = np.sqrt(np.maximum((lever * lever).sum(axis=0) - along * along, 0.0))
@@ -332,12 +333,12 @@ def directions(
 
 
 def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
-    """Attenuation of each voxel, its scale by cross-fitting, and the gaps.
+    """Attenuation of each voxel, its scale from cross-fitting, and the gap fractions.
 
     Raises
     ------
     UnsoundPulsesError
-        If no energy reaches the ground, or all of it.
+        If no energy reaches the ground, or all of it does.
     """
     fold = np.random.Generator(np.random.PCG64(FOLD_SEED)).integers(0, FOLDS, len(beams.pulses))
     parts = [_sums(beams.take(fold == k), grid) for k in range(FOLDS)]
@@ -349,7 +350,7 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
     depths = np.zeros(len(beams.pulses))
     for k, part in enumerate(parts):
         others = attenuation.Sums(*(each - own for each, own in zip(both, part, strict=True)))
-        # A difference of sums may fall below 0 by rounding.
+        # Rounding may make a difference of sums negative.
         for each in others:
             np.maximum(each, 0.0, out=each)
         rate = attenuation.attenuation(others, strength, grid.voxel_m)
@@ -374,9 +375,10 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
 
 
 def through_canopy(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
-    """Which pulses cross all of the canopy within the plot, and have every return.
+    """Mask of the pulses that cross the whole canopy within the plot and have all returns.
 
-    The canopy outside the plot is unknown.  If these pulses are few, all with every return.
+    The canopy outside the plot is unknown.  If there are too few such pulses, the mask has all
+    pulses with all returns.
     """
     whole = beams.returns.number[beams.pulses.first] == 1
     last = beams.returns.xyz_m[:, beams.pulses.last]
@@ -387,7 +389,7 @@ def through_canopy(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
 
 
 def _sums(beams: Beams, grid: trace.Grid) -> attenuation.Sums:
-    """Intercepted energy and weighted path of each voxel."""
+    """Intercepted energy and weighted path length of each voxel."""
     shape = grid.shape
     returns = beams.returns
     intercepted, path_m = (np.zeros(int(np.prod(shape)), dtype=np.float32) for _ in range(2))
@@ -404,7 +406,7 @@ def _sums(beams: Beams, grid: trace.Grid) -> attenuation.Sums:
 
 
 def optical_depths(rate: NDArray[np.float32], beams: Beams, grid: trace.Grid) -> Floats:
-    """Optical depth of each pulse's whole line, down to the cut, shape (P,)."""
+    """Optical depth along the whole line of each pulse, down to the cut, shape (P,)."""
     paths = trace.paths_to_ground(beams.returns, beams.pulses, beams.to_sensor, grid)
     flat, depths = rate.ravel(), np.zeros(len(beams.pulses))
     for part in trace.lengths_in_voxels(paths, grid):

@@ -1,4 +1,4 @@
-"""From returns to pulses, by file order and rising return number, and the energy of returns."""
+"""Grouping of returns into pulses by file order and return number, and the energy of returns."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SAME_TIME_S = 1e-6
-"""Returns of one pulse have one time, but for its rounding; the fastest lasers fire as often."""
+"""Largest time difference between returns of one pulse; the fastest lasers fire at this interval."""
 
 PLAUSIBLE_SUM = 0.15
-"""Relative deviation from 1 that the energies of pulses of several returns may add up to."""
+"""Largest plausible deviation from 1 of the mean sum of energies of pulses with several returns."""
 
 FEWEST_OF_A_KIND = 50
-"""Returns of a kind from which their mean intensity calibrates."""
+"""Smallest number of returns of a kind whose mean intensity is used for calibration."""
 
 
 class Pulses(NamedTuple):
-    """Complete pulses: of each, all returns from the first that is present to the last.
+    """Complete pulses: each has all returns from the first one that is present to the last one.
 
     Attributes
     ----------
     first, stop
-        Shape (P,): the returns of pulse i are ``first[i]`` up to, without, ``stop[i]``.
+        Shape (P,): pulse i consists of returns ``first[i]`` to ``stop[i] - 1``.
     """
 
     first: NDArray[np.intp]
@@ -44,21 +44,21 @@ class Pulses(NamedTuple):
         return self.stop - 1
 
     def take(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Pulses:
-        """Some of the pulses."""
+        """A part of the pulses."""
         return Pulses(self.first[which], self.stop[which])
 
 
 def grouped(returns: Returns, *, timed: bool) -> tuple[Returns, Pulses, float]:
     """Group returns into pulses.
 
-    A pulse continues while the return number rises and the number of returns, the line and the
-    time stay.  If most pulses are broken, the file is not in the order of the measurement, and
-    the returns are sorted by line, time and return number first.
+    A pulse continues while the return number increases and the number of returns, the line and the
+    time stay the same.  If most pulses are incomplete, the file is not in the order of measurement,
+    and the returns are first sorted by line, time and return number.
 
     Returns
     -------
     tuple
-        The returns in the order of the pulses, the complete pulses, and their share of all.
+        The returns in the order of the pulses, the complete pulses, and their share of all pulses.
     """
     pulses, share = _in_order(returns, timed=timed)
     if share < 0.8 and timed:
@@ -91,12 +91,12 @@ def equal_energies(returns: Returns) -> Floats:
 
 
 def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_]) -> Floats | None:
-    """Energy of each return by its intensity, or None if the intensities do not add up.
+    """Energy of each return from its intensity; None if the intensities are not consistent.
 
     The intensity is divided by the mean intensity of single returns of the same kind (ground or
-    canopy), which have all the energy of their pulses.  Then the energies of pulses of several
-    returns add up to about 1 if the intensity measures energy, and to more if the instrument
-    adjusted its gain or its records are ranks.  They are normalised pulse by pulse.
+    canopy), which have all the energy of their pulses.  If intensity measures energy, the energies
+    of a pulse with several returns then add up to about 1.  The sum is larger if the instrument
+    adjusted its gain or recorded ranks.  Finally, the energies of each pulse are normalised.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
     pulses
         The complete pulses.
     low
-        Shape (n,): which returns are ground.
+        Shape (n,): the returns that are ground.
     """
     intensity = returns.intensity.astype(np.float64)
     single = np.zeros(intensity.size, dtype=np.bool_)
@@ -140,7 +140,7 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
 
 
 def members_of(pulses: Pulses) -> NDArray[np.intp]:
-    """Indices of the returns of pulses, pulse by pulse."""
+    """Indices of the returns of the pulses, pulse by pulse."""
     lengths = pulses.stop - pulses.first
     starts = np.cumsum(lengths) - lengths
     members: NDArray[np.intp] = np.arange(int(lengths.sum())) + np.repeat(

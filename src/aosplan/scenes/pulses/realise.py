@@ -1,9 +1,9 @@
-"""A binary volume of cells of leaf size from attenuation and a seed.
+"""A binary volume of cells of leaf size, from attenuation and a random seed.
 
-Each cell is opaque with the probability that its attenuation gives, 1 - exp(-λ t) for a slice
-of thickness t.  The cells are plates: a ray meets one of them in each slice, and further ones
-for its longer path (`aosplan.scenes.occlusion`).  Cubes would hide more than leaves do, because
-a slanted ray meets their side faces as well.
+Each cell is opaque with probability 1 - exp(-λ t), where λ is its attenuation and t the thickness
+of its slice.  The cells are plates: a ray meets one of them in each slice, and more of them if its
+path is longer (`aosplan.scenes.occlusion`).  Cubes would hide more than leaves do, because a
+slanted ray also meets their side faces.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SEED = 1
-"""Seed of the cells, so that the same cloud gives the same stand."""
+"""Constant seed of the cells, so that the same cloud results in the same stand."""
 
 LEAF_M = 0.06
-"""Edge of a cell.  Up to 0.1 m it makes little difference to a prediction."""
+"""Default edge of a cell.  Sizes up to 0.1 m make little difference to a prediction."""
 
 MOST_CELLS = 400_000_000
-"""Cells of one volume; larger plots take larger cells."""
+"""Largest number of cells of a volume; larger plots get larger cells."""
 
 
 def leaf_size_for(size_m: tuple[float, float], slices: int) -> float:
-    """Edge of a cell [m] for a plot: `LEAF_M`, or what keeps the volume within bounds."""
+    """Edge of a cell [m] for a plot: `LEAF_M`, or larger to limit the number of cells."""
     width, depth = size_m
     return max(LEAF_M, math.sqrt(width * depth * max(slices, 1) / MOST_CELLS))
 
@@ -45,26 +45,27 @@ def realised(
     scales: Sequence[float],
     seed: int = SEED,
 ) -> list[NDArray[np.bool_]]:
-    """Opaque cells of a stand, once for each scale of its attenuation.
+    """Opaque cells of a stand, for each scale of its attenuation.
 
-    All draw the same numbers, so what is opaque at one scale is opaque at every larger one.
+    All scales use the same random numbers.  A cell that is opaque at one scale is therefore opaque
+    at every larger scale.
 
     Parameters
     ----------
     attenuation_per_m
-        λ, shape (slices, rows, columns), in cubes of `voxel_m`.
+        λ [1/m], shape (slices, rows, columns), in cubes of edge `voxel_m`.
     voxel_m
         Edge of these cubes, and thickness of a slice of cells.
     cut_m
-        Height below which nothing stands.
+        Height below which the volume is empty.
     leaf_m
         Edge of a cell along x and y.
     size_m
-        Extent of the plot along x and y; a rim narrower than a cell is left out.
+        Size of the plot along x and y; a margin narrower than a cell is left out.
     scales
         Factors of λ.
     seed
-        Seed of the draw.
+        Random seed.
 
     Returns
     -------
@@ -83,7 +84,7 @@ def realised(
         thickness_m = min((k + 1) * voxel_m - cut_m, voxel_m)
         if thickness_m <= 0.0 or not plane.any():
             continue
-        # An exponential number below the optical depth: opaque.
+        # A cell is opaque if an exponentially distributed number is below its optical depth.
         drawn = rng.standard_exponential((down, across), dtype=np.float32)
         depth = plane[row[:, np.newaxis], column] * np.float32(thickness_m)
         for scale, volume in zip(scales, volumes, strict=True):

@@ -1,4 +1,4 @@
-"""Returns of laser pulses: the points of LAS and LAZ files with their numbers and times."""
+"""Returns of laser pulses: the points of LAS and LAZ files with their return numbers and times."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ NOISE_CLASSES = (7, 18)
 
 
 class Returns(NamedTuple):
-    """Returns in the order of their files, each array of length n.
+    """Returns in the order of their files; each array has length n.
 
     Attributes
     ----------
     xyz_m
-        Shape (3, n): metres from the plot's origin.
+        Shape (3, n): coordinates relative to the plot's origin.
     number, total
-        Return number and number of returns of the pulse.
+        Return number, and number of returns of the pulse.
     line
         Flight line: the point source ID of the file.
     time_s
-        GPS time [s], or the place in the file if the files have no times.
+        GPS time [s], or the index in the file if the files have no times.
     intensity
-        As the file states it.
+        Intensity as in the file.
     raw
-        Shape (3, n): the coordinates as integers of the file, which tell duplicates exactly.
+        Shape (3, n): coordinates as integers of the file, to find exact duplicates.
     """
 
     xyz_m: Floats
@@ -59,10 +59,10 @@ class Returns(NamedTuple):
 
 
 AROUND_M = 15.0
-"""Returns beside a plot that are kept: pulses come to its rim from there."""
+"""Width of the margin around a plot whose returns are kept, for pulses that cross its edge."""
 
 BLOCK = 1024
-"""Records of files without times that are kept or left out together, as pulses are of a few."""
+"""Number of consecutive records without times that are kept or left out together."""
 
 
 def read_returns(
@@ -71,18 +71,18 @@ def read_returns(
     size_m: tuple[float, float] | None = None,
     share: float = 1.0,
 ) -> tuple[Returns, bool]:
-    """The returns of a plot that are not noise, or of a share of its pulses.
+    """The returns of a plot that are not noise, for all or for a share of its pulses.
 
     Parameters
     ----------
     files
-        Of one stand, read in this order.
+        Files of one stand, read in this order.
     origin_m
-        Shape (3,): point from which the coordinates count, and at which the plot begins.
+        Shape (3,): origin of the coordinates, which is the corner of the plot.
     size_m
-        Extent of the plot along x and y; None for one that holds all returns.
+        Size of the plot along x and y; None for a plot that contains all returns.
     share
-        Share of the pulses, 0 to 1, all of whose returns are kept.
+        Share of the pulses whose returns are kept, 0 to 1.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def read_returns(
 
 
 def _drawn(times: Floats, share: float) -> NDArray[np.bool_]:
-    """Which returns belong to a share of the times, the same for all returns of a time."""
+    """Mask of the returns in a random share of the times; returns of the same time stay together."""
     key = times.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     key ^= key >> np.uint64(32)
     key *= np.uint64(0xD6E8FEB86659FD93)

@@ -1,10 +1,10 @@
 """The path of each pulse through the voxels, from above the canopy to its last return.
 
-A path is a polyline: from the sensor's side to the first return, from return to return, and, where
-the whole line is asked for, on to the ground.  It is cut every 2 m of height, where its height
-above the ground is evaluated anew, so that the voxels follow the ground.  Within a piece the
-crossings of all faces of voxels are sorted, so each length stands in exactly one voxel, and a
-path ends exactly at the hit.
+A path is a polyline that starts at the side of the sensor and goes from return to return; on
+request it is extended to the ground.  It is cut every 2 m of height, and the height of the ground
+is evaluated at each cut, so that the voxels follow the ground.  Within a piece, the intersections
+with all voxel faces are sorted.  Each length is therefore in exactly one voxel, and a path ends
+exactly at the hit.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PIECE_M = 2.0
-"""Height after which a path's height above the ground is evaluated anew."""
+"""Difference in height after which the height above the ground is evaluated again."""
 
 PIECES_AT_ONCE = 1 << 16
-"""Lengths within voxels that are worked on at a time."""
+"""Number of lengths within voxels that are processed at once."""
 
 
 class Grid(NamedTuple):
@@ -40,13 +40,13 @@ class Grid(NamedTuple):
     ground_m
         Shape (rows + 1, columns + 1): z of the ground at the corners of the columns.
     voxel_m
-        Edge length.
+        Edge length of a voxel.
     slices
         Number of slices of voxels.
     cut_m
-        Height below which nothing counts.
+        Height below which lengths are ignored.
     size_m
-        Extent of the points along x and y: the last row and column may be filled in part.
+        Size of the plot along x and y; the last row and column may be filled partly.
     """
 
     ground_m: NDArray[np.float32]
@@ -61,7 +61,7 @@ class Grid(NamedTuple):
         return self.slices, self.ground_m.shape[0] - 1, self.ground_m.shape[1] - 1
 
     def heights_m(self, xyz_m: Floats) -> Floats:
-        """Height above the ground, shape (n,); outside the plot, above its rim."""
+        """Height above the ground, shape (n,); for points outside the plot, above its edge."""
         rows, columns = self.shape[1:]
         x = np.clip(xyz_m[0] / self.voxel_m + FACE, 0.0, columns)
         y = np.clip(xyz_m[1] / self.voxel_m + FACE, 0.0, rows)
@@ -78,14 +78,16 @@ class Grid(NamedTuple):
         return heights
 
     def inside(self, xyz_m: Floats) -> NDArray[np.bool_]:
-        """Whether points lie over the plot."""
+        """Whether points are above the plot."""
         x, y = xyz_m[0], xyz_m[1]
         within: NDArray[np.bool_] = (x >= 0.0) & (x <= self.size_m[0])
         within &= (y >= 0.0) & (y <= self.size_m[1])
         return within
 
     def cells(self, x_m: Floats, y_m: Floats, height_m: Floats) -> NDArray[np.intp]:
-        """Flat index of the voxel that holds points; -1 outside the volume and below the cut."""
+        """Flat index of the voxel that contains each point; -1 outside the volume and below the
+        cut.
+        """
         slices, rows, columns = self.shape
         column = np.floor(x_m / self.voxel_m + FACE).astype(np.intp)
         row = np.floor(y_m / self.voxel_m + FACE).astype(np.intp)
@@ -98,18 +100,18 @@ class Grid(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """Straight pieces of the paths of pulses above the ground.
+    """Straight pieces of the paths of pulses, with heights above the ground.
 
     Attributes
     ----------
     owner
-        Shape (L,): the pulse of each piece, counted within the pulses that were asked for.
+        Shape (L,): index of the pulse of each piece.
     start, end
-        Shape (3, L): x, y and height above the ground [m] of the ends of each piece.
+        Shape (3, L): x, y and height above the ground [m] of both ends of each piece.
     stretch
-        Shape (L,): true length over the length between the ends.
+        Shape (L,): true length divided by the distance between the ends.
     weight
-        Shape (L,): energy that the pulse has left on the piece, of 1.
+        Shape (L,): share of its energy that the pulse still has on the piece.
     """
 
     owner: NDArray[np.intp]
@@ -128,7 +130,7 @@ class Lengths(NamedTuple):
 
 
 def points_at_height(points: Floats, to_sensor: Floats, grid: Grid, height_m: float) -> Floats:
-    """Where the lines from points to the sensor have a height above the ground, shape (3, P)."""
+    """Points at a height above the ground on the lines from points to the sensor, shape (3, P)."""
     found = points.copy()
     upward = np.maximum(to_sensor[2], 0.05)
     for _ in range(4):
@@ -143,7 +145,7 @@ def paths_to_hits(
     to_sensor: Floats,
     grid: Grid,
 ) -> Paths:
-    """Paths from above the canopy through all returns, with the energy that is left on each.
+    """Paths from above the canopy through all returns, with the energy that remains on each piece.
 
     Parameters
     ----------
@@ -167,28 +169,30 @@ def paths_to_hits(
     taken = energy[member]
     before = np.cumsum(taken) - taken
     since = before - np.repeat(before[starts], lengths)
-    # Earlier returns that the clip has lost took their share before.
+    # Earlier returns that are missing because of a clip have already taken their share.
     whole = np.bincount(owner, taken, len(pulses))
     left = np.repeat(whole, lengths) - since
     return _cut(owner, begin, end, left, grid)
 
 
 def paths_to_ground(returns: Returns, pulses: Pulses, to_sensor: Floats, grid: Grid) -> Paths:
-    """Straight paths from above the canopy to the ground, of weight 1."""
+    """Straight paths from above the canopy to the ground, with weight 1."""
     foot = points_at_height(returns.xyz_m[:, pulses.last], to_sensor, grid, 0.0)
     entry = _entries(foot, to_sensor, grid)
     return _cut(np.arange(len(pulses)), entry, foot, np.ones(len(pulses)), grid)
 
 
 def _entries(points: Floats, to_sensor: Floats, grid: Grid) -> Floats:
-    """Points on the lines to the sensor above all that stands, or the points themselves."""
+    """Points above the canopy on the lines to the sensor, or the points themselves if they are
+    higher.
+    """
     top = points_at_height(points, to_sensor, grid, grid.slices * grid.voxel_m)
     entries: Floats = np.where(top[2] > points[2], top, points)
     return entries
 
 
 def _cut(owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, grid: Grid) -> Paths:
-    """Cut legs into pieces of bounded height, each with heights above the ground at its ends."""
+    """Cut legs into pieces of limited height, with heights above the ground at both ends."""
     count = np.ceil(np.abs(begin[2] - end[2]) / PIECE_M).astype(np.intp)
     np.maximum(count, 1, out=count)
     leg = np.repeat(np.arange(count.size), count)
@@ -198,7 +202,7 @@ def _cut(owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, gr
     stop = start + step
     true_m = np.sqrt((step * step).sum(axis=0))
     start[2], stop[2] = grid.heights_m(start), grid.heights_m(stop)
-    # What lies below the cut, above the volume or beside the plot on both ends is of no use.
+    # Pieces that are below the cut, above the volume or beside the plot at both ends are removed.
     slices, rows, columns = grid.shape
     high = np.array([columns, rows, slices])[:, np.newaxis] * grid.voxel_m
     low = np.array([0.0, 0.0, grid.cut_m])[:, np.newaxis]
@@ -212,11 +216,11 @@ def _cut(owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, gr
 
 
 def lengths_in_voxels(paths: Paths, grid: Grid) -> Iterator[Lengths]:
-    """Yield the lengths of paths within voxels, some pieces at a time.
+    """Yield the lengths of paths within voxels, for some pieces at a time.
 
     Lengths outside the volume are left out.
     """
-    # From here on lengths count in voxels; the cut is one more face.
+    # From here on, lengths are in voxels; the cut is treated as another face.
     start, end = paths.start / grid.voxel_m + FACE, paths.end / grid.voxel_m + FACE
     crossings = (np.abs(np.floor(end) - np.floor(start))).sum(axis=0).astype(np.intp) + 2
     bounds = np.cumsum(crossings)

@@ -1,8 +1,9 @@
-"""Where the sensor was: from the pulses of several returns, or from a trajectory file.
+"""Positions of the sensor, from pulses with several returns.
 
-The first and the last return of a pulse lie on a line through the sensor.  For each flight line
-the sensor moves linearly, S(t) = S₀ + V t, and S₀ and V minimise the distances from the lines,
-robustly (Tukey's biweight), weighted by the square of the lever arm between the two returns.
+The line through the first and the last return of a pulse passes through the sensor.  In each flight
+line the sensor is assumed to move linearly, S(t) = S₀ + V t.  S₀ and V minimise the distances to
+these lines in a robust fit (Tukey's biweight).  The weights contain the square of the distance
+between the two returns.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 FEWEST_PULSES = 100
-"""Pulses of several returns from which a flight line's track is fitted."""
+"""Smallest number of pulses with several returns to which the track of a flight line is fitted."""
 
 SHORTEST_LEVER_M = 1.0
 LARGEST_RESIDUAL_DEG = 0.5
-"""Median residual of a direction up to which a track is sound; with no motion it is 1 to 3°."""
+"""Largest median residual of a valid track; it would be 1 to 3° without a motion of the sensor."""
 
 TUKEY = 4.685
 ROUNDS = 20
 DRAWS = 60
 DRAWN = 12
-"""Pulses of a draw: with a tenth of wild ones, every fourth draw has none."""
+"""Pulses per draw; if a tenth of the pulses are outliers, about every fourth draw has none."""
 
 JUDGES = 1000
 DRAW_SEED = 1
@@ -38,7 +39,7 @@ MOST_PULSES = 20_000
 
 
 class Track(NamedTuple):
-    """Sensor of one flight line: position at time `middle_s`, and velocity.
+    """Motion of the sensor in one flight line: position at time `middle_s`, and velocity.
 
     `residual_deg` is the median angle between the pulses and the directions to the sensor.
     """
@@ -57,7 +58,7 @@ class Track(NamedTuple):
 
 
 def fitted(returns: Returns, pulses: Pulses) -> Track | None:
-    """The track of one flight line, or None if it has too few pulses of several returns.
+    """The track of a flight line; None if it has too few pulses with several returns.
 
     Parameters
     ----------
@@ -77,13 +78,13 @@ def fitted(returns: Returns, pulses: Pulses) -> Track | None:
     time_s = returns.time_s[pulses.first[used]]
     middle_s = float(np.median(time_s))
     spread_s = max(float(np.ptp(time_s)), 1e-9)
-    # Times of order 1, so that the equations are well conditioned.
+    # The times are scaled to order 1, so that the equations are well conditioned.
     since = (time_s - middle_s) / spread_s
     found = _start(middle, direction, since, length)
     for _ in range(ROUNDS):
         place = found[:3, np.newaxis] + found[3:, np.newaxis] * since
         angle, distance = _angles(place - middle, direction)
-        # An angle's error is the returns' error over the lever arm.
+        # The error of an angle is the error of the returns divided by their distance.
         scaled = angle * length
         spread = 1.4826 * float(np.median(scaled)) / 1.1774 + 1e-12
         share = np.clip(scaled / (TUKEY * spread), 0.0, 1.0)
@@ -104,10 +105,11 @@ def fitted(returns: Returns, pulses: Pulses) -> Track | None:
 
 
 def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> Floats:
-    """S₀ and V from the few pulses, of many draws, with which most others agree best.
+    """S₀ and V from a small random sample of pulses, chosen from many as the one that fits most
+    pulses.
 
-    Least squares over all pulses would follow those that were grouped from two, whose lever
-    arms are long.
+    Least squares over all pulses would be dominated by outliers: returns of two pulses that were
+    grouped into one are far apart.
     """
     rng = np.random.Generator(np.random.PCG64(DRAW_SEED))
     judges = rng.choice(length.size, min(length.size, JUDGES), replace=False)
@@ -138,7 +140,7 @@ def _least_squares(middle: Floats, direction: Floats, since: Floats, weight: Flo
 
 
 def _angles(to_sensor: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """Angle between directions [rad] and the distance to the sensor."""
+    """Angles between directions and the lines of pulses [rad], and distances to the sensor."""
     distance = np.sqrt((to_sensor * to_sensor).sum(axis=0))
     cross = np.cross(to_sensor.T, direction.T)
     sine = np.sqrt((cross * cross).sum(axis=1)) / distance

@@ -1,4 +1,4 @@
-"""Trajectory files: where the sensor was at which GPS time."""
+"""Trajectory files: positions of the sensor by GPS time."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ MOST_OCTETS = 1 << 30
 
 
 class Trajectory(NamedTuple):
-    """Positions of the sensor at rising times.
+    """Positions of the sensor at increasing times.
 
     Attributes
     ----------
     time_s
-        Shape (n,): GPS times as the point cloud has them.
+        Shape (n,): GPS times, as in the point cloud.
     xyz_m
-        Shape (3, n): in the coordinates of the point cloud.
+        Shape (3, n): positions in the coordinates of the point cloud.
     """
 
     time_s: Floats
     xyz_m: Floats
 
     def covers(self, time_s: Floats) -> NDArray[np.bool_]:
-        """Whether times lie within the file's."""
+        """Whether times are within the range of the file."""
         within: NDArray[np.bool_] = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         return within
 
     def at(self, time_s: Floats) -> Floats:
-        """Positions at some times, shape (3, n), linear between those of the file."""
+        """Positions at some times, shape (3, n), interpolated linearly."""
         return np.stack([np.interp(time_s, self.time_s, axis) for axis in self.xyz_m])
 
 
 def read_trajectory(path: str) -> Trajectory:
     """Read a CSV file with the columns gps_time, x, y and z.
 
-    Times are those of the point cloud's points, coordinates those of the point cloud, in metres.
+    Times and coordinates are those of the point cloud, with coordinates in metres.
 
     Raises
     ------
