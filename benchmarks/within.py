@@ -180,7 +180,7 @@ def brute_force(request: PlanRequest, floor: float) -> Tried:
         )  # fmt: skip
         inputs = resolve_inputs(opened, load=lambda _: scene)
         area_m2 = inputs.area.whole.area if inputs.area is not None else 0.0
-        model = detection_model(scene.scene, opened, altitude).for_search()
+        model = detection_model(inputs).for_search()
         for (grid, rows, columns, pitch), share in itertools.product(kinds(), SHARES):
             baseline = share * widest_m(inputs, rows, columns, pitch)
             combinations += len(triggers) * len(headings)

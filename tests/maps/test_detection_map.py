@@ -73,7 +73,9 @@ def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
             assert sorted(map(tuple, np.round(mine, 6).tolist())) == sorted(
                 map(tuple, np.round(plain, 6).tolist())
             )
-        alone = detection_at(planned, along_heading(*mine.T, planned.heading_deg)).probability
+        alone = detection_at(
+            planned.inputs, along_heading(*mine.T, planned.heading_deg)
+        ).probability
         errors.append(found[place] - alone)
     assert np.abs(errors).max() < 0.04
     assert np.sqrt(np.mean(np.square(errors))) < 0.015
@@ -120,7 +122,9 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
         along = 2.9 * (np.arange(-10, 10) + phase)
         along = along[np.abs(along) <= along_m / 2]
         curve = [
-            detection_at(planned, np.column_stack([along, np.full(len(along), y)])).probability
+            detection_at(
+                planned.inputs, np.column_stack([along, np.full(len(along), y)])
+            ).probability
             for y in aside
         ]
         width.append(swath_m * np.mean(curve))
@@ -137,7 +141,7 @@ def test_a_denser_canopy_hides_more_and_the_middle_of_the_stand_is_where_it_is()
     occupied[:, :, : occupied.shape[2] // 2] = False
     stand = replace(stand, occupied=occupied, place=middle)
     planned = plan(PlanRequest(**SPARSE, origin=middle))
-    inputs = replace(planned.inputs, loaded=replace(planned.inputs.loaded, volume=stand))
+    inputs = planned.inputs._replace(loaded=replace(planned.inputs.loaded, volume=stand))
     cells, _ = ground_of(planned)
     canopy = canopy_over(replace(planned, inputs=inputs), cells)
     east, north = cells.middles_m.T

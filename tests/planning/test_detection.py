@@ -6,7 +6,7 @@ from aosplan import PlanRequest, RequestError, plan
 from aosplan.models.detection import DetectionModel
 from aosplan.models.signatures import PERSON_M, Signature
 from aosplan.models.target_window import Target
-from aosplan.planning.detection import sentence
+from aosplan.planning.detection import detection_text
 
 OWN = {"contrast": 1.0, "canopy_offset": 0.0, "crown_share": 0.0}
 
@@ -47,11 +47,11 @@ def test_a_signature_is_named_as_assumed_and_in_the_request():
 def test_words_of_a_search():
     planned = plan(PlanRequest(altitude=40, find="person", samples=9, baseline=1.0, **OWN))
     hundred = round(100 * planned.detection.probability)
-    words = sentence(planned.detection, planned.request)
+    words = detection_text(planned)
     assert words.startswith(f"of 100 people lying there, about {hundred} would be found at one ")
     several = plan(PlanRequest(altitude=40, find="2x3", false_alarms=0.5, **OWN))
-    assert "100 targets of 2 x 3 m lying there" in sentence(several.detection, several.request)
-    assert "at 0.5 false alarms a hectare" in sentence(several.detection, several.request)
+    assert "100 targets of 2 x 3 m lying there" in detection_text(several)
+    assert "at 0.5 false alarms a hectare" in detection_text(several)
 
 
 def test_warnings_of_few_photos_and_of_targets_below_a_pixel():

@@ -205,7 +205,7 @@ def test_patches_stand_for_the_whole_target_area(monkeypatch):
 def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
     loaded = replace(flight.inputs.loaded, volume=volume)
-    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded, model="measured"))
+    made = replace(flight, inputs=flight.inputs._replace(loaded=loaded, model="measured"))
     for view in ("perspective", "telecentric"):
         found = simulate(made, Settings(view=view))
         truth = MeasuredModel(volume, 60.0, view=view).predict(
@@ -223,7 +223,7 @@ def test_a_cloud_is_asked_for_the_view_that_is_simulated(flight, monkeypatch):
 def test_a_cloud_does_not_keep_what_independent_layers_promise(flight):
     volume = clumped_forest(generator(1), 0.6, 0.5, 2.0, 10.0, (24.0, 20.0))
     loaded = replace(flight.inputs.loaded, volume=volume)
-    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded))
+    made = replace(flight, inputs=flight.inputs._replace(loaded=loaded))
     assert not simulate(made, Settings()).agree
 
 
@@ -267,7 +267,7 @@ def test_what_cannot_be_simulated_is_refused(change, settings, words):
 def test_a_uniform_forest_needs_a_uniform_scene(flight):
     scene = LayeredScene("stand", (Layer(2.0, 3.0, 0.2, 0.5),))
     loaded = replace(flight.inputs.loaded, scene=scene)
-    made = replace(flight, inputs=replace(flight.inputs, loaded=loaded))
+    made = replace(flight, inputs=flight.inputs._replace(loaded=loaded))
     with pytest.raises(RequestError, match="'stand' has layers"):
         simulate(made, Settings(forest="uniform"))
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from aosplan.maps.photo_sets import along_and_across
 from aosplan.models.detection import DetectionModel
-from aosplan.planning.detection import CLEAR, signature_of, slices_of, target_of
+from aosplan.models.target_window import Target
+from aosplan.planning.detection import CLEAR, find_of, slices_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -60,8 +61,8 @@ class PlaceDetection:
     def __init__(self, plan: PlanData) -> None:
         assert plan.detection is not None
         self._plan = plan
-        self._layers = slices_of(plan.scene, plan.request)
-        self._signature, _ = signature_of(plan.request)
+        self._layers = slices_of(plan.inputs)
+        self._signature = find_of(plan.inputs).signature
         self._models: dict[float, DetectionModel] = {}
         self._is_lattice = True
         if plan.model == "measured" and plan.problem is not None:
@@ -133,14 +134,13 @@ class PlaceDetection:
 
     def _model(self, depth: float) -> DetectionModel:
         if depth not in self._models:
-            request = self._plan.request
-            assert request.false_alarms is not None
+            find = find_of(self._plan.inputs)
             self._models[depth] = DetectionModel(
                 scaled(self._layers, depth),
                 self._plan.altitude_m,
-                target_of(request),
+                Target(*find.size_m),
                 self._signature,
-                false_alarms=request.false_alarms,
+                false_alarms=find.false_alarms,
             )
         model = self._models[depth]
         return model if self._is_lattice else model.for_search()

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import Protocol
 
+    from aosplan.camera.camera import Camera
+
     class _Aircraft(Protocol):
         """The options of a request that this module reads."""
 
@@ -91,19 +93,19 @@ def camera_of_payload(payload: str) -> str | None:
     return next((name for name in named if name in CAMERAS), None)
 
 
-def aircraft_warnings(request: _Aircraft) -> Iterator[Message]:
-    """Warnings of a camera that the drone does not carry."""
-    if request.drone is None or request.camera is None:
+def aircraft_warnings(drone_name: str | None, camera: Camera) -> Iterator[Message]:
+    """Warn of a camera that the drone does not carry."""
+    if drone_name is None or not camera.name.startswith("dji-"):
         return
     from aosplan.mission.dji_models import DRONES
 
-    drone = DRONES.get(request.drone)
-    if drone is None or drone.payload is None or not request.camera.startswith("dji-"):
+    drone = DRONES.get(drone_name)
+    if drone is None or drone.payload is None:
         return
-    if not _fits(request.camera, drone.payload):
+    if not _fits(camera.name, drone.payload):
         yield Message(
             "camera_of_another_drone",
-            f"--camera {request.camera} is not the camera of --drone {request.drone}: the plan "
+            f"--camera {camera.name} is not the camera of --drone {drone_name}: the plan "
             "holds for the camera that is named, and the drone flies with its own",
         )
 

@@ -1,6 +1,6 @@
-"""The detection that a plan promises: from a solved request to the model of `aosplan.models`.
+"""The probability of detection of a plan: from its inputs to the models of `aosplan.models`.
 
-Loaded where something is looked for, and nowhere else.
+This module is loaded only if a plan looks for a target.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from aosplan.grid.patterns import local_sites
 from aosplan.messages import Message
 from aosplan.models.counted_detection import count_detection
 from aosplan.models.detection import DetectionModel
-from aosplan.models.signatures import SIGNATURES, Signature
 from aosplan.models.target_window import Target
-from aosplan.planning.option_parsers import PERSON, target_m
+from aosplan.planning.option_parsers import PERSON
 from aosplan.scenes.scene import Layer
 
 if TYPE_CHECKING:
@@ -27,11 +26,9 @@ if TYPE_CHECKING:
 
     from aosplan.grid.patterns import Sites
     from aosplan.models.detection import Detection
-    from aosplan.planning.loaded_scene import LoadedScene
+    from aosplan.models.signatures import Signature
     from aosplan.planning.plan_data import PlanData
-    from aosplan.planning.request import PlanRequest
-    from aosplan.scenes.scene import Scene
-    from aosplan.scenes.voxels import VoxelVolume
+    from aosplan.planning.resolve import FindInputs, PlanInputs
 
     Floats = NDArray[np.float64]
 
@@ -45,40 +42,29 @@ MOST_CROWN_SHARE = 0.2
 """Share of the clutter at the scale of crowns up to which it is."""
 
 
-def target_of(request: PlanRequest) -> Target:
-    """What a request looks for."""
-    assert request.find is not None
-    return Target(*target_m(request.find))
-
-
-def signature_of(request: PlanRequest) -> tuple[Signature, str]:
-    """The signature of a request, and its name if it is an assumed one."""
-    if request.signature is not None:
-        return SIGNATURES[request.signature], request.signature
-    assert request.contrast is not None
-    assert request.canopy_offset is not None
-    assert request.crown_share is not None
-    return Signature(request.contrast, request.canopy_offset, request.crown_share), ""
-
-
-def slices_of(scene: Scene, request: PlanRequest) -> tuple[Layer, ...]:
-    """What of a scene stands above the focal plane, as slices: targets lie on that plane."""
-    above = scene.above(request.focal_height)
+def slices_of(inputs: PlanInputs) -> tuple[Layer, ...]:
+    """The slices of a scene that are above the focal plane, on which targets lie."""
+    above = inputs.loaded.scene.above(inputs.focal_height_m)
     return tuple(above.slices()) if above is not None and above.integrated_density else CLEAR
 
 
-def detection_model(scene: Scene, request: PlanRequest, altitude_m: float) -> DetectionModel:
-    """Detection through independent slices for any pattern and baseline: what a search asks."""
-    signature, name = signature_of(request)
-    assert request.false_alarms is not None
+def detection_model(inputs: PlanInputs) -> DetectionModel:
+    """The model of detection through independent slices, for any pattern and baseline."""
+    find = find_of(inputs)
     return _model(
-        slices_of(scene, request),
-        altitude_m,
-        target_of(request),
-        signature,
-        request.false_alarms,
-        name,
+        slices_of(inputs),
+        inputs.altitude_m,
+        Target(*find.size_m),
+        find.signature,
+        find.false_alarms,
+        find.assumed,
     )
+
+
+def find_of(inputs: PlanInputs) -> FindInputs:
+    """The target of a plan that looks for one."""
+    assert inputs.find is not None
+    return inputs.find
 
 
 @lru_cache(maxsize=16)
@@ -90,124 +76,89 @@ def _model(
     false_alarms: float,
     assumed: str,
 ) -> DetectionModel:
-    """The model, kept with the integrals that it has made."""
+    """The model, kept together with the integrals that it has computed."""
     return DetectionModel(
         layers, altitude_m, target, signature, false_alarms=false_alarms, assumed=assumed
     )
 
 
-def detection_of(
-    request: PlanRequest,
-    found: LoadedScene,
-    model: str,
-    altitude_m: float,
-    pattern: Sites,
-    baseline_m: float,
-    heading_deg: float,
-) -> Detection:
-    """Detection of what a request looks for, by one grid.
+def detection_of(inputs: PlanInputs, pattern: Sites, baseline_m: float) -> Detection:
+    """The detection of a plan's target by one grid, at the heading of the inputs.
 
-    Parameters
-    ----------
-    request
-        With ``find`` and what goes with it.
-    found
-        The scene.
-    model
-        Name of the visibility model: ``measured`` counts in the voxels, others take slices.
-    altitude_m
-        Above the focal plane.
-    pattern, baseline_m, heading_deg
-        The grid.
+    The measured model counts hidden targets in the voxels; the other models take slices.
 
     Raises
     ------
     RequestError
-        Where the measured model has no voxels.
+        If the model is the measured one and the scene has no voxels.
     """
-    if model != "measured":
-        return detection_model(found.scene, request, altitude_m).predict(pattern, baseline_m)
-    sites = np.column_stack(local_sites(pattern, baseline_m, heading_deg))
-    return _counted(request, found.volume, altitude_m, sites)
+    if inputs.model != "measured":
+        return detection_model(inputs).predict(pattern, baseline_m)
+    sites = np.column_stack(local_sites(pattern, baseline_m, inputs.heading_deg))
+    return _counted(inputs, sites)
 
 
-def _counted(
-    request: PlanRequest,
-    volume: VoxelVolume | None,
-    altitude_m: float,
-    sites_m: Floats,
-) -> Detection:
-    """Detection counted in the voxels of a stand, sites east and north of the middle."""
+def detections_of_rows(
+    inputs: PlanInputs, rows: Sequence[tuple[Sites, float, bool]]
+) -> list[Detection | None]:
+    """The detection of a plan's target by each of many grids.
+
+    Parameters
+    ----------
+    inputs
+        The inputs of a plan that looks for a target.
+    rows
+        Pattern, baseline, and whether the row matters.  To count in voxels takes seconds for each
+        row, so rows that do not matter are not counted: their detection is None.
+    """
+    if inputs.model != "measured":
+        model = detection_model(inputs).for_search()
+        return [model.predict(pattern, baseline) for pattern, baseline, _ in rows]
+    return [
+        detection_of(inputs, pattern, baseline) if matters else None
+        for pattern, baseline, matters in rows
+    ]
+
+
+def detection_at(inputs: PlanInputs, points_m: Floats) -> Detection:
+    """The detection of a plan's target by photos from known positions.
+
+    Parameters
+    ----------
+    inputs
+        The inputs of a plan that looks for a target.
+    points_m
+        Shape (N, 2), from the middle of the grid: east and north for the measured model, along and
+        across the heading for the other models.
+    """
+    if inputs.model != "measured":
+        return detection_model(inputs).predict_positions(points_m)
+    return _counted(inputs, points_m)
+
+
+def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
+    """Detection counted in the voxels of a stand; sites are east and north of the middle."""
+    find, volume = find_of(inputs), inputs.loaded.volume
     if volume is None:
         raise RequestError(
             "--find needs the voxels of the stand, and this scene has statistics alone",
             "give the point cloud, or what scene --save NAME.npz wrote; or --model layered",
         )
-    signature, name = signature_of(request)
-    assert request.false_alarms is not None
     return count_detection(
         volume,
         sites_m,
-        altitude_m,
-        target_of(request),
-        signature,
-        false_alarms=request.false_alarms,
-        assumed=name,
-        focal_height_m=request.focal_height,
+        inputs.altitude_m,
+        Target(*find.size_m),
+        find.signature,
+        false_alarms=find.false_alarms,
+        assumed=find.assumed,
+        focal_height_m=inputs.focal_height_m,
     )
 
 
-def detections_of_rows(
-    plan: PlanData, rows: Sequence[tuple[Sites, float, bool]]
-) -> list[Detection | None]:
-    """Detection by many grids over the scene of a plan.
-
-    Parameters
-    ----------
-    plan
-        With what is looked for.
-    rows
-        Pattern, baseline and whether the row matters.  Counting in voxels takes seconds a row, so
-        only those that matter are counted; the others are None.
-    """
-    request = plan.request
-    if plan.model != "measured":
-        model = detection_model(plan.scene, request, plan.altitude_m).for_search()
-        return [model.predict(pattern, baseline) for pattern, baseline, _ in rows]
-    return [
-        _counted(
-            request,
-            plan.volume,
-            plan.altitude_m,
-            np.column_stack(local_sites(pattern, baseline, plan.heading_deg)),
-        )
-        if matters
-        else None
-        for pattern, baseline, matters in rows
-    ]
-
-
-def detection_at(plan: PlanData, points_m: Floats) -> Detection:
-    """Detection by photos from known positions over the scene of a plan.
-
-    Parameters
-    ----------
-    plan
-        With what is looked for.
-    points_m
-        Shape (N, 2), from the middle: east and north over voxels, along the plan's axes otherwise.
-    """
-    if plan.model != "measured":
-        model = detection_model(plan.scene, plan.request, plan.altitude_m)
-        return model.predict_positions(points_m)
-    return _counted(plan.request, plan.volume, plan.altitude_m, points_m)
-
-
-def detection_warnings(
-    detection: Detection, request: PlanRequest, samples: int, gsd_m: float
-) -> Iterator[Message]:
-    """What a reader of a detection should know."""
-    width = detection.target.width_m
+def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -> Iterator[Message]:
+    """Yield the limits of a predicted detection as warnings."""
+    width, gsd_m = detection.target.width_m, inputs.camera.gsd_m(inputs.altitude_m)
     if gsd_m > 0.5 * width:
         yield Message(
             "target_below_pixel",
@@ -233,7 +184,7 @@ def detection_warnings(
             "generated stands with crowns as dense, about half as many targets were found: take it "
             "for an upper bound, or give the point cloud of a stand",
         )
-    if request.hold_error > 0.0 or request.rays not in (None, "nadir"):
+    if inputs.hold_error_m > 0.0 or inputs.rays not in (None, "nadir"):
         yield Message(
             "detection_plain_rays",
             "the probability of detection is predicted for rays straight down from the planned "
@@ -241,10 +192,12 @@ def detection_warnings(
         )
 
 
-def sentence(detection: Detection, request: PlanRequest) -> str:
-    """The detection in the words of a search."""
+def detection_text(plan: PlanData) -> str:
+    """The detection of a plan that looks for a target, as one sentence."""
+    detection, name = plan.detection, find_of(plan.inputs).name
+    assert detection is not None  # as the plan looks for a target
     width, length = detection.target
-    who = "people" if request.find == PERSON else f"targets of {width:g} x {length:g} m"
+    who = "people" if name == PERSON else f"targets of {width:g} x {length:g} m"
     alarms = detection.false_alarms
     rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
     return (

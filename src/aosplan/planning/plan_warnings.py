@@ -47,7 +47,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)
-    yield from aircraft_warnings(plan.request)
+    yield from aircraft_warnings(plan.inputs.flight.drone_name, plan.camera)
     yield from _oblique_rays(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:

@@ -87,7 +87,7 @@ def plan(
     route = route_of(solved.inputs, layout, solved.solution.baseline_m)
     detection: Detection | None = None
     found: tuple[Message, ...] = ()
-    if inputs.asked.find is not None:
+    if inputs.find is not None:
         detection, found = _detection(solved)
     notices: tuple[Message, ...] = (
         *inputs.loaded.warnings,
@@ -121,11 +121,11 @@ def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
         return layout_of(solved)
     except RequestError as error:
         inputs = solved.inputs
-        if inputs.area is None or inputs.asked.optimize == "detection":
+        if inputs.area is None or inputs.objective == "detection":
             raise
         from aosplan.planning.cheaper import cheaper_way
 
-        way = cheaper_way(inputs.asked, folder, inputs.loaded)
+        way = cheaper_way(inputs.request, folder, inputs.loaded)
         if way is None:
             way = (
                 f"{error.hint}; or --within MIN, which chooses the best for the time that there is"
@@ -140,7 +140,7 @@ def _long_flight(inputs: PlanInputs, folder: str, time_s: float) -> Iterator[Mes
     from aosplan.planning.cheaper import LONG_S, long_flight
 
     if time_s > LONG_S:
-        yield from long_flight(inputs.asked, folder, inputs.loaded, time_s)
+        yield from long_flight(inputs.request, folder, inputs.loaded, time_s)
 
 
 def _searched(
@@ -187,10 +187,8 @@ def _detection(solved: SolvedPlan) -> tuple[Detection, tuple[Message, ...]]:
     from aosplan.planning.detection import detection_of, detection_warnings
 
     inputs, solution = solved.inputs, solved.solution
-    grid = solution.pattern, solution.baseline_m, inputs.heading_deg
-    found = detection_of(inputs.asked, inputs.loaded, inputs.model, inputs.altitude_m, *grid)
-    gsd_m = inputs.camera.gsd_m(inputs.altitude_m)
-    return found, tuple(detection_warnings(found, inputs.asked, solution.pattern.samples, gsd_m))
+    found = detection_of(inputs, solution.pattern, solution.baseline_m)
+    return found, tuple(detection_warnings(found, inputs, solution.pattern.samples))
 
 
 def _edges(solved: SolvedPlan) -> Iterator[Message]:
@@ -200,7 +198,7 @@ def _edges(solved: SolvedPlan) -> Iterator[Message]:
     problem, solution = solved.problem, solved.solution
     assert problem is not None  # the caller has checked
     model, grid = problem.model, (solution.pattern, solution.baseline_m)
-    if solved.inputs.asked.edges == "wrapped" or not isinstance(model, MeasuredModel):
+    if solved.inputs.edges == "wrapped" or not isinstance(model, MeasuredModel):
         return
     if model.edges_of(*grid) != "wrapped":
         return

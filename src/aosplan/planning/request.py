@@ -6,6 +6,7 @@ for hyphens.  Fields left None take a default, or are not used.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, cast
 
@@ -172,6 +173,12 @@ class PlanRequest:
 
     def __hash__(self) -> int:
         return hash(tuple(vars(self).values()))
+
+    def filled(self, values: Mapping[str, Any]) -> PlanRequest:
+        """The same request with other values of some fields, which are not checked again."""
+        made = copy(self)
+        vars(made).update(values)
+        return made
 
     @property
     def searches(self) -> bool:

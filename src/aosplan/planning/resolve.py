@@ -7,14 +7,13 @@ of them reads the request again.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from aosplan.camera.camera import Camera
 from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
 from aosplan.files import located
+from aosplan.models.signatures import SIGNATURES, Signature
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.option_parsers import target_m
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
@@ -37,14 +36,37 @@ MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
 """The smallest model that fits a kind of scene."""
 
 
-@dataclass(frozen=True)
-class PlanInputs:
-    """What a request stands for: everything that the stages of a plan need to know.
+class FindInputs(NamedTuple):
+    """The target that ``--find`` names, and what its probability of detection depends on.
 
     Attributes
     ----------
-    asked
-        The request, with the heading that its area decides.
+    name
+        The target as the option names it.
+    size_m
+        Its width and length.
+    signature
+        Radiances of the target and of the canopy.
+    assumed
+        Name of the signature if it is an assumed one; empty if the request gives its numbers.
+    false_alarms
+        False alarms per hectare.
+    """
+
+    name: str
+    size_m: tuple[float, float]
+    signature: Signature
+    assumed: str
+    false_alarms: float
+
+
+class PlanInputs(NamedTuple):
+    """A request with its names, files and defaults resolved: all that the stages of a plan need.
+
+    Attributes
+    ----------
+    request
+        The request with the values that its area and its scene decide, as documents show it.
     scene_name
         How the request, or else the scene itself, names the scene.
     loaded
@@ -57,12 +79,16 @@ class PlanInputs:
         Height of the focal plane above ground.
     model, view, rays
         Visibility model, and its targets or its rays; None if the model does not have them.
+    edges
+        Targets of the measured model that count.
     coverage
         Share of the occluders that must reach d̂ >= 1.
     hold_error_m
         Standard deviation of the position at each site, along either axis.
     requirement
-        The target.
+        The target visibility.
+    find
+        The target whose probability of detection is wanted, or None.
     bounds
         Bounds on baseline and samples.
     objective
@@ -89,7 +115,7 @@ class PlanInputs:
         How to fly.
     """
 
-    asked: PlanRequest
+    request: PlanRequest
     scene_name: str
     loaded: LoadedScene
     camera: Camera
@@ -98,9 +124,11 @@ class PlanInputs:
     model: str
     view: str | None
     rays: str | None
+    edges: str
     coverage: float
     hold_error_m: float
     requirement: Requirement
+    find: FindInputs | None
     bounds: Bounds
     objective: str
     grids: tuple[GridKind, ...]
@@ -114,14 +142,6 @@ class PlanInputs:
     wants_sensitivity: bool
     flight: FlightInputs
 
-    @cached_property
-    def request(self) -> PlanRequest:
-        """The request with the defaults that depend on its scene: what documents show."""
-        filled: dict[str, Any] = {"model": self.model, "view": self.view, "rays": self.rays}
-        if self.model == "measured":
-            filled["edges"] = self.asked.edges or "auto"
-        return replace(self.asked, **(filled | dict(self.loaded.reading)))
-
     @property
     def footprint_m(self) -> tuple[float, float]:
         """Size of an image in the focal plane, along and across the heading."""
@@ -134,7 +154,7 @@ class PlanInputs:
 
     def at_heading(self, heading_deg: float) -> PlanInputs:
         """The same with a heading that is decided."""
-        return replace(self, heading_deg=heading_deg, compares_headings=False)
+        return self._replace(heading_deg=heading_deg, compares_headings=False)
 
 
 def resolve_inputs(
@@ -171,7 +191,7 @@ def resolve_inputs(
         from aosplan.areas.area import long_side_deg
 
         heading = long_side_deg(area.whole)
-        request = replace(request, heading=heading)
+        request = request.filled({"heading": heading})
 
     def surroundings() -> Crop | None:
         from aosplan.planning.cloud_crop import crop_of_plan
@@ -190,8 +210,12 @@ def resolve_inputs(
     measured = model == "measured"
     view = (request.view or "telecentric") if measured else request.view
     rays = request.rays if measured else (request.rays or "nadir")
+    edges = request.edges or "auto"
+    decided: dict[str, Any] = {"model": model, "view": view, "rays": rays}
+    if measured:
+        decided["edges"] = edges
     return PlanInputs(
-        asked=request,
+        request=request.filled(decided | dict(loaded.reading)),
         scene_name=loaded.scene.name if request.scene is None else request.scene,
         loaded=loaded,
         camera=camera,
@@ -200,9 +224,11 @@ def resolve_inputs(
         model=model,
         view=view,
         rays=rays,
+        edges=edges,
         coverage=request.coverage,
         hold_error_m=request.hold_error,
         requirement=_requirement_of(request),
+        find=_find_of(request),
         bounds=Bounds(
             max_aperture_m=request.max_aperture,
             max_samples=request.max_samples,
@@ -294,6 +320,19 @@ def _requirement_of(request: PlanRequest) -> Requirement:
     # A float in a request is the nearest one to a decimal that was written.
     return Requirement(
         "normalized", exact_share(vhat if isinstance(vhat, str) else repr(vhat), "--vhat")
+    )
+
+
+def _find_of(request: PlanRequest) -> FindInputs | None:
+    if request.find is None:
+        return None
+    if request.signature is not None:
+        signature, assumed = SIGNATURES[request.signature], request.signature
+    else:
+        numbers = request.contrast, request.canopy_offset, request.crown_share
+        signature, assumed = Signature(*map(_filled, numbers)), ""
+    return FindInputs(
+        request.find, target_m(request.find), signature, assumed, _filled(request.false_alarms)
     )
 
 

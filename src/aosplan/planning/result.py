@@ -58,11 +58,11 @@ class Plan(PlanData):
         from aosplan.messages import SCHEMA
 
         documents = [row.document() for row in rows]
-        if self.inputs.asked.find is not None:
+        if self.inputs.find is not None:
             from aosplan.planning.detection import detections_of_rows
 
             asked = [(row.pattern, row.baseline_m, row.front or row.chosen) for row in rows]
-            found = detections_of_rows(self, asked)
+            found = detections_of_rows(self.inputs, asked)
             for document, detection in zip(documents, found, strict=True):
                 document["detection"] = None if detection is None else detection.probability
         return {

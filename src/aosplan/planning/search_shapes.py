@@ -209,7 +209,7 @@ def lay_out(candidate: Candidate) -> Timed | None:
     pitch = max(shape.across / shape.along, 1.0)
     line = shape.rows == 1
     kind = GridKind("line") if line else GridKind("lanes", shape.rows, pitch)
-    inputs = replace(way.inputs, grids=(kind,), line_pitch=pitch)
+    inputs = way.inputs._replace(grids=(kind,), line_pitch=pitch)
     solution = Solution(shape.pattern, baseline_m, Prediction(0.0, 1.0, 0.0), None, (), True)
     try:
         layout = layout_of(SolvedPlan(inputs, None, None, solution, kind))

@@ -114,10 +114,10 @@ def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
             loaded = replace(loaded, volume=thinned(loaded.volume, factor), correlogram=None)
         else:
             scale = factor if quantity == "occluder_size" else 1.0 / factor
-            inputs = replace(inputs, altitude_m=inputs.altitude_m * scale)
+            inputs = inputs._replace(altitude_m=inputs.altitude_m * scale)
     else:
         loaded = replace(loaded, scene=changed(loaded.scene, quantity, factor))
-    posed = problem_of(replace(inputs, loaded=loaded), Memo())
+    posed = problem_of(inputs._replace(loaded=loaded), Memo())
     return None if posed is None else posed[0]
 
 
@@ -236,7 +236,7 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
         return Confidence(uncertainty_reason="nothing is hidden")
     changes = tuple(changes_of(solved)) if solved.inputs.wants_sensitivity else ()
     if solved.inputs.model == "measured":
-        known, flown = _measured(solved.problem, solved.solution, solved.inputs.asked.edges)
+        known, flown = _measured(solved.problem, solved.solution, solved.inputs.edges)
     else:
         known, flown = _of_statistics(solved.inputs, solved.solution), None
     if isinstance(known, str):
@@ -245,7 +245,7 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
 
 
 def _measured(
-    problem: Problem, solution: Solution, edges: str | None
+    problem: Problem, solution: Solution, edges: str
 ) -> tuple[Uncertainty | str, Flown | None]:
     from aosplan.models.measured import MeasuredModel
     from aosplan.models.uncertainty import UNIFORM, of_targets, with_doubt
@@ -311,7 +311,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
             if isinstance(loaded.scene, LayeredScene):  # its voxels may count as other occluders
                 part = replace(part, voxel_m=loaded.scene.voxel_m)
             posed = problem_of(
-                replace(inputs, loaded=replace(loaded, scene=part, volume=quarter)), Memo()
+                inputs._replace(loaded=replace(loaded, scene=part, volume=quarter)), Memo()
             )
             predictions.append(
                 Prediction(0.0, 1.0, 1.0 / solution.pattern.samples)

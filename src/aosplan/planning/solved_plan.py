@@ -195,7 +195,7 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
             )
         return memo(CorrelogramModel, table, altitude, **common), None
     seen: dict[str, Any] = {"view": inputs.view, "focal_height_m": focal_height, **common}
-    bounds, edges = inputs.bounds, inputs.asked.edges or "auto"
+    bounds, edges = inputs.bounds, inputs.edges
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
         return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
     # A search compares all grids by the same targets, which under auto are those of the whole plot.

@@ -173,8 +173,7 @@ class Search:
     def _detection(self) -> Any:
         from aosplan.planning.detection import detection_model
 
-        scene = self.inputs.loaded.scene
-        return detection_model(scene, self.request, self.altitude_m).for_search()
+        return detection_model(self.inputs).for_search()
 
     def prediction(self, shape: Shape) -> Prediction:
         """Visibility of a shape."""
@@ -222,16 +221,8 @@ class Search:
         from aosplan.planning.detection import detection_of
 
         way, shape = candidate.way, candidate.shape
-        inputs = way.inputs
-        return detection_of(
-            self.request,
-            inputs.loaded,
-            inputs.model,
-            way.altitude_m,
-            shape.pattern,
-            shape.along * way.altitude_m,
-            way.heading_deg,
-        ).probability
+        baseline_m = shape.along * way.altitude_m
+        return detection_of(way.inputs, shape.pattern, baseline_m).probability
 
     # What it takes
 

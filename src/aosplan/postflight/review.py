@@ -348,7 +348,7 @@ def _detections(
     def found(points_m: NDArray[np.float64]) -> float | None:
         if not len(points_m):
             return None
-        return detection_at(planned, in_axes(planned, *points_m.T)).probability
+        return detection_at(planned.inputs, in_axes(planned, *points_m.T)).probability
 
     completed = found(np.vstack([flown_m, missing_m]))
     flown = found(flown_m) if len(missing_m) else completed
@@ -368,9 +368,8 @@ def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
     assert planned.origin is not None  # it was given one
     (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
     origin = latitude, longitude
-    inputs = replace(
-        planned.inputs, asked=replace(planned.inputs.asked, origin=origin), origin=origin
-    )
+    request = planned.request.filled({"origin": origin})
+    inputs = planned.inputs._replace(request=request, origin=origin)
     layout = planned.layout._replace(origin=origin)
     route = route_of(inputs, layout, planned.solution.baseline_m)
     return replace(planned, inputs=inputs, layout=layout, route=route), found.alike
@@ -427,7 +426,7 @@ def _topup(planned: Plan, missing: list[int]) -> Plan:
     """The plan with the way to just the missing sites, in their order and from its take-off."""
     ways, inputs = planned.waypoints, planned.inputs
     if planned.route.takeoff is not None:
-        inputs = replace(inputs, flight=inputs.flight._replace(takeoff=planned.route.takeoff))
+        inputs = inputs._replace(flight=inputs.flight._replace(takeoff=planned.route.takeoff))
     points = np.array([(ways.east_m[index], ways.north_m[index]) for index in missing])
     taken = [True] * len(missing)
     if inputs.area is not None and not inputs.area.keep_out.is_empty:

@@ -195,9 +195,9 @@ def _detections(
     scene: Plan, every_m: NDArray[np.float64], chosen_m: NDArray[np.float64]
 ) -> tuple[float, float] | None:
     """How likely what is looked for is found by all views, and by the chosen ones."""
-    if scene.request.find is None:
+    if scene.inputs.find is None:
         return None
     from aosplan.planning.detection import detection_at
 
-    every, few = (detection_at(scene, points).probability for points in (every_m, chosen_m))
+    every, few = (detection_at(scene.inputs, points).probability for points in (every_m, chosen_m))
     return every, few

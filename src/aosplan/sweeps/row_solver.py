@@ -142,7 +142,7 @@ def solve_row(
             seek_remedy=False,  # a row has no hint
         )
         found = _results(solved, *_flight(solved))
-        if inputs.asked.find is not None and not set(DETECTION).isdisjoint(results):
+        if inputs.find is not None and not set(DETECTION).isdisjoint(results):
             found |= _detection(solved)
         return Outcome("ok", "", found)
     except InfeasibleError as error:
@@ -220,8 +220,7 @@ def _detection(solved: SolvedPlan) -> dict[str, float]:
     from aosplan.planning.detection import detection_of
 
     inputs, solution = solved.inputs, solved.solution
-    grid = solution.pattern, solution.baseline_m, inputs.heading_deg
-    found = detection_of(inputs.asked, inputs.loaded, inputs.model, inputs.altitude_m, *grid)
+    found = detection_of(inputs, solution.pattern, solution.baseline_m)
     return dict(zip(DETECTION, (found.probability, found.unseen), strict=True))
 
 

@@ -40,7 +40,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     found = plan.detection
     if found is None:
         return None
-    from aosplan.planning.detection import sentence
+    from aosplan.planning.detection import detection_text
 
     # A negative contrast is found as a positive one is: the axis has its amount.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)
@@ -49,7 +49,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     some = next((at for at, share in curve if share >= 0.5), None)
     half = "no contrast in the figure reaches one half" if some is None else f"one half by {some:g}"
     return DetectionCurve(
-        text=sentence(found, plan.request),
+        text=detection_text(plan),
         summary=(
             f"Probability of detection from {curve[0][1]:.1%} at contrast {curve[0][0]:g} to "
             f"{curve[-1][1]:.1%} at {curve[-1][0]:g}, {half}; this plan's signature has "

@@ -121,7 +121,7 @@ def _picture(plan: Plan) -> list[str]:
 def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     solution, prediction = plan.solution, plan.solution.prediction
     pattern, inputs = solution.pattern, plan.inputs
-    yield "Scene", _scene_text(plan.scene, custom_base=inputs.asked.scene is None)
+    yield "Scene", _scene_text(plan.scene, custom_base=inputs.request.scene is None)
     yield "Camera", _named(plan.camera.title, plan.camera.name)
     above = "ground" if inputs.focal_height_m == 0.0 else f"a plane {inputs.focal_height_m:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
@@ -141,7 +141,8 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     x, y = plan.extent_m
     yield "Aperture", f"a = {plan.aperture_m:,.1f} m (grid {x:,.1f} x {y:,.1f} m)"
     if prediction.density > 0.0:
-        asked = inputs.asked.vhat if inputs.asked.visibility is None else inputs.asked.visibility
+        request = inputs.request
+        asked = request.vhat if request.visibility is None else request.visibility
         target = f" (target {plan.requirement.symbol} = {asked})"
         target = "" if inputs.objective in BEST else target
         errors = plan.uncertainty
@@ -187,11 +188,11 @@ def _ground_text(plan: Plan) -> str:
 
 def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     """How likely what is looked for is found, in the words of a search, and by contrast."""
-    from aosplan.planning.detection import sentence
+    from aosplan.planning.detection import detection_text
 
     found = plan.detection
     assert found is not None
-    yield "Detection", sentence(found, plan.request)
+    yield "Detection", detection_text(plan)
     contrast, offset, crowns = found.signature
     assumed = f"{found.assumed}, assumed: " if found.assumed else ""
     yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
@@ -314,7 +315,7 @@ def _shape_text(pattern: Sites, kind: str) -> str:
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
     if written:
         return wrote(written)
-    if not plan.inputs.asked.has_place:
+    if not plan.inputs.request.has_place:
         return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
     return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
 
