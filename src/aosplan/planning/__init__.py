@@ -11,8 +11,9 @@
 - `aosplan.planning.sites`: the sites over an area or along a line.
 - `aosplan.planning.route`: waypoints, speeds and flights.
 - `aosplan.planning.planner`: `plan`, all of it in order.
-- `aosplan.planning.plan_warnings`: what the user should know of a plan.
-- `aosplan.planning.sensitivity`: what becomes of a plan if the scene is another.
+- `aosplan.planning.plan_warnings`, `aosplan.planning.measured_warnings`: the warnings of a plan.
+- `aosplan.planning.confidence`: standard errors of a prediction; `aosplan.planning.sensitivity`: how a
+  plan changes if the scene differs from what was assumed.
 - `aosplan.planning.detection`: the probability of detection of what ``--find`` names.
 - `aosplan.planning.document`: the JSON document; `aosplan.planning.plan_schema` its schema.
 """

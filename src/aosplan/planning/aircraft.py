@@ -9,14 +9,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.messages import Message
 from aosplan.mission.mission import check_hold
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from typing import Protocol
-
-    from aosplan.camera.camera import Camera
 
     class _Aircraft(Protocol):
         """The options of a request that this module reads."""
@@ -93,34 +89,17 @@ def camera_of_payload(payload: str) -> str | None:
     return next((name for name in named if name in CAMERAS), None)
 
 
-def aircraft_warnings(drone_name: str | None, camera: Camera) -> Iterator[Message]:
-    """Warn of a camera that the drone does not carry."""
-    if drone_name is None or not camera.name.startswith("dji-"):
-        return
-    from aosplan.mission.dji_models import DRONES
-
-    drone = DRONES.get(drone_name)
-    if drone is None or drone.payload is None:
-        return
-    if not _fits(camera.name, drone.payload):
-        yield Message(
-            "camera_of_another_drone",
-            f"--camera {camera.name} is not the camera of --drone {drone_name}: the plan "
-            "holds for the camera that is named, and the drone flies with its own",
-        )
-
-
 def _check_payload(request: _Aircraft) -> None:
     """Refuse a payload of DJI's beside a camera of another payload of DJI's."""
     camera, payload = request.camera or "", request.payload
-    if payload is not None and camera.startswith("dji-") and not _fits(camera, payload):
+    if payload is not None and camera.startswith("dji-") and not fits(camera, payload):
         raise RequestError(
             f"--payload {payload} contradicts --camera {camera}, the camera of another payload",
             f"give a --camera of {payload}, or leave --payload out",
         )
 
 
-def _fits(camera: str, payload: str) -> bool:
+def fits(camera: str, payload: str) -> bool:
     """Whether a camera's preset is one of a payload's; wide cameras are the same without thermal."""
     built_in = "-".join(camera.split("-")[:2])
     return built_in == payload or (camera.endswith("-wide") and built_in == f"{payload}t")

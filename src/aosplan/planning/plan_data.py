@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from aosplan.models.ground_visibility import GroundVisibility
     from aosplan.models.measured import Flown
     from aosplan.models.uncertainty import Uncertainty
+    from aosplan.planning.confidence import Confidence
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.route import Route
-    from aosplan.planning.sensitivity import Change, Confidence
+    from aosplan.planning.sensitivity import Change
     from aosplan.planning.sites import Layout
     from aosplan.planning.within_answer import Answer
     from aosplan.scenes.scene import Scene

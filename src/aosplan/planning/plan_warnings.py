@@ -8,13 +8,15 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, TypeVar
 
 from aosplan.camera.disparity import baseline_for_disparity_px, disparity_px
+from aosplan.geodesy import to_local
 from aosplan.messages import Message
-from aosplan.planning.aircraft import aircraft_warnings
 from aosplan.solver.solution import BEST
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from aosplan.camera.camera import Camera
+    from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.plan_data import PlanData
 
     AnyPlan = TypeVar("AnyPlan", bound=PlanData)
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 OBLIQUE_DENSITY = 0.02
 """Density that rays off nadir may add without a warning."""
 
+SCENE_NEARBY_M = 50_000.0
+"""A greater distance between a scene and the plan gives a warning, as one place may be a mistake."""
 
 HIGHEST_M = 120.0
 """Above ground; the limit of the European open category and of many other rules."""
@@ -47,7 +51,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)
-    yield from aircraft_warnings(plan.inputs.flight.drone_name, plan.camera)
+    yield from _camera_of_another_drone(plan.inputs.flight.drone_name, plan.camera)
     yield from _oblique_rays(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
@@ -55,6 +59,39 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
             "independent_occluders",
             f"the {plan.model} model assumes independent occluders, but those of a real stand "
             "are clumped: treat the predicted visibility as an upper bound",
+        )
+
+
+def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> Iterator[Message]:
+    """Warn of a scene that was measured far from the origin of the plan."""
+    place = None if loaded.volume is None else loaded.volume.place
+    if place is None or origin is None:
+        return
+    (east_m,), (north_m,) = to_local(origin, [place[0]], [place[1]])
+    apart_m = math.hypot(east_m, north_m)
+    if apart_m > SCENE_NEARBY_M:
+        yield Message(
+            "scene_elsewhere",
+            f"the scene was measured {apart_m / 1000.0:.3g} km away, at {place[0]:.4f},"
+            f"{place[1]:.4f}: check --origin or --area if the scene shows this place",
+        )
+
+
+def _camera_of_another_drone(drone_name: str | None, camera: Camera) -> Iterator[Message]:
+    """Warn of a camera that the drone does not carry."""
+    if drone_name is None or not camera.name.startswith("dji-"):
+        return
+    from aosplan.mission.dji_models import DRONES
+    from aosplan.planning.aircraft import fits
+
+    drone = DRONES.get(drone_name)
+    if drone is None or drone.payload is None:
+        return
+    if not fits(camera.name, drone.payload):
+        yield Message(
+            "camera_of_another_drone",
+            f"--camera {camera.name} is not the camera of --drone {drone_name}: the plan "
+            "holds for the camera that is named, and the drone flies with its own",
         )
 
 

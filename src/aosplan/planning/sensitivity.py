@@ -1,18 +1,18 @@
-"""What becomes of a plan where the scene is not as it was thought to be.
+"""The sensitivity of a plan: how it changes if the scene differs from what was assumed.
 
-Density, occluder size and heights are each taken 20 % less and 20 % more, one at a time.  Of each
-such scene there are two answers: what the planned grid shows of it, and what would be planned.
+Density, occluder size and heights are changed by -20 % and by +20 %, one at a time.  For each changed
+scene there are two results: the visibility of the planned grid, and the grid that would be planned.
 
-What a change means follows from how the scene is described:
+How a quantity is changed depends on how the scene is described:
 
-- *a uniform volume*: D, o, or its base and thickness; what follows from them by Eq. 1 follows (where
-  p is given, it stays, but for a change of density, which is one of D).
-- *layers*: D_j, o_j, or the heights of all slices; p as measured changes with the D_j as the p of
-  independent slices does.
-- *voxels*: for density, a fifth of the occupied voxels of every slice is taken away, or as many are
-  added beside occupied ones of the same slice, by a seeded draw.  Size is that of all clumps and
-  gaps, as if the plot were stretched, and heights are those of all voxels above the focal plane:
-  since only camera offset x height / (altitude x size) counts, either is a change of altitude.
+- *A uniform volume*: D, o, or its base and thickness.  Eq. 1 then gives p.  If the scene is described
+  by p, then p stays the same, except that a change of density is a change of D.
+- *Layers*: D_j, o_j, or the heights of all slices.  A measured p changes with the D_j by the same
+  factor as the p of independent slices.
+- *Voxels*: for density, a fifth of the occupied voxels of every slice is removed, or the same number
+  is added beside occupied voxels of the same slice, by a seeded draw.  A change of size stretches all
+  clumps and gaps of the plot, and a change of height moves all voxels above the focal plane.  Both are
+  computed as a change of altitude, since only camera offset x height / (altitude x size) counts.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.models.model import Prediction
 from aosplan.planning.solved_plan import Memo, best_alternative, problem_of
 from aosplan.scenes.density import slice_density
 from aosplan.scenes.scene import LayeredScene, UniformScene
@@ -29,14 +28,11 @@ from aosplan.scenes.scene import LayeredScene, UniformScene
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.models.measured import Flown, MeasuredModel
-    from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.solved_plan import SolvedPlan
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
     from aosplan.solver.problem import Problem
-    from aosplan.solver.solution import Solution
 
 FACTORS = (0.8, 1.2)
 QUANTITIES = ("density", "occluder_size", "height")
@@ -207,117 +203,3 @@ def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
         free = np.flatnonzero(beside & ~plane)
         plane.flat[rng.choice(free, min(count, len(free)), replace=False)] = True
     return replace(volume, occupied=occupied, bounds=None)
-
-
-class Confidence(NamedTuple):
-    """How far a prediction can be trusted.
-
-    Attributes
-    ----------
-    uncertainty
-        Standard errors of the prediction; None if nothing is known of them.
-    uncertainty_reason
-        Why nothing is known of them, or empty.
-    flown
-        The expectation over position noise of the measured model, or None.
-    sensitivity
-        How the plan changes if the scene differs from what was assumed, if asked for.
-    """
-
-    uncertainty: Uncertainty | None = None
-    uncertainty_reason: str = ""
-    flown: Flown | None = None
-    sensitivity: tuple[Change, ...] = ()
-
-
-def confidence_of(solved: SolvedPlan) -> Confidence:
-    """The confidence in a solution: standard errors, and the sensitivity if it was asked for."""
-    if solved.problem is None:
-        return Confidence(uncertainty_reason="nothing is hidden")
-    changes = tuple(changes_of(solved)) if solved.inputs.wants_sensitivity else ()
-    if solved.inputs.model == "measured":
-        known, flown = _measured(solved.problem, solved.solution, solved.inputs.edges)
-    else:
-        known, flown = _of_statistics(solved.inputs, solved.solution), None
-    if isinstance(known, str):
-        return Confidence(None, known, flown, changes)
-    return Confidence(known, "", flown, changes)
-
-
-def _measured(
-    problem: Problem, solution: Solution, edges: str
-) -> tuple[Uncertainty | str, Flown | None]:
-    from aosplan.models.measured import MeasuredModel
-    from aosplan.models.uncertainty import UNIFORM, of_targets, with_doubt
-
-    model, plan = problem.model, (solution.pattern, solution.baseline_m)
-    if not isinstance(model, MeasuredModel):
-        return "the saved scene holds no parts of the plot to compare", None
-    errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
-    errors = _with_opacity(errors, model, solution)
-    if edges != "wrapped" and model.edges_of(*plan) == "wrapped":
-        inside = model.interior_prediction(*plan)
-        if inside is not None:
-            errors = with_doubt(errors, solution.prediction, inside, UNIFORM, "edges")
-    return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
-
-
-def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
-    """Standard errors with the doubt about the opacity of a point cloud."""
-    from aosplan.models.uncertainty import OCTAVE, UNIFORM, with_opacity
-
-    volume = model.volume
-    if volume.opacity is None or not volume.occupied.any():
-        return errors
-    sites = model.sites_m(solution.pattern, solution.baseline_m)
-    if volume.bounds is not None:
-        bounds = (
-            model.of_volume(replace(volume, occupied=bound, bounds=None)) for bound in volume.bounds
-        )
-        dense, thin = (bound.predict_positions(sites) for bound in bounds)
-        return with_opacity(errors, dense, thin, UNIFORM)
-    try:
-        coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
-    except RequestError:  # larger voxels would reach the cameras
-        return errors
-    return with_opacity(errors, model.predict_positions(sites), coarse, OCTAVE)
-
-
-def coarsened(volume: VoxelVolume) -> VoxelVolume:
-    """A volume of voxels of twice the size: occupied if one of the eight within is."""
-    import numpy as np
-
-    occupied = volume.occupied
-    for axis in range(3):
-        starts = np.arange(0, occupied.shape[axis], 2)
-        occupied = np.logical_or.reduceat(occupied, starts, axis=axis)
-    return replace(volume, occupied=occupied, voxel_m=2.0 * volume.voxel_m)
-
-
-def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
-    loaded = inputs.loaded
-    if loaded.volume is None:
-        if loaded.kind == "cloud":
-            return "the saved scene holds no parts of the plot to compare"
-        return "the scene is given by its numbers, which are taken as exact"
-
-    from aosplan.models.uncertainty import of_parts, quarters
-    from aosplan.scenes.occluder_statistics import layered_scene
-
-    predictions = []
-    try:
-        for quarter in quarters(loaded.volume):
-            part = layered_scene(quarter, loaded.scene.name)
-            if isinstance(loaded.scene, LayeredScene):  # its voxels may count as other occluders
-                part = replace(part, voxel_m=loaded.scene.voxel_m)
-            posed = problem_of(
-                inputs._replace(loaded=replace(loaded, scene=part, volume=quarter)), Memo()
-            )
-            predictions.append(
-                Prediction(0.0, 1.0, 1.0 / solution.pattern.samples)
-                if posed is None
-                else posed[0].model.predict(solution.pattern, solution.baseline_m)
-            )
-    except RequestError as error:
-        return f"a quarter of the plot cannot be predicted: {error.message}"
-    return of_parts(predictions) if predictions else "the plot is too small to be quartered"

@@ -1,0 +1,139 @@
+"""The confidence in a prediction: its standard errors, by the parts of a plot that differ."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+from aosplan.errors import RequestError
+from aosplan.models.model import Prediction
+from aosplan.planning.solved_plan import Memo, problem_of
+from aosplan.scenes.scene import LayeredScene
+
+if TYPE_CHECKING:
+    from aosplan.models.measured import Flown, MeasuredModel
+    from aosplan.models.uncertainty import Uncertainty
+    from aosplan.planning.resolve import PlanInputs
+    from aosplan.planning.sensitivity import Change
+    from aosplan.planning.solved_plan import SolvedPlan
+    from aosplan.scenes.voxels import VoxelVolume
+    from aosplan.solver.problem import Problem
+    from aosplan.solver.solution import Solution
+
+
+class Confidence(NamedTuple):
+    """What is known of the errors of a prediction.
+
+    Attributes
+    ----------
+    uncertainty
+        Standard errors of the prediction; None if nothing is known of them.
+    uncertainty_reason
+        Why nothing is known of them, or empty.
+    flown
+        The expectation over position noise of the measured model, or None.
+    sensitivity
+        How the plan changes if the scene differs from what was assumed, if asked for.
+    """
+
+    uncertainty: Uncertainty | None = None
+    uncertainty_reason: str = ""
+    flown: Flown | None = None
+    sensitivity: tuple[Change, ...] = ()
+
+
+def confidence_of(solved: SolvedPlan) -> Confidence:
+    """The confidence in a solution: standard errors, and the sensitivity if it was asked for."""
+    if solved.problem is None:
+        return Confidence(uncertainty_reason="nothing is hidden")
+    changes: tuple[Change, ...] = ()
+    if solved.inputs.wants_sensitivity:
+        from aosplan.planning.sensitivity import changes_of
+
+        changes = tuple(changes_of(solved))
+    if solved.inputs.model == "measured":
+        known, flown = _measured(solved.problem, solved.solution, solved.inputs.edges)
+    else:
+        known, flown = _of_statistics(solved.inputs, solved.solution), None
+    if isinstance(known, str):
+        return Confidence(None, known, flown, changes)
+    return Confidence(known, "", flown, changes)
+
+
+def _measured(
+    problem: Problem, solution: Solution, edges: str
+) -> tuple[Uncertainty | str, Flown | None]:
+    from aosplan.models.measured import MeasuredModel
+    from aosplan.models.uncertainty import UNIFORM, of_targets, with_doubt
+
+    model, plan = problem.model, (solution.pattern, solution.baseline_m)
+    if not isinstance(model, MeasuredModel):
+        return "the saved scene holds no parts of the plot to compare", None
+    errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
+    errors = _with_opacity(errors, model, solution)
+    if edges != "wrapped" and model.edges_of(*plan) == "wrapped":
+        inside = model.interior_prediction(*plan)
+        if inside is not None:
+            errors = with_doubt(errors, solution.prediction, inside, UNIFORM, "edges")
+    return errors, model.flown(*plan) if model.hold_error_m > 0.0 else None
+
+
+def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
+    """Standard errors with the doubt about the opacity of a point cloud."""
+    from aosplan.models.uncertainty import OCTAVE, UNIFORM, with_opacity
+
+    volume = model.volume
+    if volume.opacity is None or not volume.occupied.any():
+        return errors
+    sites = model.sites_m(solution.pattern, solution.baseline_m)
+    if volume.bounds is not None:
+        bounds = (
+            model.of_volume(replace(volume, occupied=bound, bounds=None)) for bound in volume.bounds
+        )
+        dense, thin = (bound.predict_positions(sites) for bound in bounds)
+        return with_opacity(errors, dense, thin, UNIFORM)
+    try:
+        coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
+    except RequestError:  # larger voxels would reach the cameras
+        return errors
+    return with_opacity(errors, model.predict_positions(sites), coarse, OCTAVE)
+
+
+def coarsened(volume: VoxelVolume) -> VoxelVolume:
+    """A volume of voxels of twice the size: occupied if one of the eight within is."""
+    import numpy as np
+
+    occupied = volume.occupied
+    for axis in range(3):
+        starts = np.arange(0, occupied.shape[axis], 2)
+        occupied = np.logical_or.reduceat(occupied, starts, axis=axis)
+    return replace(volume, occupied=occupied, voxel_m=2.0 * volume.voxel_m)
+
+
+def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
+    loaded = inputs.loaded
+    if loaded.volume is None:
+        if loaded.kind == "cloud":
+            return "the saved scene holds no parts of the plot to compare"
+        return "the scene is given by its numbers, which are taken as exact"
+
+    from aosplan.models.uncertainty import of_parts, quarters
+    from aosplan.scenes.occluder_statistics import layered_scene
+
+    predictions = []
+    try:
+        for quarter in quarters(loaded.volume):
+            part = layered_scene(quarter, loaded.scene.name)
+            if isinstance(loaded.scene, LayeredScene):  # its voxels may count as other occluders
+                part = replace(part, voxel_m=loaded.scene.voxel_m)
+            posed = problem_of(
+                inputs._replace(loaded=replace(loaded, scene=part, volume=quarter)), Memo()
+            )
+            predictions.append(
+                Prediction(0.0, 1.0, 1.0 / solution.pattern.samples)
+                if posed is None
+                else posed[0].model.predict(solution.pattern, solution.baseline_m)
+            )
+    except RequestError as error:
+        return f"a quarter of the plot cannot be predicted: {error.message}"
+    return of_parts(predictions) if predictions else "the plot is too small to be quartered"

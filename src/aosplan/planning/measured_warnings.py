@@ -1,0 +1,85 @@
+"""Warnings of a plan over a point cloud, whose visibility the measured model predicts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.messages import Message
+from aosplan.models.measured import MeasuredModel
+from aosplan.solver.alternatives import Alternative, other_heading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.solved_plan import SolvedPlan
+    from aosplan.solver.problem import Problem
+
+EDGES_MATTER = 0.02
+"""Least difference of V or V̂ between the interior of a plot and the whole plot for a warning."""
+
+SATURATED = 0.98
+"""Mean share of the ground that views hide above which a prediction depends on few gaps."""
+
+
+def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterator[Message]:
+    """Yield the limits of a prediction of the measured model as warnings.
+
+    `compares_headings` says whether the best heading was searched for.
+    """
+    inputs, problem, solution = solved.inputs, solved.problem, solved.solution
+    if problem is None:
+        return
+    if inputs.loaded.volume is None:
+        yield Message(
+            "correlogram_approximation",
+            "predicted from the scene's correlogram, an approximation (of V̂, mostly within 0.02); "
+            "the voxels in a .npz give the exact prediction",
+        )
+    yield from _edges(solved, problem)
+    density = solution.prediction.density
+    if density > SATURATED and "saturated" not in {code for code, _ in inputs.loaded.warnings}:
+        yield Message(
+            "saturated",
+            f"the views hide {density:.1%} of the ground on average: what they show depends on a few "
+            "gaps; read the cloud with smaller voxels, or keep the aperture smaller",
+        )
+    extent_m = max(solution.pattern.extent) * solution.baseline_m
+    if extent_m > problem.model.widest_aperture_m * (1.0 + 1e-9):
+        shear_m = 0.5 * extent_m / problem.model.widest_aperture_m
+        yield Message(
+            "small_plot",
+            f"the plot is smaller than twice the shear of this aperture: {extent_m:.4g} m at "
+            f"{inputs.altitude_m:.4g} m move the canopy's top by {shear_m:.2g} of the plot, and beyond a "
+            "half its wrapped copies count twice; keep the aperture within "
+            f"{problem.model.widest_aperture_m:.4g} m, or measure a larger plot",
+        )
+    if not compares_headings and (word := other_heading(Alternative(problem, solution))):
+        yield Message("heading", word)
+
+
+def _edges(solved: SolvedPlan, problem: Problem) -> Iterator[Message]:
+    """Warn of a prediction that changes because the plot repeats itself, unless that was asked for."""
+    solution = solved.solution
+    model, grid = problem.model, (solution.pattern, solution.baseline_m)
+    if solved.inputs.edges == "wrapped" or not isinstance(model, MeasuredModel):
+        return
+    if model.edges_of(*grid) != "wrapped":
+        return
+    inside = model.interior_prediction(*grid)
+    if inside is None:
+        yield Message(
+            "edges_wrapped",
+            "from every place of the plot some ray of this grid leaves it, so the plot is taken to repeat "
+            "itself: a rim that was clipped thin counts as much as the stand; measure a larger plot, or "
+            "keep the aperture smaller",
+        )
+    elif abs(inside.normalized - solution.prediction.normalized) > EDGES_MATTER or (
+        abs(inside.expected - solution.prediction.expected) > EDGES_MATTER
+    ):
+        yield Message(
+            "edges_wrapped",
+            "rays of this grid leave the plot, which is taken to repeat itself, and its rim differs from its "
+            f"middle: the places whose rays stay on the plot have V̂ = {inside.normalized:.3g} and V = "
+            f"{inside.expected:.3g}, against {solution.prediction.normalized:.3g} and "
+            f"{solution.prediction.expected:.3g}; --edges interior plans with those alone",
+        )
