@@ -1,10 +1,10 @@
-"""Areas: outlines on earth as polygons in local metres, checked and made handy.
+"""Areas: boundaries on earth, converted to valid polygons in local metres.
 
-The local frame is azimuthal equidistant about the middle of the area (`aosplan.geodesy`):
-within `FARTHEST_M` of it, lengths between neighbours are off by at most r²/(6 R²) = 1.6e-6 of
-themselves.  An edge of an outline is straight in longitude and latitude, the short way
-around the earth; in metres it bends, so long edges are divided until they are within
-`BEND_M` of it.
+The local frame is an azimuthal equidistant projection around the centre of the area
+(`aosplan.geodesy`).  Within `FARTHEST_M` of the centre, the relative error of lengths between
+neighbours is at most r²/(6 R²) = 1.6e-6.  The edges of a boundary are straight in longitude and
+latitude, the short way around the earth.  In metres they are curved, so long edges are divided
+until the error is at most `BEND_M`.
 """
 
 from __future__ import annotations
@@ -26,71 +26,71 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FARTHEST_M = 20_000.0
-"""No point of an area is farther from its middle."""
+"""Greatest distance of a point of an area from its centre."""
 
 BEND_M = 0.01
-"""Edges are as near as this to straight lines in longitude and latitude."""
+"""Largest deviation of edges from straight lines in longitude and latitude."""
 
 MOST_VERTICES = 20_000
-"""Outlines with more are simplified."""
+"""Largest number of vertices of a boundary that is not simplified."""
 
 TOLERANCES_M = (0.1, 0.3, 1.0, 3.0, 10.0)
-"""Tolerances that are tried, until few enough vertices are left."""
+"""Tolerances of the simplification, tried in this order until there are few enough vertices."""
 
 EARTH_RADIUS_M = 6.371e6
 
 NEARBY_M = 5.0 * FARTHEST_M
-"""What is farther away may be a mistake."""
+"""Zones and clear parts that are farther away from the area may be a mistake."""
 
 MARGIN_M = 0.1
-"""Kept from no-fly zones beyond the buffer: formats round coordinates."""
+"""Distance from no-fly zones in addition to the buffer, because formats round coordinates."""
 
 THINNEST_M = 0.001
-"""A polygon that is thinner has no area."""
+"""A thinner polygon is treated as having no area."""
 
 SLIVER_M = 0.5
 SLIVER_SHARE = 0.001
-"""A part of an area is a sliver if it is narrower, and no larger a share of it."""
+"""A part of an area is a sliver if it is also narrow and at most this share of the area."""
 
 MOST_MENDED = 1000
-"""An outline that crosses itself more often is not mended."""
+"""Largest number of crossings of a boundary with itself that is repaired."""
 
 MOST_CROSSINGS = 200_000
-"""Outlines that cross each other more often are refused: each crossing takes about 1 kB."""
+"""Largest number of crossings of boundaries with each other; each needs about 1 kB of memory."""
 
 _ARC_SEGMENTS = 8
 _ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
-"""How much larger a buffer of GEOS has to be to contain the true one.
+"""Factor by which a buffer of GEOS has to be larger so that it contains the exact one.
 
-Its arcs are chords, each for at most one and a half times the angle of a segment, and it leaves
-out corners of the outline up to 1 % of the distance deep.
+The arcs of GEOS are chords, each for at most one and a half times the angle of a segment.  Corners
+of the boundary may be cut off by up to 1 % of the distance.
 """
 
 
 quiet = np.errstate(divide="ignore", invalid="ignore")
-"""GEOS leaves floating-point flags behind, which NumPy would take for its own and warn of."""
+"""GEOS leaves floating-point flags set, for which NumPy would print warnings."""
 
 
 class Area(NamedTuple):
-    """What to cover and where not to fly, in metres east and north of `origin`.
+    """The area to cover and where not to fly, in metres east and north of `origin`.
 
     Attributes
     ----------
     origin
-        Latitude and longitude of the middle of the area's bounds.
+        Latitude and longitude of the centre of the area's bounds.
     whole
-        The area; shapely, as all shapes here.
+        The area, as a shapely geometry like all shapes here.
     canopy
-        Its part that N sites have to see.
+        Part of the area that has to be seen from N sites.
     clear
-        Its part that one site has to see.
+        Part of the area that has to be seen from one site.
     keep_out
         No-fly zones with their buffer.
     simplified_m
-        How far the outlines were moved, at most, to have fewer vertices: the area and the
-        no-fly zones only outwards, clear parts only inwards.
+        Largest distance by which simplification moved the boundaries.  The area and the no-fly
+        zones can only become larger, and clear parts only smaller.
     notices
-        What the files had to say.
+        Notices from reading the files.
     """
 
     origin: tuple[float, float]
@@ -116,23 +116,23 @@ class Area(NamedTuple):
 def read_area(
     path: str, *, clear: str | None = None, no_fly: str | None = None, buffer_m: float = 0.0
 ) -> Area:
-    """An area from files: its outline, parts without canopy, and no-fly zones.
+    """Read an area from files: its boundary, parts without canopy, and no-fly zones.
 
     Parameters
     ----------
     path
-        GeoJSON, KML or KMZ with polygons; several are united.
+        GeoJSON, KML or KMZ file with polygons, of which the union is used.
     clear
-        The same, of parts that nothing hides; only what lies in the area counts.
+        File with parts that have no canopy; only their intersection with the area is used.
     no_fly
-        The same, of zones that neither sites nor legs may touch.
+        File with zones that neither sites nor legs may touch.
     buffer_m
         Distance to keep from the zones.
 
     Raises
     ------
     RequestError
-        If a file is wrong, an outline crosses itself, or the area is too large.
+        If a file is not valid, a boundary crosses itself, or the area is too large.
     """
     outline = read_outline(path)
     origin = _middle(outline)
@@ -178,7 +178,7 @@ def _check_overlay(whole: Any, shape: Any, path: str) -> None:
 
 
 def grown(shape: Any, distance_m: float) -> Any:
-    """A shape and everything within a distance of it; up to 3 % of that more, never less."""
+    """A shape extended by a distance: never less than the exact buffer, and up to 3 % more."""
     if distance_m == 0.0 or shape.is_empty:
         return shape
     return _widened(shape, distance_m)
@@ -189,7 +189,7 @@ def _widened(shape: Any, distance_m: float) -> Any:
 
 
 def polygons_of(shape: Any) -> Any:
-    """The polygons of a shape, without points and lines that an overlay may leave."""
+    """The polygons of a shape, without the points and lines that an overlay may produce."""
     parts = shapely.get_parts(shapely.get_parts(shape))
     parts = parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
     return shapely.multipolygons(parts)
@@ -198,8 +198,8 @@ def polygons_of(shape: Any) -> Any:
 def long_side_deg(shape: Any) -> float:
     """Direction of the longer side of the smallest rectangle around a shape.
 
-    Degrees clockwise from north, from 0 to below 180, to a hundredth: flight lines along it
-    are the fewest.
+    In degrees clockwise from north, at least 0 and below 180, rounded to 0.01.  Parallel to it, the
+    number of flight lines is smallest.
     """
     corners = shapely.get_coordinates(shapely.oriented_envelope(shape))
     sides = np.diff(corners[:3], axis=0)
@@ -218,7 +218,7 @@ def _ignored(outline: Outline) -> list[Message]:
 
 
 def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
-    """The polygons of an area without those that only a mistake of drawing leaves beside it."""
+    """The polygons of an area without slivers, which result from inaccurate drawing."""
     parts = shapely.get_parts(shape)
     area_m2 = shapely.area(parts)
     thin = 2.0 * area_m2 < SLIVER_M * shapely.length(parts)
@@ -235,12 +235,12 @@ def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
 def _elsewhere(
     outline: Outline, shape: Any, what: str, whole: Any, origin: tuple[float, float]
 ) -> Message:
-    """The warning that a file's shape is away from the area.
+    """The warning that a file's shape does not overlap the area.
 
     Raises
     ------
     RequestError
-        If it is far away, and would not be with its axes swapped.
+        If the shape is far away, but would not be if latitude and longitude were swapped.
     """
     apart = float(shapely.distance(shape, whole))
     swapped = np.concatenate([ring[:, ::-1] for rings in outline.polygons for ring in rings])
@@ -259,7 +259,7 @@ def _elsewhere(
 
 
 def _middle(outline: Outline) -> tuple[float, float]:
-    """The place about which an area's local frame lies: the middle of its bounds."""
+    """The origin of an area's local frame: the centre of its bounds."""
     positions = np.concatenate([rings[0] for rings in outline.polygons])
     longitude, latitude = np.radians(positions).T
     mean = (
@@ -293,7 +293,7 @@ def _local(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np
 
 
 def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
-    """A ring in metres, with its edges divided until they are straight to `BEND_M`."""
+    """A ring in metres, with its edges divided so that the error is at most `BEND_M`."""
     steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0  # the short way around
     degrees = np.column_stack([ring[0, 0] + np.append(0.0, np.cumsum(steps)), ring[:, 1]])
     for _ in range(6):
@@ -314,7 +314,7 @@ def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.
 
 
 def _united(outline: Outline, origin: tuple[float, float]) -> Any:
-    """The union of an outline's polygons in metres; each has to be a polygon by itself."""
+    """The union of a boundary's polygons in metres; each of them has to be valid."""
     polygons = []
     for rings, place in zip(outline.polygons, outline.places, strict=True):
         shell, *holes = (_bent(ring, origin) for ring in rings)
@@ -338,9 +338,9 @@ def _united(outline: Outline, origin: tuple[float, float]) -> Any:
 
 
 def _sound(polygon: Any) -> Any:
-    """A polygon that is not valid, mended; None if that changes its area.
+    """A repaired polygon if the given one is not valid; None if the repair would change its area.
 
-    Rings that touch may cross by a hair in other coordinates, which changes no area.
+    The projection may make rings that touch cross by a tiny amount, which does not change the area.
     """
     if cross_often([polygon], MOST_MENDED):
         return None
@@ -349,7 +349,7 @@ def _sound(polygon: Any) -> Any:
 
 
 def _reason(polygon: Any, origin: tuple[float, float]) -> str:
-    """Why a polygon is none, and where on earth."""
+    """Why a polygon is not valid, and where on earth."""
     words, _, place = str(shapely.is_valid_reason(polygon)).partition("[")
     words = words.strip().lower()
     if "self-intersection" in words:
@@ -362,11 +362,12 @@ def _reason(polygon: Any, origin: tuple[float, float]) -> str:
 
 
 def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
-    """A shape with few vertices that contains the given one, or lies in it; how far it moved.
+    """A shape with few vertices that contains the given one, or is inside it; the distance it
+    moved.
 
-    A ring that is simplified by Douglas and Peucker can be pulled back into the given one
-    without leaving the tolerance around its new edges.  So what is farther from them lies inside
-    of both or of neither, even where the simpler rings cross.
+    A ring that was simplified by Douglas and Peucker can be deformed continuously into the given
+    ring within the tolerance around its new edges.  A point farther away from these edges is
+    therefore inside both rings or outside both, even if the simplified rings cross each other.
     """
     if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
         return shape, 0.0
@@ -392,7 +393,7 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
 
 
 def _even_odd(lines: NDArray[Any]) -> Any:
-    """The ground that closed lines surround an odd number of times."""
+    """The region that closed lines enclose an odd number of times."""
     whole = shapely.MultiPolygon()
     for line in lines:
         if shapely.get_num_coordinates(line) >= 4:

@@ -1,8 +1,8 @@
-"""Outlines on earth from GeoJSON, KML, KMZ and other vector files, read with limits.
+"""Boundaries on earth from GeoJSON, KML, KMZ and other vector files, read with limits.
 
-The content decides what a file is, not its name.  Only polygons count; points and lines are
-left out and counted.  Heights are ignored.  An XML document type is refused, and with it every
-entity; a KMZ is never unpacked: one member of it is read, up to a limit.
+The content and not the name determines the type of a file.  Only polygons are used; points and
+lines are counted and reported.  Heights are ignored.  XML document types, and therefore entities,
+are refused.  Of a KMZ archive only one member is read, up to a size limit.
 """
 
 from __future__ import annotations
@@ -32,36 +32,37 @@ if TYPE_CHECKING:
     from aosplan.messages import Message
 
 MOST_POSITIONS = 2_000_000
-"""Outlines have no more positions than this."""
+"""Largest number of positions of a boundary."""
 
 BROKEN = (
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
     struct.error,
-    RuntimeError,  # encrypted, or compressed in a way that is not known
+    RuntimeError,  # encrypted, or an unknown compression
     EOFError,
     LookupError,
     OSError,
     ValueError,
 )
-"""What reading a damaged archive may raise."""
+"""Exceptions that a damaged archive may raise."""
 
 MOST_DIRECTORY_BYTES = 1_000_000
-"""A KMZ whose list of members is longer is refused."""
+"""Largest size of a KMZ archive's directory."""
 
 ALMOST_CLOSED_DEG = 1e-6
-"""A ring whose ends are nearer to each other, 0.1 m, is closed: programs round them apart."""
+"""A ring whose ends are closer than this (0.1 m) is closed, because programs round coordinates."""
 
 DEEPEST = 60
-"""Levels of elements that a KML file may have."""
+"""Greatest number of nested elements in a KML file."""
 
 
 class Outline(NamedTuple):
-    """Polygons as they stand in a file, each a shell and its holes.
+    """Polygons of a file; each is a list with an outer ring and the rings of its holes.
 
-    A ring has shape (n, 2): longitude and latitude [deg], the last as the first.  `places` says where each stands, for messages; `ignored` counts what has no area, by
-    kind; `notices` are about its reading.
+    A ring has shape (n, 2) with longitude and latitude [deg]; the last position equals the first.
+    `places` has the place of each polygon in the file, for messages.  `ignored` counts objects
+    without an area by their kind.  `notices` are warnings about the file.
     """
 
     path: str
@@ -72,13 +73,13 @@ class Outline(NamedTuple):
 
 
 def read_outline(path: str) -> Outline:
-    """The polygons of a GeoJSON, KML or KMZ file.
+    """Read the polygons of a GeoJSON, KML or KMZ file.
 
     Raises
     ------
     RequestError
-        If the file is none of these, holds no polygon, or one that is not closed, has too
-        few positions, or coordinates that are no longitude and latitude; the message names
+        If the file is of another type, or has no polygon, or if a polygon is not closed, has too
+        few positions, or has coordinates that are not longitude and latitude; the message names
         the place.
     """
     outline = Outline(path, [], [], Counter(), [])
@@ -101,7 +102,7 @@ def _read_document(content: bytes, outline: Outline) -> None:
     path = outline.path
     if content[:2] == b"PK":
         content = archive_member(content, path, _document_name)
-    encoding = None  # as the document says
+    encoding = None  # expat uses the encoding that the document declares
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         content, encoding = text_of(content, path).encode(), "utf-8"
     content = content.removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -132,7 +133,7 @@ def _read_vectors(path: str, outline: Outline) -> None:
 
 
 def listed(counts: Counter[str]) -> str:
-    """Kinds and how many there are of each, as text."""
+    """Kinds of objects with their counts, as text."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
 
 
@@ -165,9 +166,10 @@ def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
 
 
 def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
-    """The coordinate reference system of an object: its own, or that of the one around it.
+    """The coordinate reference system of an object: its own, or that of the object that contains
+    it.
 
-    GeoJSON of 2008 has it as a member ``crs``, which may stand in any object.
+    GeoJSON of 2008 states it as a member ``crs``, which any object may have.
     """
     crs = node.get("crs")
     if crs is None or crs == {}:
@@ -192,7 +194,7 @@ def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
 
 
 def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tuple[str, Any, str]]:
-    """Coordinates of every polygon of a GeoJSON object, where they stand, and their system."""
+    """Coordinates of every polygon of a GeoJSON object, with place and coordinate reference system."""
     kind = node.get("type") if isinstance(node, dict) else None
     dot = f"{place}." if place else ""
     if isinstance(node, dict):
@@ -226,7 +228,7 @@ def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tup
 
 
 def _ring(positions: Any, place: str, change: Reprojection | None) -> NDArray[np.float64]:
-    """A ring from a list of positions, checked."""
+    """A checked ring from a list of positions."""
     if not isinstance(positions, list):
         raise RequestError(f"{place} is not a list of positions")
     for index, position in enumerate(positions):
@@ -247,12 +249,12 @@ def _ring(positions: Any, place: str, change: Reprojection | None) -> NDArray[np
 
 
 def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-    """A ring of longitudes and latitudes, if it is one.
+    """Check a ring of longitudes and latitudes; a ring that is almost closed becomes closed.
 
     Raises
     ------
     RequestError
-        If it is not closed, has fewer than four positions, or leaves the globe.
+        If it is not closed, has fewer than four positions, or has invalid coordinates.
     """
     if len(ring) == 0:
         raise RequestError(f"{place} is empty")
@@ -295,7 +297,7 @@ def _off_the_globe(longitude: float, latitude: float, place: str) -> RequestErro
 
 
 class _KmlReader:
-    """Collects the polygons of a KML document while expat walks through it."""
+    """Collects the polygons of a KML document while expat parses it."""
 
     def __init__(self, outline: Outline) -> None:
         self.outline = outline
@@ -306,8 +308,8 @@ class _KmlReader:
         self.positions = 0
 
     def read(self, content: bytes, encoding: str | None = None) -> None:
-        """Read a document into the outline."""
-        # Names are taken without their prefixes, which many programs leave unbound.
+        """Parse a document and add its polygons to the outline."""
+        # Prefixes of names are ignored, because many programs do not declare them.
         parser = expat.ParserCreate(encoding)
         parser.buffer_text = True
         parser.StartDoctypeDeclHandler = self._doctype
@@ -316,7 +318,7 @@ class _KmlReader:
         parser.CharacterDataHandler = self._characters
         try:
             parser.Parse(content, True)
-        except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding, too
+        except (expat.ExpatError, LookupError, ValueError) as error:  # also for unknown encodings
             raise RequestError(f"'{self.outline.path}' is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:
@@ -380,12 +382,12 @@ class _KmlReader:
 
 
 def archive_member(content: bytes, path: str, choose: Callable[[list[str], str], str]) -> bytes:
-    """One member of a KMZ, which is chosen from the names of all of them.
+    """Read one member of a KMZ archive; `choose` selects it from the names of all members.
 
     Raises
     ------
     RequestError
-        If the archive is broken, has too many members, or one that is too large.
+        If the archive is damaged, has too many members, or the member is too large.
     """
     end = content.rfind(b"PK\x05\x06")
     if end < 0 or len(content) < end + 22:
@@ -406,7 +408,7 @@ def archive_member(content: bytes, path: str, choose: Callable[[list[str], str],
 
 
 def _document_name(names: list[str], path: str) -> str:
-    """The member of an archive that is its KML document."""
+    """Name of the member that is the KML document of an archive."""
     documents = [
         name
         for name in names
@@ -418,7 +420,7 @@ def _document_name(names: list[str], path: str) -> str:
         raise RequestError(
             f"'{path}' is an archive without a KML document", "unpack files of other formats"
         )
-    # The root document is at the top of the archive; files in folders are what it refers to.
+    # The root document is at the top level; documents in folders are referenced by it.
     top = [name for name in documents if "/" not in name and "\\" not in name]
     usual = [name for name in top if name.lower() == "doc.kml"]
     chosen = usual or top or documents

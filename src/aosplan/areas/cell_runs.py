@@ -1,7 +1,7 @@
 """Sets of lattice cells as runs of whole numbers.
 
-A cell (row, column) is the number row · stride + column, so a row's neighbours are neighbours
-in number, and an area of a million cells is a few thousand runs.
+A cell (row, column) has the number row · stride + column.  Neighbours in a row have consecutive
+numbers, so an area of a million cells consists of a few thousand runs.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 
 class CellRuns(NamedTuple):
-    """Runs of whole numbers from `start` up to, not including, `stop`: sorted, none touching."""
+    """Runs of whole numbers from `start` to `stop` - 1, sorted, with a gap between any two of them."""
 
     start: Whole
     stop: Whole
 
     @property
     def size(self) -> int:
-        """How many numbers there are in all."""
+        """Total count of numbers in the runs."""
         return int((self.stop - self.start).sum())
 
     def numbers(self) -> Whole:
-        """All of them, in order."""
+        """All numbers of the runs in order."""
         lengths = self.stop - self.start
         offsets = np.repeat(self.start - (np.cumsum(lengths) - lengths), lengths)
         return offsets + np.arange(len(offsets))
 
     def dilated(self, runs: Iterable[tuple[int, int]]) -> CellRuns:
-        """Every sum of a number here and one of some runs (first, last)."""
+        """All sums of a number of this set and a number of the given runs (first, last)."""
         pairs = [(self.start + first, self.stop + last) for first, last in runs]
         return united(
             np.concatenate([start for start, _ in pairs]),
@@ -44,7 +44,7 @@ class CellRuns(NamedTuple):
         )
 
     def without(self, other: CellRuns) -> CellRuns:
-        """What is here and not in the other."""
+        """The numbers of this set that are not in the other."""
         bounds = np.unique(np.concatenate([*self, *other]))
         if len(bounds) < 2:
             return self
@@ -52,14 +52,14 @@ class CellRuns(NamedTuple):
         return united(bounds[:-1][kept], bounds[1:][kept])
 
     def holds(self, numbers: Whole) -> NDArray[np.bool_]:
-        """Whether each of some numbers is here."""
+        """Whether each of the numbers is in this set."""
         return np.searchsorted(self.start, numbers, "right") > np.searchsorted(
             self.stop, numbers, "right"
         )
 
 
 def united(start: Whole, stop: Whole) -> CellRuns:
-    """The runs that cover given ones, which may be in any order and overlap."""
+    """The union of runs that may be in any order and may overlap."""
     order = np.argsort(start, kind="stable")
     start, reach = start[order], np.maximum.accumulate(stop[order])
     if len(start) == 0:
@@ -70,5 +70,5 @@ def united(start: Whole, stop: Whole) -> CellRuns:
 
 
 def runs_of(numbers: Whole) -> CellRuns:
-    """Runs of sorted numbers, each there once."""
+    """Runs of sorted numbers without duplicates."""
     return united(numbers, numbers + 1)

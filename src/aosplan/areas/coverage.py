@@ -1,23 +1,25 @@
-"""Which sites of a lattice an area needs, and what they show of it: the coverage rule.
+"""The coverage rule: the sites of a lattice that an area needs, and what they cover.
 
-A *window* is the grid of a plan, R rows by C columns of sites with N of them in use.  Repeated
-without end it is a lattice of pitch p_x along the heading and p_y across it.  **A point is
-covered where the rectangle C p_x by R p_y around it, borders included, holds at least N sites.**
-That rectangle is the aperture plus one pitch: the least that holds C x R lattice sites wherever
-the point lies.  Its sites are within half of it of the point on each axis, so the point is in
-all their images where the footprint is no smaller than the rectangle.
+A *window* is the grid of a plan: R rows and C columns of sites, N of which are used.  Repeated
+without end it is a lattice with pitch p_x along the heading and p_y across it.  **A point is
+covered if the rectangle of C p_x by R p_y around it, including its border, contains at least N
+sites.**  This rectangle is the aperture plus one pitch.  It is the smallest rectangle that contains
+C x R lattice sites for every position of the point.  Along each axis, the sites are within half the
+rectangle's side of the point.  The point is therefore in all their images if the footprint is at
+least as large as the rectangle.
 
-The lattice divides the ground into cells p_x by p_y, each around the middle of one placement of
-the window; a point's nearest placement lies within its rectangle.  So an area needs the sites of
-every placement whose cell it reaches into, and no others: each point then sees the very pattern
-that was planned, trimmed sites included, from at most half a pitch off its middle.  What remains
-after sites were dropped is *counted*, cell by cell: the C x R sites around a cell are the same for
-all points in it.
+The lattice divides the ground into cells of p_x by p_y.  Each cell is around the centre of one
+placement of the window, and the placement nearest to a point is inside the point's rectangle.  An
+area needs the sites of every placement whose cell it overlaps, and no others.  Each point then sees
+exactly the planned pattern, including the removed sites of trimmed grids, at most half a pitch off
+its centre.  If sites are dropped later, the remaining coverage is *counted* cell by cell: the C x R
+sites around a cell are the same for all its points.
 
-Clear ground needs one site whose image it is in.  Sites flown for the canopy beside it serve;
-for the rest, cells that one image contains whole are taken greedily, strip by strip.
+Clear ground needs one site whose image contains it.  Sites that are flown for neighbouring canopy
+count.  For the rest, sites are chosen greedily, strip by strip, by the cells that their image
+contains completely.
 
-Distances of less than `SLACK` pitches count as nothing.
+Distances of less than `SLACK` pitches are treated as zero.
 """
 
 from __future__ import annotations
@@ -40,17 +42,16 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CELLS = 2**60
-"""Cells of a lattice, of any number that fits in 64 bits."""
+"""Largest number of cells of a lattice, so that their numbers fit in 64 bits."""
 
 SLACK = 1e-9
-"""Relative to the pitch: a cell that an area enters by less is not entered."""
+"""Tolerance as a share of the pitch: a cell that an area overlaps by less does not count."""
 
 
 class Window(NamedTuple):
     """The grid that every point has to see, in sites and metres.
 
-    `used` has a run (first, last column) for each stretch of sites of each row, as
-    (row, first, last).
+    `used` has one tuple (row, first column, last column) for each run of used sites in a row.
     """
 
     rows: int
@@ -61,7 +62,7 @@ class Window(NamedTuple):
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """The rectangle that the rule is about, along and across the heading."""
+        """Size of the rectangle of the coverage rule, along and across the heading."""
         return self.columns * self.pitch_m[0], self.rows * self.pitch_m[1]
 
 
@@ -78,10 +79,10 @@ def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> Window:
 
 
 class Lattice(NamedTuple):
-    """Where cells lie: (row, column) is the number row · stride + column.
+    """Positions of the cells, which have the number row · stride + column.
 
-    x runs along the heading and y to its right; `corner_m` is the corner of cell (0, 0) with
-    the smallest x and y.
+    x is along the heading and y to its right.  `corner_m` is the corner of cell (0, 0) with the
+    smallest x and y.
     """
 
     corner_m: tuple[float, float]
@@ -89,7 +90,7 @@ class Lattice(NamedTuple):
     stride: int
 
     def middles(self, numbers: Whole) -> Points:
-        """Shape (n, 2): x and y of the middles of cells."""
+        """x and y of the centres of cells, shape (n, 2)."""
         rows, columns = np.divmod(numbers, self.stride)
         return np.column_stack(
             [
@@ -99,7 +100,7 @@ class Lattice(NamedTuple):
         )
 
     def boxes(self, cells: CellRuns) -> Any:
-        """A rectangle for every run of cells."""
+        """One rectangle for each run of cells."""
         rows, first = np.divmod(cells.start, self.stride)
         x = self.corner_m[0] + first * self.pitch_m[0]
         y = self.corner_m[1] + rows * self.pitch_m[1]
@@ -107,7 +108,7 @@ class Lattice(NamedTuple):
         return shapely.box(x, y, x + length, y + self.pitch_m[1])
 
     def moved(self, x_pitches: float, y_pitches: float) -> Lattice:
-        """The same cells, elsewhere."""
+        """The same cells shifted by a number of pitches."""
         return self._replace(
             corner_m=(
                 self.corner_m[0] + x_pitches * self.pitch_m[0],
@@ -117,15 +118,15 @@ class Lattice(NamedTuple):
 
 
 def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Lattice:
-    """A lattice of placement cells, centred on a shape.
+    """A lattice of placement cells that is centred on a shape.
 
-    Its rows have room for all of `whole`, which the shape is a part of, and `margin` columns
-    on both sides.
+    Its rows are long enough for all of `whole`, which contains the shape, plus `margin` columns on
+    both sides.
 
     Raises
     ------
     RequestError
-        If its cells are more than can be numbered.
+        If there are more cells than can be numbered.
     """
     x_low, y_low, x_high, y_high = shapely.bounds(shape).tolist()
     left, lower, right, upper = shapely.bounds(whole).tolist()
@@ -147,11 +148,12 @@ def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Latt
 
 
 def entered(shape: Any, lattice: Lattice) -> CellRuns:
-    """Cells into which a shape reaches.
+    """Cells that a shape overlaps.
 
-    They are those that its border passes through, and those between the border's crossings of
-    the middle line of each row: a cell without border in it is inside or outside as a whole.
-    V edges that cross R rows take V + R steps.
+    These are the cells that the border passes through, and the cells between the intersections of
+    the border with the centre line of each row.  A cell without a border in it is completely inside
+    or outside.  The time is proportional to the number of edges plus the number of rows that they
+    cross.
     """
     rings = shapely.get_rings(shapely.get_parts(shape))
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -178,18 +180,20 @@ def entered(shape: Any, lattice: Lattice) -> CellRuns:
 
 
 def _repeated(first: Whole, stop: Whole) -> tuple[Whole, Whole]:
-    """Each index, and each whole number from its `first` to before its `stop`."""
+    """Each index, repeated for each whole number from its `first` to its `stop` - 1, and the
+    numbers.
+    """
     count = np.maximum(stop - first, 0)
     index = np.repeat(np.arange(len(count)), count)
     return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count - first, count)
 
 
 def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
-    """Where edges are at a height, or at their ends where they do not reach it."""
+    """x of edges at a given y, or of their nearest end if they do not reach it."""
     rise = upper[:, 1] - lower[:, 1]
     share = (y - lower[:, 1]) / np.where(rise > 0.0, rise, 1.0)
     share = np.where(rise > 0.0, np.clip(share, 0.0, 1.0), y > lower[:, 1])
-    # Weighted so that both ends come out as they are.
+    # A weighted mean, which is exact at both ends.
     x: NDArray[np.float64] = (1.0 - share) * lower[:, 0] + share * upper[:, 0]
     return x
 
@@ -197,7 +201,7 @@ def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
 def _cells(
     row: Whole, left: NDArray[np.float64], right: NDArray[np.float64], stride: int
 ) -> tuple[Whole, Whole]:
-    """Runs of the cells of rows that stretches of x enter; what lies on a border enters none."""
+    """Runs of the cells of rows that intervals of x overlap; touching a border is not an overlap."""
     first = np.floor(left + SLACK).astype(np.int64)
     stop = np.ceil(right - SLACK).astype(np.int64)
     kept = stop > first
@@ -205,14 +209,14 @@ def _cells(
 
 
 def sites_for(placements: CellRuns, window: Window, stride: int) -> CellRuns:
-    """The sites of every placement of a window; a placement's number is that of its first site."""
+    """The sites of every placement of a window; a placement has the number of its first site."""
     return placements.dilated(
         (row * stride + first, row * stride + last) for row, first, last in window.used
     )
 
 
 def looks(sites: Whole, placements: Whole, window: Window, stride: int) -> Whole:
-    """How many of some sites lie in the rectangle around each placement, by counting."""
+    """Number of sites in the rectangle around each placement."""
     count = np.zeros(len(placements), np.int64)
     for row in range(window.rows):
         start = placements + row * stride
@@ -221,7 +225,7 @@ def looks(sites: Whole, placements: Whole, window: Window, stride: int) -> Whole
 
 
 def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) -> tuple[int, int]:
-    """Cells around a site, columns and rows, that its image contains whole; both odd."""
+    """Number of columns and of rows of cells around a site that its image contains; both are odd."""
     columns, rows = (
         2 * math.floor(0.5 * (size / pitch - 1.0) + SLACK) + 1
         for size, pitch in zip(footprint_m, pitch_m, strict=True)
@@ -230,7 +234,7 @@ def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) 
 
 
 def seen_cells(sites: CellRuns, image: tuple[int, int], stride: int) -> CellRuns:
-    """Cells that the image of some site contains whole."""
+    """Cells that the image of at least one site contains completely."""
     columns, rows = image
     return sites.dilated(
         (row * stride - columns // 2, row * stride + columns // 2)
@@ -239,7 +243,7 @@ def seen_cells(sites: CellRuns, image: tuple[int, int], stride: int) -> CellRuns
 
 
 def sites_seeing(cells: CellRuns, image: tuple[int, int], stride: int) -> Whole:
-    """Few sites such that each cell is in the image of one, chosen greedily strip by strip."""
+    """A small set of sites whose images contain all cells, chosen greedily strip by strip."""
     columns, rows = image
     row, first = np.divmod(cells.start, stride)
     last = (cells.stop - 1) % stride

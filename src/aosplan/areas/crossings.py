@@ -1,7 +1,7 @@
-"""Crossings of outlines, counted up to a limit: what an overlay costs grows with them.
+"""Crossings of boundaries, counted up to a limit, because the cost of an overlay depends on them.
 
-An outline of n edges may cross itself n²/2 times, and an overlay makes a vertex of every crossing:
-12 kB of GeoJSON take minutes, 80 kB gigabytes.
+A boundary of n edges may cross itself n²/2 times, and an overlay creates a vertex at every
+crossing. An overlay of 12 kB of GeoJSON can take minutes, and one of 80 kB can need gigabytes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_PAIRS = 5_000_000
-"""Pairs of edges, near each other, that are looked at."""
+"""Largest number of pairs of neighbouring edges that are tested."""
 
 PAIRS_AT_ONCE = 1_000_000
 
@@ -27,14 +27,14 @@ PAIRS_AT_ONCE = 1_000_000
 def cross_often(shapes: Sequence[Any], most: int) -> bool:
     """Whether the edges of shapes cross each other, or themselves, more often than a limit.
 
-    Outlines with so many edges near each other that counting takes long count as such.
+    The result is also true if there are too many pairs of neighbouring edges to count.
 
     Parameters
     ----------
     shapes
-        Polygons or collections of them (shapely).
+        Polygons or collections of polygons (shapely).
     most
-        The limit.
+        The limit of the number of crossings.
     """
     edges = np.concatenate([_edges(shape) for shape in shapes])
     if len(edges) * (len(edges) - 1) // 2 <= most:
@@ -55,7 +55,7 @@ def cross_often(shapes: Sequence[Any], most: int) -> bool:
 
 
 def _edges(shape: Any) -> Floats:
-    """The edges of the rings of a shape: the two ends of each, shape (n, 2, 2)."""
+    """The two ends of each edge of the rings of a shape, shape (n, 2, 2)."""
     rings = shapely.get_rings(shapely.get_parts(shape))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     inner = ring[1:] == ring[:-1]
@@ -63,12 +63,12 @@ def _edges(shape: Any) -> Floats:
 
 
 def _cross(one: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Whether each of some edges crosses the other of its pair; those that only touch do not."""
+    """Whether the two edges of each pair cross; edges that only touch do not."""
     return _apart(one, other) & _apart(other, one)
 
 
 def _apart(edge: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Whether the ends of the other edge lie on opposite sides of an edge."""
+    """Whether the ends of the other edge are on opposite sides of an edge."""
     along = edge[:, 1] - edge[:, 0]
     off = other - edge[:, :1]
     sides = along[:, None, 0] * off[..., 1] - along[:, None, 1] * off[..., 0]

@@ -1,7 +1,6 @@
-"""How large an area is along a heading and across it, and how many sites a grid over it takes.
+"""Size of an area along a heading and across it, and lower bounds of the sites of a grid over it.
 
-These are lower bounds in closed form.  They let a search leave out grids that take too long without
-laying out their sites.
+With these bounds, a search can skip grids that take too long without computing their sites.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from aosplan.areas.area import Area
 
 SLACK = 1e-6
-"""Relative: a bound is lowered by this for the rounding of coordinates."""
+"""Share by which bounds are lowered, because coordinates are rounded."""
 
 
 class Extent(NamedTuple):
@@ -27,8 +26,8 @@ class Extent(NamedTuple):
     area_m2
         Its area.
     along_m, across_m
-        Length of its projection onto the heading, and onto the direction across it, without gaps
-        between its parts.
+        Length of the projection of the area on the heading, and on the direction across it,
+        without the gaps between its parts.
     """
 
     area_m2: float
@@ -37,7 +36,7 @@ class Extent(NamedTuple):
 
 
 def extent_of(area: Area, heading_deg: float) -> Extent:
-    """Size of the part of an area that is under canopy and outside no-fly zones.
+    """Size of the part of an area that has canopy and is outside no-fly zones.
 
     Parameters
     ----------
@@ -58,27 +57,27 @@ def extent_of(area: Area, heading_deg: float) -> Extent:
 def least_lattice(
     extent: Extent, rows: int, columns: int, pitch_m: tuple[float, float]
 ) -> tuple[int, int]:
-    """Fewest sites, and fewest lines of sites, of a grid that is repeated over an area.
+    """Lower bounds of the number of sites, and of lines of sites, of a grid repeated over an area.
 
-    Every point of the area lies in the cell of one placement of the grid, by the rule of
-    `aosplan.areas.coverage`.  The cells of the sites contain the area, extended by a rectangle of
-    ``columns - 1`` pitches along the heading and ``rows - 1`` pitches across it.  The area of that sum of two
-    sets is at least the area, plus the rectangle's length times the extent across, plus its width
-    times the extended extent along.
+    By the rule of `aosplan.areas.coverage`, every point of the area is in the cell of one placement
+    of the grid.  The cells of the sites contain the Minkowski sum of the area and a rectangle,
+    which is ``columns - 1`` pitches long along the heading and ``rows - 1`` pitches wide across
+    it.  The area of this sum is at least the area, plus the rectangle's length times the extent
+    across, plus the rectangle's width times the extended extent along.
 
     Parameters
     ----------
     extent
         Size of the area along the heading and across it.
     rows, columns
-        The rectangle of sites around each point, none of them left out.
+        The rectangle of sites around each point, without removed sites.
     pitch_m
         Distance between neighbouring sites along the heading and across it.
 
     Returns
     -------
     sites, lines
-        At least one of each.
+        Both at least 1.
     """
     x, y = pitch_m
     longer, wider = (columns - 1) * x, (rows - 1) * y
@@ -89,12 +88,12 @@ def least_lattice(
 
 
 def distance_m(area: Area, east_m: float, north_m: float) -> float:
-    """Distance of a point from the area; nothing inside."""
+    """Distance of a point from the area; 0 inside."""
     return float(shapely.distance(area.whole, shapely.Point(east_m, north_m)))
 
 
 def _length_m(projections: list[Any]) -> float:
-    """Length of the union of intervals, each from the least to the largest of some numbers."""
+    """Length of the union of intervals, each from the smallest to the largest of some numbers."""
     total, reached = 0.0, -math.inf
     for low, high in sorted((float(np.min(each)), float(np.max(each))) for each in projections):
         total += max(high - max(low, reached), 0.0)

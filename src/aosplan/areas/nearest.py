@@ -1,6 +1,6 @@
-"""Nearest points: by looking at all of them, or by a tree of many.
+"""Nearest points: found by comparing all of them, or by a tree if there are many.
 
-SciPy's tree takes longer to import than all else of a plan over a small area.
+Importing SciPy's tree takes longer than the rest of a plan over a small area.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_COMPARED = 3_000
-"""Of more points a tree is made."""
+"""Largest number of points that are compared without a tree."""
 
 PLACES_AT_ONCE = 256
 
 
 class Nearest:
-    """Points of which the nearest ones to a place are wanted.
+    """A set of points, to find those that are nearest to a place.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ class Nearest:
             self._tree = cKDTree(points)
 
     def to(self, places: Points, count: int) -> NDArray[np.intp]:
-        """Indices of the nearest points to each place, shape (m, count), nearest first.
+        """Indices of the nearest points to each place, shape (m, count), in order of distance.
 
         Parameters
         ----------
         places
             Shape (m, 2) [m].
         count
-            How many, at most as many as there are points.
+            Number of points to find; at most the number of all points.
         """
         if self._tree is not None:
             found = np.asarray(self._tree.query(places, count)[1], np.intp)
@@ -61,7 +61,7 @@ class Nearest:
         distances = off[..., 0] * off[..., 0] + off[..., 1] * off[..., 1]
         if count < len(self.points):
             near = np.argpartition(distances, count - 1, axis=1)[:, :count]
-            near.sort(axis=1)  # of points as far away, the first comes first
+            near.sort(axis=1)  # equally distant points are in order of their index
         else:
             near = np.broadcast_to(np.arange(count), distances.shape)
         order = np.argsort(np.take_along_axis(distances, near, axis=1), axis=1, kind="stable")

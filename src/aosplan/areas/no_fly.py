@@ -1,6 +1,7 @@
-"""Ways around no-fly zones: the shortest, over the corners of slightly larger zones.
+"""Shortest paths around no-fly zones, along the corners of slightly larger zones.
 
-Sites and legs keep `MARGIN_M` / 2 from a zone at least, since formats round coordinates.
+Sites and legs keep a distance of at least `MARGIN_M` / 2 from a zone, because formats round
+coordinates.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CORNERS = 5_000
-"""Zones with more corners are refused: each detour looks at all of them."""
+"""Largest number of corners of all zones; each detour examines all corners."""
 
 
 class NoFlyZones:
-    """No-fly zones, and the ways around them.
+    """No-fly zones, and the shortest paths around them.
 
     Parameters
     ----------
     keep_out
-        The zones with their buffer; shapely, metres.
+        The zones with their buffer, in metres (shapely).
 
     Raises
     ------
@@ -51,16 +52,16 @@ class NoFlyZones:
         self._ways: dict[tuple[float, ...], list[tuple[float, float]] | None] = {}
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Whether there is any zone."""
         return not self._wall.is_empty
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
-        """Whether each of some points, shape (n, 2), lies in a zone."""
+        """Whether each of the points, shape (n, 2), is in a zone."""
         hit: NDArray[np.bool_] = shapely.intersects_xy(self._wall, points[:, 0], points[:, 1])
         return hit
 
     def cross(self, start: Points, stop: Points) -> NDArray[np.bool_]:
-        """Whether each of some legs, ends of shape (n, 2), passes through a zone."""
+        """Whether each of the legs, with ends of shape (n, 2), passes through a zone."""
         crossing = np.zeros(len(start), bool)
         if self._wall.is_empty:
             return crossing
@@ -75,23 +76,27 @@ class NoFlyZones:
         return crossing
 
     def enclosures(self, points: Points) -> NDArray[np.int64]:
-        """Which of the places that no way connects each of some points lies in; -1: outside."""
+        """Index of the enclosed region that each point is in, which no path leaves; -1: not
+        enclosed.
+        """
         rings = [
             shapely.Polygon(hole)
             for part in shapely.get_parts(self._wall)
             for hole in part.interiors
         ]
         found = np.full(len(points), -1, np.int64)
-        # The smaller of two, one in the other, is the one that a point is in.
+        # If regions are nested, the smallest one counts: larger ones are processed first.
         for index, ring in enumerate(sorted(rings, key=lambda ring: -ring.area)):
             shapely.prepare(ring)
             found[shapely.intersects_xy(ring, points[:, 0], points[:, 1])] = index
         return found
 
     def around(self, start: Points, stop: Points) -> list[tuple[float, float]] | None:
-        """Corners to turn at on the shortest way between two points; None where there is none.
+        """Corners of the shortest path between two points at which it turns; None if there is no
+        path.
 
-        A* over the corners; which corners see each other is found when it is first asked.
+        The search is A* over the corners.  Whether two corners see each other is computed when
+        needed.
         """
         key = (*start.tolist(), *stop.tolist())
         if key not in self._ways:
@@ -99,7 +104,7 @@ class NoFlyZones:
         return self._ways[key]
 
     def length_m(self, start: Points, stop: Points) -> float:
-        """Length of the shortest way between two points; inf where there is none."""
+        """Length of the shortest path between two points; inf if there is none."""
         way = self.around(start, stop)
         if way is None:
             return math.inf
@@ -112,7 +117,7 @@ class NoFlyZones:
         to_stop = ~self.cross(self.corners, np.broadcast_to(stop, (count, 2)))
         best = {count + 1: 0.0}
         before: dict[int, int] = {}
-        waiting = [(0.0, count + 1)]  # corners 0 … count - 1, stop count, start count + 1
+        waiting = [(0.0, count + 1)]  # indices: corners 0 … count - 1, stop count, start count + 1
         while waiting:
             _, node = heapq.heappop(waiting)
             if node == count:
@@ -146,7 +151,7 @@ class NoFlyZones:
 
 
 def _corners(shape: Any) -> Points:
-    """The corners of a shape at which a shortest way around it may turn, shape (n, 2)."""
+    """The convex corners of a shape, at which a shortest path around it may turn, shape (n, 2)."""
     found = [np.empty((0, 2))]
     for part in shapely.get_parts(shape):
         for index, ring in enumerate((part.exterior, *part.interiors)):

@@ -1,4 +1,4 @@
-"""Coordinates of areas in other coordinate reference systems, brought to WGS 84."""
+"""Conversion of boundaries in other coordinate reference systems to WGS 84."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 PROJECTED_WITHIN_M = 5.0
-"""A projected system is read if its datum is known this well: NAD 83 is, to 4 m."""
+"""Largest datum uncertainty of a projected system that is read; that of NAD 83 is 4 m."""
 
 DEGREES_WITHIN_M = 1.0
-"""Degrees of another datum are read only if nobody would notice the difference: ETRS89."""
+"""Largest datum uncertainty of a system in degrees that is read, such as ETRS89."""
 
 
 class Reprojection(NamedTuple):
-    """From the coordinates of a file to longitude and latitude, and what is said of it."""
+    """Conversion from the coordinates of a file to longitude and latitude, with its description."""
 
     transformer: Transformer
     is_projected: bool
@@ -37,7 +37,8 @@ class Reprojection(NamedTuple):
         Raises
         ------
         RequestError
-            If the points are degrees although the system says metres, or lie outside of it.
+            If the points look like degrees although the system is in metres, or are outside of its
+            domain.
         """
         if self.is_projected and len(points) and (np.abs(points) <= (180.0, 90.0)).all():
             raise RequestError(
@@ -53,24 +54,24 @@ class Reprojection(NamedTuple):
 
 
 def is_wgs84(name: str) -> bool:
-    """Whether a system's name is that of longitude and latitude on WGS 84."""
+    """Whether a name is that of longitude and latitude on WGS 84."""
     return name.endswith(("CRS84", "CRS:84", ":4326")) or name == "WGS 84"
 
 
 def reprojection(name: str, path: str) -> Reprojection | None:
-    """How the coordinates of a file become degrees on WGS 84; None if they are already.
+    """The conversion of a file's coordinates to degrees on WGS 84; None if they already are.
 
     Parameters
     ----------
     name
-        The coordinate reference system: a code, a URN or WKT.
+        The coordinate reference system as a code, a URN or WKT.
     path
         The file, for messages.
 
     Raises
     ------
     RequestError
-        If the system is unknown, or its relation to WGS 84 is not known well enough.
+        If the system is unknown, or its relation to WGS 84 is not known accurately enough.
     """
     if is_wgs84(name):
         return None
@@ -80,7 +81,7 @@ def reprojection(name: str, path: str) -> Reprojection | None:
 
     hint = "ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of grids that are not installed
+        warnings.simplefilter("ignore")  # about grids that are not installed
         try:
             crs = CRS.from_user_input(name)
         except CRSError:

@@ -1,4 +1,4 @@
-"""Surveys: from an area and the grid of a plan to waypoints, and what they cover."""
+"""Surveys: the waypoints over an area for the grid of a plan, and what they cover."""
 
 from __future__ import annotations
 
@@ -46,32 +46,33 @@ class Survey(NamedTuple):
     Attributes
     ----------
     sites_flown
-        Sites, and where there are no-fly zones the corners to turn at, in flight order.
+        Sites in flight order, with the turning points around no-fly zones if there are any.
     origin
-        Latitude and longitude from which east and north count.
+        Latitude and longitude of the origin of the coordinates.
     area_m2, clear_m2, no_fly_m2
-        The area, its part that one look is enough for, and its part in no-fly zones.
+        Size of the area, of its part that one photo is enough for, and of its part in no-fly zones.
     covered_share
-        Share of the area that is covered, by the rule of `aosplan.areas.coverage`, counted.
+        Share of the area that is covered by the rule of `aosplan.areas.coverage`, counted.
     fewest_looks
-        The fewest sites in the rectangle around any point under canopy; None without canopy.
+        Smallest number of sites in the rectangle around any point below canopy; None without
+        canopy.
     sites, sites_in_rectangle
-        Sites flown, and those of the whole rectangle around the area, without an area rule.
+        Number of sites flown; number of sites of the whole rectangle around the area.
     sites_in_no_fly, sites_enclosed
-        Sites that were dropped: in a no-fly zone, or shut in by one.
+        Number of sites that were dropped because they are in a no-fly zone or enclosed by one.
     rectangle_m, pitch_m
-        The rectangle around a point that the rule is about, and the pitch of the sites, along
-        and across the heading.
+        Rectangle of the coverage rule around a point, and pitch of the sites, both along and
+        across the heading.
     length_m
-        Of the way from the first site to the last, around zones.
+        Length of the path from the first site to the last, around zones.
     axis
         Whether lines are flown along the heading or across it.
     shortest_m
-        A length that no order of the sites falls below.
+        Lower bound of the length for any order of the sites.
     simplified_m, projection_error
-        See `aosplan.areas.area`.
+        As in `aosplan.areas.area`.
     notices
-        What the user should know.
+        Warnings for the user.
     """
 
     sites_flown: Sites
@@ -95,7 +96,7 @@ class Survey(NamedTuple):
     notices: tuple[Message, ...]
 
     def document(self) -> dict[str, Any]:
-        """The survey as plain values: ``area`` of a plan's JSON."""
+        """The survey as plain values, ``area`` in a plan's JSON document."""
         own = self._asdict()
         for name in ("sites_flown", "notices", "length_m"):
             del own[name]
@@ -121,22 +122,22 @@ def survey_of(
     Parameters
     ----------
     area
-        What to cover.
+        The area to cover.
     pattern, baseline_m
-        The grid that every point under canopy has to see.
+        The grid that every point below canopy has to see.
     heading_deg
-        Clockwise from true north.
+        Direction of the grid, clockwise from true north.
     footprint_m
         Size of an image on the focal plane, along and across the heading.
     max_sites
-        More sites are refused, before they are laid out.
+        Largest number of sites; more are refused before they are computed.
     timing
-        How the drone flies; decides the order.
+        Flight settings, which determine the order of the sites.
 
     Raises
     ------
     InfeasibleError
-        If images are too small for the rule, or a no-fly zone leaves no site.
+        If images are too small for the rule, or if no-fly zones leave no site.
     RequestError
         If the area needs more sites than `max_sites`.
     """
@@ -145,7 +146,7 @@ def survey_of(
     hidden = not canopy.is_empty and baseline_m > 0.0
     if hidden:
         window = _window(pattern, baseline_m, footprint_m)
-    else:  # one look is enough everywhere
+    else:  # one photo is enough everywhere
         window = window_of(Pattern(1, 1), footprint_m)
         canopy, clear = whole, shapely.Polygon()
     _check_size(canopy, window.pitch_m, window.samples, max_sites)
@@ -223,13 +224,13 @@ class _Turn:
         return np.round(np.column_stack(turned(east, north, self.axis)), 7)
 
     def back(self, points: Points) -> tuple[Points, Points]:
-        """Points in x and y as east and north."""
+        """Points in x and y, converted to east and north."""
         x, y = points.T
         return turned(x, y, self.axis)
 
 
 def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> Window:
-    """The window of a pattern, if a point sees all its sites from the middle cell."""
+    """The window of a pattern; it is refused if the footprint is smaller than its rectangle."""
     window = window_of(pattern, (baseline_m, baseline_m * pattern.row_pitch))
     x, y = window.size_m
     if x > footprint_m[0] * (1.0 + 1e-9) or y > footprint_m[1] * (1.0 + 1e-9):
@@ -248,13 +249,13 @@ def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float
 
 
 def _check_size(shape: Any, cell_m: tuple[float, float], samples: int, max_sites: int) -> None:
-    """Refuse what needs too many sites, from lengths and areas alone."""
+    """Refuse an area that needs too many sites, from lengths and areas alone."""
     x_pitch, y_pitch = cell_m
     least = shape.area / (x_pitch * y_pitch)
     for part in shapely.get_parts(shape):
         x_low, y_low, x_high, y_high = shapely.bounds(part)
         least = max(least, (x_high - x_low) / x_pitch, (y_high - y_low) / y_pitch)
-    # Sums of two sets of lattice points have at least as many as both, less one.
+    # The sum of two sets of lattice points has at least |A| + |B| - 1 points.
     _refuse_more(math.ceil(least * (1.0 - 1e-9)) + samples - 1, max_sites, "at least ")
 
 
@@ -274,7 +275,7 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
 
 
 def _allowed(wanted: Whole, at_sites: Lattice, zones: NoFlyZones) -> tuple[Whole, int, int]:
-    """Sites that may be flown; how many lie in zones, and how many are shut in by them."""
+    """Sites that may be flown; number of sites in zones; number of sites enclosed by zones."""
     if not zones:
         return wanted, 0, 0
     points = at_sites.middles(wanted)
@@ -291,7 +292,7 @@ def _allowed(wanted: Whole, at_sites: Lattice, zones: NoFlyZones) -> tuple[Whole
 
 
 def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
-    """The way through points around zones, and which of its points take photos."""
+    """The path through points around zones, and for each of its points whether a photo is taken."""
     if not zones:
         return points, [True] * len(points)
     way: list[Points] = [points[:1]]
@@ -300,7 +301,7 @@ def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
     done = 1
     for leg in crossing.tolist():
         turns = zones.around(points[leg], points[leg + 1])
-        assert turns is not None  # sites shut in by zones were dropped
+        assert turns is not None  # enclosed sites were dropped before
         way += [points[done : leg + 1], np.array(turns).reshape(-1, 2)]
         photo += [True] * (leg + 1 - done) + [False] * len(turns)
         done = leg + 1
@@ -317,7 +318,7 @@ def _covered(
     lattices: tuple[Lattice, Lattice],
     image: tuple[int, int],
 ) -> tuple[float, int]:
-    """Share of the area that the sites cover, and the fewest looks under canopy, counted."""
+    """Share of the area that the sites cover, and smallest number of looks below canopy, counted."""
     canopy, clear = shapes
     stride = lattices[0].stride
     placements = cells[0].numbers()
@@ -336,7 +337,7 @@ def _covered(
 
 
 def _losses(survey: Survey, samples: int) -> list[Message]:
-    """Warnings of what no-fly zones take away."""
+    """Warnings about the coverage that no-fly zones cost."""
     if survey.covered_share == 1.0:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2
@@ -353,5 +354,5 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
 
 
 def _area(area_m2: float) -> str:
-    """Square metres without an exponent."""
+    """Square metres as text without an exponent."""
     return f"{area_m2:,.0f}" if area_m2 >= 10.0 else f"{area_m2:.2g}"

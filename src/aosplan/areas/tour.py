@@ -1,10 +1,10 @@
-"""The order of sites: lines there and back along the better axis, linked and improved.
+"""The order of sites: parallel lines along the better axis, connected and improved.
 
-Sites of a lattice fall into *lines*: stretches of neighbours along one axis that no zone
-cuts.  Lines are flown from one end to the other, and always the nearest end of a line not yet
-flown comes next; where every row is one line that is the boustrophedon.  Both axes are tried, and
-the one that takes less time is flown.  Up to `MOST_IMPROVED` sites the order is then improved by
-2-opt and Or-opt moves.  A minimum spanning tree bounds every order from below.
+The sites of a lattice form *lines*: runs of neighbours along one axis that no zone interrupts.
+Each line is flown from one end to the other, and the next line is the one with the nearest end.  If
+every row is a single line, this is the boustrophedon.  Both axes are tried, and the faster one is
+used.  For up to `MOST_IMPROVED` sites, the order is then improved by 2-opt and Or-opt moves.  The
+minimum spanning tree is a lower bound of the length of every order.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_IMPROVED = 5_000
-"""Longer tours keep to their lines."""
+"""Largest number of sites of a tour that is improved."""
 
 NEIGHBOURS = 8
-"""Nearest sites that an improvement may fly to."""
+"""Number of nearest sites that a move considers as the next site."""
 
 LONGEST_PIECE = 3
-"""Sites that an Or-opt move takes elsewhere, at most."""
+"""Largest number of sites that an Or-opt move takes to another position."""
 
 
 class Tour(NamedTuple):
-    """An order of sites: their indices, and the axis along which lines were flown."""
+    """An order of sites: their indices, and the axis along which lines are flown."""
 
     order: NDArray[np.intp]
     axis: str
@@ -51,21 +51,21 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: No
     Parameters
     ----------
     cells
-        Shape (n,): number row · stride + column of each site, rising.
+        Shape (n,): number row · stride + column of each site, increasing.
     stride
-        Of the numbers.
+        Stride of the numbers.
     points
-        Shape (n, 2): where the sites are [m].
+        Shape (n, 2): positions of the sites [m].
     timing
-        How the drone flies.  Where it flies through its sites, lines along the heading stay
-        whole.
+        How the drone flies.  If it flies through its sites, lines along the heading are not
+        interrupted.
     zones
-        No-fly zones, in the same metres; no site lies in one.
+        No-fly zones in the same coordinates; no site is in one.
 
     Returns
     -------
     Tour
-        The quicker of lines along the heading and across it, improved where it is short.
+        The faster of lines along the heading and across it, improved if there are few sites.
     """
     rows, columns = np.divmod(cells, stride)
     found = []
@@ -88,7 +88,7 @@ def total(
     if zones:
         for leg in np.flatnonzero(zones.cross(points[:-1], points[1:])):
             lengths[leg] = zones.length_m(points[leg], points[leg + 1])
-    # Most legs of a lattice are of a few lengths: each is measured once.
+    # The legs of a lattice have few different lengths, each of which is measured once.
     _, group, counts = np.unique(np.round(lengths, 9), return_inverse=True, return_counts=True)
     means = np.bincount(group, lengths) / counts if len(lengths) else lengths
     return math.fsum(
@@ -97,10 +97,11 @@ def total(
 
 
 def shortest_m(cells: Whole, stride: int, points: Points) -> float:
-    """A length that no order of the sites falls below: their minimum spanning tree's.
+    """Lower bound of the length of any order of the sites: the length of their minimum spanning
+    tree.
 
-    Its edges join neighbours of the lattice, or sites at the border of the set, among which
-    a Delaunay triangulation has them all.
+    The edges of the tree connect neighbours of the lattice, or sites at the border of the set.  A
+    Delaunay triangulation contains all edges between border sites that are needed.
     """
     if len(cells) < 2:
         return 0.0
@@ -117,7 +118,7 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         lengths = np.hypot(*(points[one] - points[other]).T)
         least = float(lengths.min())
         short = lengths <= least * (1.0 + 1e-9)
-        # No two sites of a lattice are nearer to each other than its nearest neighbours.
+        # No two sites of a lattice are closer together than its nearest neighbours.
         if _are_joined(one[short], other[short], len(cells)):
             return least * (len(cells) - 1)
     outer = np.flatnonzero(border)
@@ -126,7 +127,8 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         stop.append(outer[other])
     one, other = np.concatenate(start), np.concatenate(stop)
     lengths = np.hypot(*(points[one] - points[other]).T)
-    # Edges of the least length are most of a lattice's, and any that join are in some tree.
+    # Most edges of a lattice have the smallest length; any of these that connect belong to some
+    # tree.
     least = float(lengths.min())
     short = lengths <= least * (1.0 + 1e-9)
     from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
@@ -139,7 +141,7 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
 
 
 def _are_joined(one: Whole, other: Whole, size: int) -> bool:
-    """Whether edges join all nodes: as SciPy's connected components, without its import."""
+    """Whether edges connect all nodes, like SciPy's connected components, but without its import."""
     above = list(range(size))
 
     def root(node: int) -> int:
@@ -158,19 +160,22 @@ def _are_joined(one: Whole, other: Whole, size: int) -> bool:
 
 
 def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], size: int) -> Any:
-    """The graph of the edges that are kept, each pair of nodes once, by its shortest."""
+    """The graph of the kept edges; of several edges between two nodes, the shortest."""
     low, high = np.minimum(one, other)[kept], np.maximum(one, other)[kept]
     order = np.lexsort((lengths[kept], high, low))
     low, high, length = low[order], high[order], lengths[kept][order]
     first = np.append(True, (low[1:] != low[:-1]) | (high[1:] != high[:-1]))[: len(low)]
-    places = low[first].astype(np.int32), high[first].astype(np.int32)  # all that old SciPy takes
+    # older SciPy takes int32 only
+    places = low[first].astype(np.int32), high[first].astype(np.int32)
     from scipy.sparse import coo_array
 
     return coo_array((length[first], places), shape=(size, size)).tocsr()
 
 
 def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Ends of the edges of a Delaunay triangulation; of a line's pieces, where all lie on one."""
+    """Ends of the edges of a Delaunay triangulation, or of the segments if all points are on a
+    line.
+    """
     middle = points.mean(axis=0)
     spread = np.linalg.svd(points - middle, full_matrices=False)
     if len(points) < 4 or spread[1][1] <= 1e-9 * spread[1][0]:
@@ -188,7 +193,7 @@ def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.in
 
 
 def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> NDArray[np.intp]:
-    """Sites line by line, each from one end to the other, nearest end next."""
+    """Sites line by line, each from one end to the other, with the nearest end next."""
     order = np.lexsort((place, line))
     apart = (np.diff(line[order]) != 0) | (np.diff(place[order]) != 1)
     if zones:
@@ -207,7 +212,7 @@ def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> N
 def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
     """Lines in the order of their nearest ends, and whether each is flown forwards.
 
-    `ends` has the first points of all lines, then the last ones.
+    `ends` has the first points of all lines, followed by their last points.
     """
     count = len(ends) // 2
     left = np.ones(2 * count, bool)
@@ -230,7 +235,7 @@ def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
 def _nearest(
     here: Points, tree: Nearest, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
 ) -> int:
-    """The nearest end that is left; of the nearest few, one that no zone hides comes first."""
+    """The nearest remaining end; among the nearest few, one with a free path is preferred."""
     wanted = 16
     while True:
         found = tree.to(here[None], min(wanted, len(names)))[0]
@@ -249,7 +254,7 @@ def _nearest(
 
 
 class _Circle:
-    """A tour closed by a nowhere at no distance, its costs, and the moves that improve it."""
+    """A tour closed by an artificial site at distance 0, its costs, and moves that improve it."""
 
     def __init__(
         self,
@@ -270,7 +275,7 @@ class _Circle:
         self.known: dict[tuple[int, int], float] = {}
 
     def cost(self, one: int, other: int) -> float:
-        """Time from one site to another, around zones; to nowhere none."""
+        """Time from one site to another, around zones; 0 to or from the artificial site."""
         if self.nowhere in (one, other):
             return 0.0
         if self.zones:
@@ -284,15 +289,15 @@ class _Circle:
         return self.leg_s(math.dist(self.xy[one], self.xy[other]))
 
     def after(self, site: int) -> int:
-        """The next site."""
+        """The next site of the tour."""
         return self.tour[(self.place[site] + 1) % len(self.tour)]
 
     def before(self, site: int) -> int:
-        """The one before."""
+        """The previous site of the tour."""
         return self.tour[self.place[site] - 1]
 
     def reverse(self, first: int, last: int) -> None:
-        """Turn the stretch from one site to another around, or, which is the same, the rest."""
+        """Reverse the part from one site to another, or the rest of the tour, which is equivalent."""
         size = len(self.tour)
         i, j = self.place[first], self.place[last]
         inner = (j - i) % size + 1
@@ -305,7 +310,7 @@ class _Circle:
             i, j = (i + 1) % size, (j - 1) % size
 
     def two_opt(self, site: int, near: list[int]) -> list[int]:
-        """Replace two legs by two quicker ones, one of them from `site`; the sites touched."""
+        """Replace two legs, one at `site`, by two faster ones; return the sites whose legs changed."""
         for step in (self.after, self.before):
             following = step(site)
             old = self.cost(site, following)
@@ -326,7 +331,9 @@ class _Circle:
         return []
 
     def or_opt(self, site: int, near: list[int]) -> list[int]:
-        """Take up to three sites that begin at `site` to a quicker place; the sites touched."""
+        """Move up to three sites from `site` on to a faster position; return the sites with new
+        legs.
+        """
         for step, back in ((self.after, self.before), (self.before, self.after)):
             last = site
             outside = back(site)
@@ -345,7 +352,7 @@ class _Circle:
                         break
                     if other in piece:
                         continue
-                    # `site` goes beside `other`, `last` beside either neighbour of it.
+                    # `site` is placed next to `other`, and `last` next to a neighbour of `other`.
                     for side in (self.after, self.before):
                         next_to = side(other)
                         if next_to in piece:
@@ -365,7 +372,7 @@ class _Circle:
         return piece
 
     def _move(self, piece: list[int], other: int, next_to: int) -> None:
-        """Put a piece between two neighbours, its first site beside `other`."""
+        """Insert a piece between two neighbours, with its first site next to `other`."""
         taken = set(piece)
         rest = [site for site in self.tour if site not in taken]
         row = piece if self.after(other) == next_to else piece[::-1]
@@ -378,7 +385,7 @@ class _Circle:
 def _improved(
     order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: NoFlyZones
 ) -> NDArray[np.intp]:
-    """A tour after 2-opt and Or-opt moves among near neighbours, until none gains."""
+    """A tour after 2-opt and Or-opt moves among near neighbours, until no move improves it."""
     circle = _Circle(order, points, leg_s, zones)
     found = Nearest(points).to(points, min(NEIGHBOURS + 1, len(points)))
     near = [[other for other in row if other != site] for site, row in enumerate(found.tolist())]

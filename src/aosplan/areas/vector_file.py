@@ -1,6 +1,6 @@
-"""Areas from GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo files, read by pyogrio.
+"""Boundaries from GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo files, read by pyogrio.
 
-Of GPX files, which have no polygons, tracks and routes count that come back to where they began.
+GPX files have no polygons; their closed tracks and routes are used as boundaries.
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ if TYPE_CHECKING:
 EXTRA = "vector"
 MAGIC = (b"SQLite format 3\0", b"\x00\x00\x27\x0a", b"fgb\x03")
 SUFFIXES = (".gpkg", ".shp", ".gpx", ".fgb", ".tab", ".mif")
-"""Endings of what GDAL may open; others may name files elsewhere."""
+"""Extensions of files that GDAL may open; files with others could refer to other locations."""
 
 OPEN_SHARE = 0.1
-"""A track is an outline if its ends are nearer to each other than this share of its length."""
+"""A track is closed if the distance of its ends is less than this share of its length."""
 
 
 def is_vector_file(path: str, start: bytes) -> bool:
-    """Whether a file is read by pyogrio, by its first bytes, or by its ending."""
+    """Whether a file has to be read by pyogrio, judged by its first bytes or its extension."""
     if start.startswith(MAGIC) or b"<gpx" in start[:2000]:
         return True
     return path.lower().endswith((".tab", ".mif"))
 
 
 def read_vectors(path: str) -> Iterator[tuple[Rings | None, str, Message | None]]:
-    """Yield polygons of a file as rings of longitude and latitude, where they stand, and notices.
+    """Yield the polygons of a file as rings of longitude and latitude, with their place and
+    notices.
 
-    A geometry that has no area yields None and its kind.
+    A geometry without an area yields None and its kind.
 
     Raises
     ------
     RequestError
-        If the file is damaged, or does not state its coordinate reference system.
+        If the file is damaged, or has no coordinate reference system.
     MissingExtraError
         If pyogrio is not installed.
     """
@@ -113,7 +114,7 @@ def _degrees(
 
 
 def _comes_back(line: Any) -> bool:
-    """Whether the ends of a track are near each other."""
+    """Whether a track is closed."""
     points = shapely.get_coordinates(line)
     gap = float(np.hypot(*(points[-1] - points[0])))
     return len(points) >= 4 and gap < OPEN_SHARE * line.length

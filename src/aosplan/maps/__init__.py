@@ -1,11 +1,11 @@
-"""Maps of the ground: what photos show of it, place by place.
+"""Maps of the ground: what photos show at each place.
 
 - `aosplan.maps.ground_cells`: cells over an area or over the photos' footprints.
-- `aosplan.maps.photo_sets`: which photos see each of them.
-- `aosplan.maps.local_canopy`: through what canopy.
-- `aosplan.maps.place_detection`: how likely a target is found there.
-- `aosplan.maps.detection_map`: all of it for a plan.
+- `aosplan.maps.photo_sets`: the photos that see each place.
+- `aosplan.maps.local_canopy`: the density of the canopy above each place.
+- `aosplan.maps.place_detection`: the probability that a target at a place is found.
+- `aosplan.maps.detection_map`: the map of this probability for a plan.
 - `aosplan.maps.prior`: where the target is expected, and the probability of success.
-- `aosplan.maps.coverage_map`: what was shown by a flight, what remains, and which sites close it.
+- `aosplan.maps.coverage_map`: what a flight has shown, the gaps, and the sites that close them.
 - `aosplan.maps.geotiff`: rasters as files.
 """

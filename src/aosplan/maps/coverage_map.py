@@ -1,9 +1,9 @@
-"""After a flight over an area: what of it photos have shown, place by place, and what remains.
+"""The coverage of a flight over an area: what photos have shown at each place, and the gaps.
 
-A plan that looks for something promises a probability of detection; a place remains where the photos
-fall short of it by more than `SHORT`.  Any other plan promises N sites in the rectangle around each
-place under canopy (`aosplan.areas.coverage`), and one photo of clear ground; a place remains where
-fewer were flown than were planned, and fewer than that.
+If the plan searches for a target, it has a probability of detection.  A place is then a gap if the
+probability of the flown photos is lower by more than `SHORT`.  For other plans, each place below
+canopy needs N sites in the rectangle around it (`aosplan.areas.coverage`), and clear ground needs
+one photo.  A place is then a gap if it has fewer than that, and fewer than were planned.
 """
 
 from __future__ import annotations
@@ -28,33 +28,33 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 SHORT = 0.05
-"""Probability of detection by which a place may fall short of what was planned."""
+"""Difference to the planned probability of detection above which a place is a gap."""
 
 AROUND = 3
-"""Cells along a square over which it is averaged before."""
+"""Side, in cells, of the square over which this difference is averaged first."""
 
 SHARES = (0.5, 0.7, 0.8, 0.9, 0.95)
-"""Shares of the planned photos that gaps are tried with, until detection there is as good as can be."""
+"""Shares of the planned photos that are tried for closing the gaps, until one is enough."""
 
 NEAR = 0.01
-"""Detection in the gaps by which fewer sites may fall short of all that are missing."""
+"""Loss of mean detection in the gaps that is acceptable if fewer than all missing sites are flown."""
 
 
 class CoverageMap(NamedTuple):
-    """What photos show of the ground of a plan.
+    """Coverage of the ground of a plan by photos.
 
     Attributes
     ----------
     cells
-        The ground.
+        The cells of the ground.
     origin
-        Latitude and longitude from which cells count.
+        Latitude and longitude of the origin of the cells.
     planned, flown
-        How many photos see each cell, shape (cells,).
+        Number of planned and of flown photos that see each cell, shape (cells,).
     gaps
-        Cells of which something remains to be shown.
+        Mask of the cells that are gaps.
     planned_detection, flown_detection
-        Probability of detection in each cell; None for a plan that looks for nothing.
+        Probability of detection in each cell; None for a plan without a target to search for.
     """
 
     cells: GroundCells
@@ -67,16 +67,16 @@ class CoverageMap(NamedTuple):
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Cells that the map is about, shape (cells,)."""
+        """Mask of the cells that belong to the ground, shape (cells,)."""
         return self.cells.inside.ravel()
 
     @property
     def gap_share(self) -> float:
-        """Share of the ground that remains."""
+        """Share of the ground that is a gap."""
         return float(self.gaps[self.inside].mean())
 
     def document(self) -> dict[str, Any]:
-        """``coverage`` of a review's JSON."""
+        """The coverage as plain values, ``coverage`` in a review's JSON document."""
         planned, flown = self.planned[self.inside], self.flown[self.inside]
         return {
             "area_m2": self.cells.area_m2,
@@ -91,7 +91,7 @@ class CoverageMap(NamedTuple):
         }
 
     def geotiff(self) -> bytes:
-        """Bands: photos, photos that are missing, gaps, and the probability of detection.
+        """A GeoTIFF with bands for photos, missing photos, gaps, and the probability of detection.
 
         Raises
         ------
@@ -119,20 +119,20 @@ class CoverageMap(NamedTuple):
         west = self.cells.left_m + columns * self.cells.cell_m
         north = self.cells.top_m - rows * self.cells.cell_m
         side = self.cells.cell_m
-        with np.errstate(divide="ignore", invalid="ignore"):  # flags that GEOS leaves behind
+        with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
             whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
         parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
         return sorted(parts, key=lambda part: -part.area)
 
     def geojson(self) -> bytes:
-        """The gaps as GeoJSON (RFC 7946), a feature each, with its area."""
+        """The gaps as GeoJSON (RFC 7946), one feature per gap with its area."""
         import json
 
         from shapely.geometry.polygon import orient
 
         features = []
         for number, part in enumerate(self.gap_polygons()):
-            # Outer rings run against the clock, inner ones with it.
+            # Outer rings are counterclockwise, inner rings clockwise.
             polygon = orient(part)
             rings = []
             for ring in (polygon.exterior, *polygon.interiors):
@@ -152,7 +152,7 @@ class CoverageMap(NamedTuple):
 
 
 class Coverage:
-    """The ground of a plan, and what any photos show of it.
+    """The ground of a plan, with methods for its coverage by photos.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class Coverage:
     """
 
     def __init__(self, plan: PlanData) -> None:
-        assert plan.origin is not None  # reviews of what has no place have no map
+        assert plan.origin is not None  # reviews of plans without a location have no map
         self._plan, self._origin = plan, plan.origin
         self.cells, _ = ground_of(plan)
         self._places = self.cells.middles_m
@@ -174,7 +174,7 @@ class Coverage:
         if area is not None and not area.clear.is_empty:
             import shapely
 
-            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags behind
+            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
                 self._clear = shapely.contains_xy(area.clear, *self._places.T)
         self._planned_sets = self._sets(self._sites)
         self._predict = self._depth = None
@@ -185,14 +185,15 @@ class Coverage:
             self._planned_detection = self._detection(self._sites)
 
     def of(self, points_m: Floats, counted_m: Floats) -> CoverageMap:
-        """What photos show.
+        """Coverage by photos.
 
         Parameters
         ----------
         points_m
-            East and north of the photos, shape (N, 2).
+            Positions of the photos, metres east and north, shape (N, 2).
         counted_m
-            The same, but photos that belong to a site at their site: sites are counted.
+            Positions for counting: those of the sites for photos that belong to a site, else the
+            same.
         """
         sets = self._sets(points_m)
         detection = self._detection(points_m) if self._predict is not None else None
@@ -211,9 +212,10 @@ class Coverage:
         )
 
     def closing(self, points_m: Floats, counted_m: Floats, missing_m: Floats) -> NDArray[np.intp]:
-        """Few of the missing sites that close the gaps, as far as all of them do; rising.
+        """A small set of missing sites that closes the gaps as well as all of them; increasing
+        indices.
 
-        Sites are taken greedily, the one that helps the most places first.
+        Sites are chosen greedily: the next one is the site that helps the most places.
         """
         found = self.of(points_m, counted_m)
         gaps = np.flatnonzero(found.gaps)
@@ -227,7 +229,7 @@ class Coverage:
         rows = list(map(self._sets(missing_m).of, gaps.tolist()))
 
         def detected(more_m: Floats) -> float:
-            """Mean probability of detection in the gaps, with more photos."""
+            """Mean probability of detection in the gaps with additional photos."""
             points = np.vstack([points_m, more_m])
             return float(self._detection(points, gaps).mean())
 
@@ -241,13 +243,15 @@ class Coverage:
 
     @property
     def _needed(self) -> Whole:
-        """Photos that each place was planned to have, and has to have."""
+        """Number of photos that each place needs: as many as planned, but at most those of the
+        rule.
+        """
         most = np.where(self._clear, 1, self._plan.solution.pattern.samples)
         needed: Whole = np.minimum(self._counts(self._sites), most)
         return needed
 
     def _counts(self, points_m: Floats) -> Whole:
-        """Sites in the rectangle around each place, or, of clear ground, photos that see it."""
+        """Sites in the rectangle around each place; for clear ground, photos that see the place."""
         wide = self._sets_by(points_m, self._window_m).looks
         return np.where(self._clear, self._sets(points_m).looks, wide)
 
@@ -258,7 +262,7 @@ class Coverage:
         return photo_sets(self._places, points_m, size_m, self._plan.heading_deg)
 
     def _around(self, values: Floats) -> Floats:
-        """Values averaged over the cells around each, those of the ground: noise is no gap."""
+        """Means over the neighbouring cells of the ground, so that noise does not look like gaps."""
         from scipy.ndimage import uniform_filter
 
         shape, inside = self.cells.inside.shape, self.cells.inside.astype(np.float64)
@@ -277,16 +281,16 @@ class Coverage:
 
 
 def covering(rows: list[Whole], wanted: Whole, sites: int) -> NDArray[np.intp]:
-    """Few sites such that each place is seen by as many as it wants, or by all that see it.
+    """A small set of sites so that each place is seen by as many as it needs, if possible.
 
     Parameters
     ----------
     rows
-        Of each place, the sites that see it.
+        For each place, the indices of the sites that see it.
     wanted
-        How many of them it wants.
+        For each place, the number of sites that it needs.
     sites
-        How many there are.
+        Number of sites.
     """
     from scipy.sparse import csr_matrix
 

@@ -1,4 +1,4 @@
-"""The probability of detection, place by place: what a search finds, and where it does not look."""
+"""Maps of the probability of detection over the ground of a plan."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 KNOWN_SHARE = 0.99
-"""Share of the places whose canopy is known, below which a warning says what the others have."""
+"""Share of places with known canopy below which a warning says what is assumed for the others."""
 
 
 class Success(NamedTuple):
-    """What a search is worth, the target being expected as a prior says.
+    """Probability of success of a search, for a prior of the target's position.
 
     Attributes
     ----------
     area
         Probability that the target is on the ground of the map (POA).
     success
-        Probability that it is there and found (POS).
+        Probability that it is there and is found (POS).
     """
 
     area: float
@@ -49,20 +49,20 @@ class DetectionMap(NamedTuple):
     Attributes
     ----------
     cells
-        The ground: the area, or all that any photo shows.
+        The cells of the ground: the area, or everything that a photo shows.
     ground
         ``area`` or ``footprints``.
     origin
-        Latitude and longitude from which cells count.
+        Latitude and longitude of the origin of the cells.
     looks
-        How many photos see each cell, shape (cells,).
+        Number of photos that see each cell, shape (cells,).
     probability
-        Of detection in each cell.
+        Probability of detection in each cell.
     canopy
-        The canopy above each cell, where it is known; None for a scene without a place on earth.
+        The canopy above each cell; None for a scene without a location.
     sweep_width_m
-        W of a line that is flown on and on: the integral of the probability over the distance from
-        the line; None for other grids.
+        Sweep width W of a line without end: the integral of the probability over the distance
+        from the line; None for other grids.
     """
 
     cells: GroundCells
@@ -79,11 +79,11 @@ class DetectionMap(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """The search's probability of detection: that of a target anywhere on the ground."""
+        """Mean probability of detection: that of a target with a random position on the ground."""
         return float(self.probability[self._inside].mean())
 
     def document(self, success: Success | None = None) -> dict[str, Any]:
-        """``detection.map`` of a plan's JSON, with what the search is worth if that is known."""
+        """The map as plain values, ``detection.map`` in a plan's JSON document; `success` is added."""
         looks = self.looks[self._inside]
         return {
             "probability": self.mean,
@@ -103,7 +103,7 @@ class DetectionMap(NamedTuple):
         }
 
     def geotiff(self) -> bytes:
-        """Bands: probability of detection, photos that see a cell, and the share that is hidden.
+        """A GeoTIFF with bands for probability of detection, number of photos, and hidden share.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class DetectionMap(NamedTuple):
         )
 
     def messages(self) -> Iterator[Message]:
-        """Yield what a reader of the map should know."""
+        """Yield warnings for the user of the map."""
         if self.canopy is not None and self.canopy.known_share < KNOWN_SHARE:
             yield Message(
                 "canopy_unknown",
@@ -134,7 +134,7 @@ class DetectionMap(NamedTuple):
 
 
 def photos_of(plan: PlanData) -> Floats:
-    """East and north of all photos of a plan, shape (N, 2)."""
+    """Positions of all photos of a plan, metres east and north, shape (N, 2)."""
     sites = plan.layout.sites
     points = np.column_stack([sites.east_m, sites.north_m])
     photos: Floats = points[np.asarray(sites.photo, dtype=bool)]
@@ -142,7 +142,7 @@ def photos_of(plan: PlanData) -> Floats:
 
 
 def ground_of(plan: PlanData) -> tuple[GroundCells, str]:
-    """The ground that a plan is for, as cells: its area, or what its photos show."""
+    """The ground of a plan as cells: its area, or the ground that its photos show."""
     footprint = plan.inputs.footprint_m
     if plan.layout.area is not None:
         whole, ground = plan.layout.area.whole, "area"
@@ -152,7 +152,7 @@ def ground_of(plan: PlanData) -> tuple[GroundCells, str]:
 
 
 def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
-    """The canopy above cells, if the plan's scene has a place on earth."""
+    """The canopy above cells, if the plan's scene has a location."""
     volume = plan.volume
     if volume is None or volume.place is None or plan.origin is None:
         return None
@@ -167,24 +167,24 @@ def canopy_over(plan: PlanData, cells: GroundCells) -> LocalCanopy | None:
 
 
 def relative_depth(canopy: LocalCanopy | None) -> Floats | None:
-    """Optical depth of the canopy above places over that of the stand; 1 where it is not known."""
+    """Optical depth of the canopy above places divided by that of the stand; 1 if it is unknown."""
     if canopy is None or canopy.mean_depth == 0.0:
         return None
     return np.nan_to_num(canopy.depth / canopy.mean_depth, nan=1.0)
 
 
 def detection_map(plan: PlanData) -> DetectionMap:
-    """The probability of detection over the ground of a plan.
+    """Compute the probability of detection over the ground of a plan.
 
     Parameters
     ----------
     plan
-        With a place on earth, and something that it looks for.
+        A plan with a location and a target to search for.
 
     Raises
     ------
     RequestError
-        If it has no place, or looks for nothing.
+        If it has no location or no target.
     """
     if plan.detection is None:
         raise RequestError("a detection map needs something to look for", "give --find person")
@@ -208,9 +208,9 @@ def detection_map(plan: PlanData) -> DetectionMap:
 def _sweep_width_m(
     plan: PlanData, cells: GroundCells, points_m: Floats, probability: Floats
 ) -> float | None:
-    """The integral of the probability over the distance from a line, averaged along its middle.
+    """The integral of the probability over the distance from a line.
 
-    Where a footprint reaches beyond either end of the line, fewer photos see the ground.
+    It is averaged along the middle part of the line.  Near the ends, fewer photos see the ground.
     """
     half = 0.5 * plan.inputs.footprint_m[0]
     along = along_and_across(points_m, plan.heading_deg)[:, 0]

@@ -22,18 +22,18 @@ def geotiff_bytes(
     crs: str | None,
     names: Sequence[str] = (),
 ) -> bytes:
-    """A north-up GeoTIFF of float32, nan where there is no value.
+    """A north-up GeoTIFF of float32 values, with nan for missing values.
 
     Parameters
     ----------
     bands
-        Shape (bands, rows, columns), northernmost row first.
+        Shape (bands, rows, columns), with the northernmost row first.
     corner_m
         Map coordinates of the outer corner of the north-western pixel.
     cell_m
-        Side of a pixel.
+        Side of a pixel, in units of the coordinate system.
     crs
-        Coordinate system as PROJ understands it, or None.
+        Coordinate reference system in any form that PROJ reads, or None.
     names
         Descriptions of the bands.
 

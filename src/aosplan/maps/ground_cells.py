@@ -1,4 +1,4 @@
-"""The ground as cells of a raster, north up, in metres east and north of a plan's origin."""
+"""The ground as cells of a north-up raster, in metres east and north of a plan's origin."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_CELLS = 20_000
-"""Cells of a map, about: fewer metres to a cell would show nothing more at a glance."""
+"""Approximate largest number of cells of a map; more would not be visible."""
 
 SIDES_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
-"""Sides that a cell may have."""
+"""Allowed sides of a cell."""
 
 
 class GroundCells(NamedTuple):
-    """Cells of a raster; `inside` says which of them the map is about.
+    """Cells of a raster; `inside` selects those that belong to the ground of interest.
 
     Attributes
     ----------
     left_m, top_m
-        The north-western outer corner.
+        Coordinates of the north-western outer corner.
     cell_m
         Side of a cell.
     inside
-        Shape (rows, columns), northernmost row first: cells whose middle is on the ground in
-        question.
+        Shape (rows, columns), with the northernmost row first: true for cells whose centre is on
+        the ground of interest.
     """
 
     left_m: float
@@ -40,7 +40,7 @@ class GroundCells(NamedTuple):
 
     @property
     def middles_m(self) -> Floats:
-        """East and north of the middles of all cells, row by row, shape (cells, 2)."""
+        """East and north of the centres of all cells, row by row, shape (cells, 2)."""
         rows, columns = self.inside.shape
         east = self.left_m + (np.arange(columns) + 0.5) * self.cell_m
         north = self.top_m - (np.arange(rows) + 0.5) * self.cell_m
@@ -52,12 +52,12 @@ class GroundCells(NamedTuple):
         return float(self.inside.sum()) * self.cell_m**2
 
     def raster(self, values: NDArray[Any]) -> Floats:
-        """Values of all cells as rows of the raster, nan outside."""
+        """Values of all cells as rows of the raster, with nan outside."""
         return np.where(self.inside, np.reshape(values, self.inside.shape), np.nan)
 
 
 def side_m(area_m2: float, narrowest_m: float) -> float:
-    """Side of a cell for an area, such that its narrow side has a few cells as well."""
+    """Side of the cells for an area; its narrow side is at least a few cells wide."""
     wanted = max(math.sqrt(area_m2 / MOST_CELLS), SIDES_M[0])
     fitting = [side for side in SIDES_M if side >= wanted * (1.0 - 1e-9)]
     side = fitting[0] if fitting else wanted
@@ -65,7 +65,7 @@ def side_m(area_m2: float, narrowest_m: float) -> float:
 
 
 def cells_over(shape: Any, cell_m: float) -> GroundCells:
-    """Cells over a shape of shapely, their corners at multiples of the side."""
+    """Cells over a shapely geometry, with corners at multiples of the side."""
     import shapely
 
     west, south, east, north = shapely.bounds(shape).tolist()
@@ -73,23 +73,23 @@ def cells_over(shape: Any, cell_m: float) -> GroundCells:
     columns = max(math.ceil((east - left) / cell_m), 1)
     rows = max(math.ceil((top - south) / cell_m), 1)
     cells = GroundCells(left, top, cell_m, np.ones((rows, columns), np.bool_))
-    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags behind
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
         shapely.prepare(shape)
         inside = shapely.contains_xy(shape, *cells.middles_m.T)
     return cells._replace(inside=inside.reshape(rows, columns))
 
 
 def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: float) -> Any:
-    """The ground that some photos show, as a shape: the union of their footprints.
+    """The ground that photos show, as a shapely geometry: the union of their footprints.
 
     Parameters
     ----------
     points_m
-        East and north of the photos, shape (N, 2).
+        Positions of the photos, metres east and north, shape (N, 2).
     footprint_m
         Size of a photo on the ground, along the heading and across it.
     heading_deg
-        Clockwise from north.
+        Direction of the photos' upper side, clockwise from north.
     """
     import shapely
 
@@ -98,5 +98,5 @@ def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: 
     across = np.array([math.cos(heading), -math.sin(heading)])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * np.array(footprint_m)
     ring = corners @ np.stack([along, across])
-    with np.errstate(divide="ignore", invalid="ignore"):  # flags that GEOS leaves behind
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
         return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))

@@ -1,9 +1,10 @@
-"""How dense the canopy is above each place, of a stand that is known by its place on earth.
+"""Density of the canopy above each place, for a stand with a known location.
 
-A place is seen through the canopy around it: rays from photos whose footprint is F wide, at altitude
-h, pass height H within F H/h.  So the share of ground that is hidden from straight above is averaged
-over a square of that size, H being the mean height at which rays end.  The stand's rows and columns
-are taken to lie along north and east, as its coordinate system has them.
+A place is seen through the canopy around it.  If the footprint of photos is F wide and their
+altitude is h, rays to the place pass height H within a square of side F H/h.  The hidden share of
+the ground, as seen from vertically above, is therefore averaged over this square, where H is the
+mean height at which rays end.  Rows and columns of the stand are assumed to be along east and
+north.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 NARROWEST_M = 4.0
-"""Of the square over which the canopy is averaged: the detector's box."""
+"""Smallest side of the square over which the canopy is averaged, that of the detector's box."""
 
 DEEPEST = 6.0
-"""Optical depth that stands for all denser canopy: a four-hundredth of the ground is seen."""
+"""Largest optical depth; denser canopy, through which less than 1/400 is visible, is treated alike."""
 
 
 class LocalCanopy(NamedTuple):
@@ -34,12 +35,12 @@ class LocalCanopy(NamedTuple):
     Attributes
     ----------
     depth
-        Optical depth -ln(1 - p), p being the share of the ground around a place that is hidden from
-        straight above; nan where the stand is not known.
+        Optical depth -ln(1 - p), where p is the share of the ground around a place that is hidden
+        from vertically above; nan outside the stand.
     window_m
-        Side of the square that "around" means.
+        Side of the square around a place over which p is averaged.
     mean_depth
-        That of the whole stand.
+        Optical depth of the whole stand.
     """
 
     depth: Floats
@@ -66,15 +67,15 @@ def local_canopy(
     Parameters
     ----------
     volume
-        The stand, which has a place on earth.
+        The stand, which has a location.
     places_m
-        East and north of the origin, shape (places, 2).
+        Metres east and north of the origin, shape (places, 2).
     origin
-        Latitude and longitude.
+        Latitude and longitude of the origin.
     altitude_m, focal_height_m
-        Of the cameras above the focal plane, and of that above the ground.
+        Altitude of the cameras above the focal plane, and its height above the ground.
     footprint_m
-        Larger side of a photo on the ground.
+        Longer side of a photo on the ground.
     """
     from scipy.ndimage import uniform_filter
 

@@ -1,4 +1,4 @@
-"""Which photos see each place on the ground: those in whose footprint it lies."""
+"""The photos that see each place on the ground, which is in their footprints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 BORDER_M = 1e-6
-"""A place on the border of a footprint is in it."""
+"""Tolerance by which a place on the border of a footprint is counted as inside."""
 
 
 class PhotoSets(NamedTuple):
@@ -24,9 +24,10 @@ class PhotoSets(NamedTuple):
     Attributes
     ----------
     start
-        Shape (places + 1,): the photos of place k are ``photos[start[k]:start[k + 1]]``, rising.
+        Shape (places + 1,): the photos of place k are ``photos[start[k]:start[k + 1]]``, in
+        increasing order.
     photos
-        Numbers of photos.
+        Indices of photos.
     """
 
     start: Whole
@@ -34,16 +35,16 @@ class PhotoSets(NamedTuple):
 
     @property
     def looks(self) -> Whole:
-        """How many photos see each place."""
+        """Number of photos that see each place."""
         return np.diff(self.start)
 
     def of(self, place: int) -> Whole:
-        """The photos that see one place."""
+        """Indices of the photos that see one place."""
         return self.photos[self.start[place] : self.start[place + 1]]
 
 
 def along_and_across(points_m: Floats, heading_deg: float) -> Floats:
-    """Points east and north as points along a heading and to its right, shape (N, 2)."""
+    """Convert points (east, north) to points along a heading and to its right, shape (N, 2)."""
     return np.column_stack(turned(points_m[:, 0], points_m[:, 1], heading_axis(heading_deg)))
 
 

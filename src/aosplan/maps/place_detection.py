@@ -1,12 +1,13 @@
-"""How likely a target is found at a place, from the photos that see it and the canopy above it.
+"""Probability that a target at a place is found, from the photos that see it and the canopy there.
 
-Detection through independent slices depends on where the photos lie from each other, and on the
-slices (`aosplan.models.detection`).  Places whose photos are alike in number, in spread along both axes
-and in their mean distance share one prediction, that of the one in their middle.  Local canopy multiplies
-the optical depth of every slice; between the depths of `DEPTHS` probabilities are interpolated.
+Detection through independent slices depends on the positions of the photos relative to each other
+and on the slices (`aosplan.models.detection`).  Places are grouped by the number, the spread along
+both axes and the mean distance of their photos.  All places of a group share the prediction for its
+central place.  The local canopy multiplies the optical depth of every slice.  Probabilities are
+computed for the depths in `DEPTHS` and interpolated between them.
 
-Voxels are counted over a whole stand, which takes seconds for one set of photos.  So the slices'
-contrast is scaled once, such that the planned grid is as likely to find the target as was counted.
+Counting in voxels takes seconds for one set of photos over a whole stand.  The contrast for the
+slices is therefore scaled once, so that the prediction for the planned grid equals the counted one.
 """
 
 from __future__ import annotations
@@ -32,30 +33,30 @@ if TYPE_CHECKING:
     Whole = NDArray[np.int64]
 
 STEP = 0.05
-"""Relative difference of numbers and spreads of photos that count as alike."""
+"""Relative difference of numbers and spreads of photos below which places are grouped."""
 
 MOST_PREDICTIONS = 500
-"""Predictions of a map; beyond them, more photos count as alike."""
+"""Largest number of predictions for a map; if there are more groups, the tolerance is increased."""
 
 DEPTHS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Optical depths, relative to the scene's, at which detection is predicted."""
 
 SPREAD_M = 0.5
-"""Added to a spread before it is compared: below it, differences do not matter."""
+"""Length that is added to spreads before they are compared, because small ones do not matter."""
 
 BISECTIONS = 24
 
 LATTICE_STEPS = 4
-"""Different steps between neighbours along an axis of a lattice, rounding and gaps included."""
+"""Largest number of different steps along an axis of a lattice, including rounding and gaps."""
 
 
 class PlaceDetection:
-    """Probability of detection at places of a plan that looks for something.
+    """Probability of detection at places, for a plan that searches for a target.
 
     Parameters
     ----------
     plan
-        The plan; its detection is known.
+        The plan, with its detection.
     """
 
     def __init__(self, plan: PlanData) -> None:
@@ -76,18 +77,18 @@ class PlaceDetection:
         points_m: Floats,
         depth: Floats | None = None,
     ) -> Floats:
-        """Probability of detection at each of some places.
+        """Probability of detection at each place.
 
         Parameters
         ----------
         sets
             The photos that see each place.
         places_m
-            The places, east and north, shape (places, 2).
+            Positions of the places, metres east and north, shape (places, 2).
         points_m
-            Photos, east and north, shape (N, 2).
+            Positions of the photos, metres east and north, shape (N, 2).
         depth
-            Optical depth of the canopy above each place over the scene's; 1 unless given.
+            Optical depth of the canopy above each place divided by that of the scene; default 1.
         """
         points, places = self._in_axes(points_m), self._in_axes(places_m)
         self._is_lattice = is_lattice(points)
@@ -106,7 +107,7 @@ class PlaceDetection:
         for number in _middle_members(kind, columns).tolist():
             same = kind == kind[number]
             set_m = points[sets.of(int(seen[number]))] - places[seen[number]]
-            # Only nodes that some place needs are predicted.
+            # Only depths that some place needs are predicted.
             low = float(nodes[lower[number]])
             high = float(nodes[lower[number] + 1])
             below = self._at(low, set_m) if share[same].min() < 1.0 else 0.0
@@ -115,7 +116,9 @@ class PlaceDetection:
         return found
 
     def _features(self, sets: PhotoSets, places: Floats, points: Floats) -> Floats:
-        """What decides detection at each place: number, spread and mean distance of its photos."""
+        """Features that determine detection at each place: number, spread and mean distance of
+        photos.
+        """
         looks = sets.looks
         place = np.repeat(np.arange(len(looks)), looks)
         counts = np.maximum(looks, 1)
@@ -129,7 +132,7 @@ class PlaceDetection:
         return np.column_stack(found)
 
     def _at(self, depth: float, points_m: Floats) -> float:
-        """Probability of detection by photos through a canopy of a relative optical depth."""
+        """Probability of detection by photos, for canopy of a relative optical depth."""
         return self._model(depth).predict_positions(points_m).probability
 
     def _model(self, depth: float) -> DetectionModel:
@@ -146,14 +149,14 @@ class PlaceDetection:
         return model if self._is_lattice else model.for_search()
 
     def _in_axes(self, points_m: Floats) -> Floats:
-        """Photos along the axes of the occluders."""
+        """Photos in the axes of the occluders."""
         problem = self._plan.problem
         if problem is not None and problem.model.heading_deg is not None:
             return points_m
         return along_and_across(points_m, self._plan.heading_deg)
 
     def _counted_contrast(self) -> float:
-        """The contrast at which slices predict for the planned grid what was counted in voxels."""
+        """The contrast for which the slices predict the probability that was counted in voxels."""
         plan, model = self._plan, self._model(1.0)
         assert plan.detection is not None
         signature = self._signature
@@ -170,7 +173,7 @@ class PlaceDetection:
 
 
 def _kinds(columns: Floats, lower: Whole) -> Whole:
-    """A number for each place, the same for places that share a prediction."""
+    """Group number of each place; places with the same number share a prediction."""
     step = STEP
     while True:
         keys = np.column_stack([np.round(columns / step).astype(np.int64), lower])
@@ -181,7 +184,7 @@ def _kinds(columns: Floats, lower: Whole) -> Whole:
 
 
 def _middle_members(kind: Whole, columns: Floats) -> Whole:
-    """Of each kind, the place whose features are nearest to the kind's mean."""
+    """For each group, the place whose features are nearest to the mean of the group."""
     counts = np.bincount(kind)
     means = np.column_stack([np.bincount(kind, column) / counts for column in columns.T])
     off = np.abs(columns - means[kind]).sum(axis=1)
@@ -191,7 +194,7 @@ def _middle_members(kind: Whole, columns: Floats) -> Whole:
 
 
 def is_lattice(points_m: Floats) -> bool:
-    """Whether photos lie on a lattice along the axes, so that their offsets are few."""
+    """Whether photos are on a lattice along the axes, so that there are few different offsets."""
     for values in points_m.T:
         steps = np.diff(np.unique(np.round(values, 3)))
         if len(np.unique(np.round(steps, 2))) > LATTICE_STEPS:
@@ -200,7 +203,7 @@ def is_lattice(points_m: Floats) -> bool:
 
 
 def scaled(layers: tuple[Layer, ...], depth: float) -> tuple[Layer, ...]:
-    """Slices with the optical depth of each multiplied."""
+    """Slices with their optical depths multiplied by a factor."""
     if depth == 0.0:
         return CLEAR
     return tuple(

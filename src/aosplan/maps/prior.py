@@ -1,6 +1,6 @@
-"""Where a target is expected: a raster of probabilities, such as search teams draw.
+"""Prior of the target's position: a raster of probabilities, as search teams draw it.
 
-The values of the raster are shares of the whole: its sum counts as one.
+The values of the raster are relative: they are divided by their sum.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def success_of(found: DetectionMap, path: str) -> Success:
     found
         Probability of detection by place.
     path
-        The prior: one band, values from 0, in any coordinate system that it names.
+        The prior: one band of values that are at least 0, with a coordinate reference system.
 
     Raises
     ------
     RequestError
-        If the raster cannot be read, has no place, or holds what is no prior.
+        If the raster cannot be read, has no location, or has values that are not a prior.
     MissingExtraError
         If rasterio is not installed.
     """
@@ -67,7 +67,7 @@ def success_of(found: DetectionMap, path: str) -> Success:
     rows, columns = values.shape
     known = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     column, row = column[known].astype(np.int64), row[known].astype(np.int64)
-    # The share of a pixel that one of the cells takes.
+    # The share of a pixel's area that one cell has.
     back = transformer(crs, local_crs(*found.origin))
     part = found.cells.cell_m**2 / _areas(transform, back, column, row)
     share = np.zeros(len(east))
@@ -77,7 +77,7 @@ def success_of(found: DetectionMap, path: str) -> Success:
 
 
 def _values(raster: Any, path: str) -> Floats:
-    """The shares of a raster, which sum to one."""
+    """The values of a raster divided by their sum."""
     if raster.crs is None:
         raise RequestError(
             f"raster {path} names no coordinate system: nothing tells where it lies",
@@ -105,7 +105,7 @@ def _values(raster: Any, path: str) -> Floats:
 
 
 def _areas(transform: Any, change: Any, column: Any, row: Any) -> Floats:
-    """Areas of pixels in square metres, of a map in local metres."""
+    """Areas of pixels in square metres, in the local frame."""
     corners = [
         change.transform(*(transform * (column + across, row + down))) for across, down in CORNERS
     ]
