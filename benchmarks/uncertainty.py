@@ -1,17 +1,19 @@
-"""How far the two halves of a plot differ, in standard errors that their predictions state:
+"""How far parts of a plot differ, in standard errors that their predictions state:
 
     python benchmarks/uncertainty.py [CLOUD.laz ...]
 
-Each plot is cut into a western and an eastern half, and into a southern and a northern one.  49
-photos are predicted on both by the measured model, and the differences of p̄, V and V̂ are held
-against the root of the sum of the squares of both stated errors: of differences as a normal
-distribution has them, 68 % are within one of these, and 95 % within two.  Generated stands, whose
-trees are Poisson in number, of 24 m and 48 m; and clouds where given.  The last columns are the
-mean sizes of what was stated and of what was found.  Half a minute; prints a table and writes it
-to benchmarks/results/.
+Each plot is cut into two halves, west and east and south and north, and into four quarters.  Grids of 9,
+25 and 49 photos are predicted on all parts by the measured model, telecentric and in perspective.  The
+differences of p̄, V and V̂ between two parts are compared with the root of the sum of the squares of both
+stated errors (the part `plot`: opacity is the same in both parts).  Of normally distributed differences 68 %
+are within one of these, and 95 % within two.  Grids whose rays cross more than half of a part are left out.
+Generated stands, with Poisson numbers of trees, of 24 m and 48 m; and clouds if given, each with the opacity
+from its pulses, if it has them, and with opaque voxels.  The last columns are the root mean squares of what
+was stated and of what was found.  Two minutes of the processor; prints a table and writes it to benchmarks/results/.
 
-Limits: halves of one plot are neighbours, and more alike than two plots of a forest; and the clouds
-are two plots, a handful of differences that are not independent of each other.
+Limits: parts of one plot are neighbours, and more alike than two plots of a forest.  Two clouds are two
+plots: the differences of different grids between the same two parts are much the same, so that a row of real
+plots has about ten independent differences, and its shares are known to some 15 %.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import csv
 import math
 import sys
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,48 +31,80 @@ import numpy as np
 
 from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.uncertainty import of_targets
+from aosplan.models.uncertainty import of_apertures, of_targets
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from aosplan.scenes.occlusion import ViewKind
     from aosplan.scenes.voxels import VoxelVolume
+
+    Predicted = list[tuple[float, float]] | None
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
 from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has to be on the path first)
 
-ALTITUDE_M = 50.0
-BASELINES_M = (1.0, 2.0, 3.5)
-SEEDS = 10
+GRIDS = ((45.0, 3, 1.0), (45.0, 5, 2.0), (70.0, 7, 1.0), (70.0, 7, 2.0))
+"""Altitude [m], photos along a side, and baseline [m]."""
+
+VIEWS = ("telecentric", "perspective")
+SEEDS = 4
 SEED = 1
+MOST_HIDDEN = 0.97
+"""Share of hidden columns from which a reading is left out: what remains is a few gaps."""
+
 QUANTITIES = ("density", "expected", "normalized")
 
 
-def halves(volume: VoxelVolume) -> Iterator[tuple[VoxelVolume, VoxelVolume]]:
-    """West and east, south and north; of an odd number of cells the last is left out."""
-    for axis in (2, 1):
-        half = volume.occupied.shape[axis] // 2
-        parts = np.split(volume.occupied, [half, 2 * half], axis=axis)[:2]
-        one, other = (replace(volume, occupied=part.copy()) for part in parts)
-        yield one, other
+def pairs(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
+    """Halves and quarters of a plot, each pair of them; of an odd number of cells the last is left out."""
+    rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])
+
+    def part(rows: slice, columns: slice) -> VoxelVolume:
+        return replace(volume, occupied=volume.occupied[:, rows, columns].copy(), bounds=None)
+
+    south, north, all_rows = slice(0, rows), slice(rows, 2 * rows), slice(0, 2 * rows)
+    west, east, all_columns = slice(0, columns), slice(columns, 2 * columns), slice(0, 2 * columns)
+    yield "halves", part(all_rows, west), part(all_rows, east)
+    yield "halves", part(south, all_columns), part(north, all_columns)
+    quarters = [part(along, across) for along in (south, north) for across in (west, east)]
+    for one, other in combinations(quarters, 2):
+        yield "quarters", one, other
 
 
-def differences(volume: VoxelVolume) -> Iterator[list[tuple[float, float]]]:
-    """Difference and its stated error, quantity by quantity, for each cut and baseline."""
-    for baseline in BASELINES_M:
-        plan = Pattern(7, 7), baseline
-        for pair in halves(volume):
-            models = [MeasuredModel(half, ALTITUDE_M, targets_per_voxel=2) for half in pair]
-            found = [model.predict(*plan) for model in models]
-            stated = [of_targets(model.hidden_share(*plan), 2) for model in models]
-            yield [
-                (
-                    abs(getattr(found[0], name) - getattr(found[1], name)),
-                    math.hypot(*(getattr(each, name) or 0.0 for each in stated)),
-                )
-                for name in QUANTITIES
-            ]
+def predicted(part: VoxelVolume, view: ViewKind, grid: tuple[float, int, float]) -> Predicted:
+    """p̄, V and V̂ of a part, and their standard errors; None if the part is too small for a grid."""
+    altitude, side, baseline = grid
+    model = MeasuredModel(part, altitude, view=view, targets_per_voxel=1)
+    if (side - 1) * baseline > model.widest_aperture_m:
+        return None
+    plan = Pattern(side, side), baseline
+    found = model.predict(*plan)
+    if view == "perspective":
+        stated = of_apertures(model.hidden_at_places(*plan))
+    else:
+        stated = of_targets(model.hidden_share(*plan))
+    return [(getattr(found, name), getattr(stated, name) or 0.0) for name in QUANTITIES]
+
+
+def differences(volume: VoxelVolume) -> Iterator[tuple[str, str, list[tuple[float, float]]]]:
+    """View, kind of parts, and the difference and its stated error by quantity, for each grid."""
+    cut = list(pairs(volume))
+    for view in VIEWS:
+        for grid in GRIDS:
+            known = {id(part): predicted(part, view, grid) for _, *both in cut for part in both}
+            for kind, one, other in cut:
+                first, second = known[id(one)], known[id(other)]
+                if first is not None and second is not None:
+                    yield (
+                        view,
+                        kind,
+                        [
+                            (abs(a - b), math.hypot(error, its_error))
+                            for (a, error), (b, its_error) in zip(first, second, strict=True)
+                        ],
+                    )
 
 
 def generated(side_m: float) -> Iterator[VoxelVolume]:
@@ -82,38 +117,75 @@ def generated(side_m: float) -> Iterator[VoxelVolume]:
             yield clumped_forest(own, side_m=side_m, voxel_m=0.5)
 
 
+def read(cloud: str) -> Iterator[tuple[str, VoxelVolume]]:
+    """A cloud with the opacity from its pulses, if it has them, and with opaque voxels of two sizes."""
+    from aosplan.scenes.files.point_cloud import read_voxels
+
+    volume = read_voxels(cloud, voxel_m=0.25, opacity="auto")
+    if volume.bounds is not None:
+        yield f"{Path(cloud).stem}, pulses", volume
+    for voxel_m in (0.1, 0.25):
+        volume = read_voxels(cloud, voxel_m=voxel_m, opacity="voxels")
+        yield f"{Path(cloud).stem}, voxels of {voxel_m:g} m", volume
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clouds", nargs="*", metavar="CLOUD.laz")
-    stands: dict[str, Iterator[VoxelVolume]] = {
-        f"generated, {side:g} m": generated(side) for side in (24.0, 48.0)
+    stands = {f"generated, {side:g} m": list(generated(side)) for side in (24.0, 48.0)}
+    stands |= {
+        name: [volume]
+        for cloud in parser.parse_args().clouds
+        for name, volume in read(cloud)
+        if volume.column_occupancy < MOST_HIDDEN
     }
-    for cloud in parser.parse_args().clouds:
-        from aosplan.scenes.files.point_cloud import read_voxels
-
-        stands[Path(cloud).stem] = iter([read_voxels(cloud, voxel_m=0.25)])
-    header = ["stand", "quantity", "differences", "within_1", "within_2", "stated", "found"]
-    rows = [header]
+    found: dict[tuple[str, str, str, str], list[tuple[float, float]]] = {}
     for name, volumes in stands.items():
-        all_found = [each for volume in volumes for each in differences(volume)]
-        for index, quantity in enumerate(QUANTITIES):
-            difference, stated = np.array([each[index] for each in all_found]).T
-            rows.append(
-                [
-                    name,
-                    quantity,
-                    str(len(difference)),
-                    f"{np.mean(difference <= stated):.2f}",
-                    f"{np.mean(difference <= 2.0 * stated):.2f}",
-                    f"{math.sqrt(np.mean(stated**2)):.4f}",
-                    f"{math.sqrt(np.mean(difference**2)):.4f}",
-                ]
-            )
-    widths = [max(len(row[column]) for row in rows) for column in range(len(header))]
-    for row in rows:
+        for volume in volumes:
+            for view, kind, by_quantity in differences(volume):
+                for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
+                    found.setdefault((name, view, kind, quantity), []).append(pair)
+    rows = [[*key, *shares(values)] for key, values in found.items()]
+    for view in VIEWS:  # real plots together, each with equal weight
+        for quantity in QUANTITIES:
+            chosen = [
+                shares(values)
+                for (name, *rest), values in found.items()
+                if not name.startswith("generated") and (rest[0], rest[2]) == (view, quantity)
+            ]
+            if chosen:
+                mean = [f"{np.mean([float(row[i]) for row in chosen]):.2f}" for i in (1, 2)]
+                count = str(sum(int(row[0]) for row in chosen))
+                rows.append(["real plots", view, "all", quantity, count, *mean, "", ""])
+    header = [
+        "stand",
+        "view",
+        "parts",
+        "quantity",
+        "differences",
+        "within_1",
+        "within_2",
+        "stated",
+        "found",
+    ]
+    table = [header, *rows]
+    widths = [max(len(row[column]) for row in table) for column in range(len(header))]
+    for row in table:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)))
     with (HERE / "results" / "uncertainty.csv").open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)
+        csv.writer(file, lineterminator="\n").writerows(table)
+
+
+def shares(pairs: list[tuple[float, float]]) -> list[str]:
+    """Number, shares within one and two stated errors, and root mean squares of stated and found."""
+    difference, stated = np.array(pairs).T
+    return [
+        str(len(difference)),
+        f"{np.mean(difference <= stated):.2f}",
+        f"{np.mean(difference <= 2.0 * stated):.2f}",
+        f"{math.sqrt(np.mean(stated**2)):.4f}",
+        f"{math.sqrt(np.mean(difference**2)):.4f}",
+    ]
 
 
 if __name__ == "__main__":

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
@@ -419,6 +420,29 @@ class MeasuredModel:
             rows = slice(window.row, window.row + window.rows)
             hidden = hidden[rows, window.column : window.column + window.columns]
         return hidden / tally.views
+
+    def hidden_at_places(self, pattern: Sites, baseline_m: float) -> list[NDArray[np.float64]]:
+        """As `hidden_share`, below apertures at four places of the wrapped plot, half a plot apart.
+
+        One target for each voxel, all targets at their places of the plot, shape (rows, columns).
+        """
+        volume, altitude_m, focal_height_m = self._stand
+        _, rows, columns = volume.occupied.shape
+        found = []
+        for moved in ((0, 0), (0, columns // 2), (rows // 2, 0), (rows // 2, columns // 2)):
+            occupied = np.roll(volume.occupied, moved, axis=(1, 2))
+            model = MeasuredModel(
+                replace(volume, occupied=occupied, bounds=None),
+                altitude_m,
+                heading_deg=self.heading_deg,
+                view=self.view,
+                targets_per_voxel=1,
+                focal_height_m=focal_height_m,
+                hold_error_m=self.hold_error_m,
+            )
+            back = -moved[0], -moved[1]
+            found.append(np.roll(model.hidden_share(pattern, baseline_m), back, axis=(0, 1)))
+        return found
 
     def joint_density(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """J, the share of targets that both views of each pair hide, shape (N, N).

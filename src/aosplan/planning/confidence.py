@@ -64,12 +64,15 @@ def _measured(
     problem: Problem, solution: Solution, edges: str
 ) -> tuple[Uncertainty | str, Flown | None]:
     from aosplan.models.measured import MeasuredModel
-    from aosplan.models.uncertainty import UNIFORM, of_targets, with_doubt
+    from aosplan.models.uncertainty import UNIFORM, of_apertures, of_targets, with_doubt
 
     model, plan = problem.model, (solution.pattern, solution.baseline_m)
     if not isinstance(model, MeasuredModel):
         return "the saved scene holds no parts of the plot to compare", None
-    errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
+    if model.view == "perspective":
+        errors = of_apertures(model.hidden_at_places(*plan))
+    else:
+        errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
     errors = _with_opacity(errors, model, solution)
     if edges != "wrapped" and model.edges_of(*plan) == "wrapped":
         inside = model.interior_prediction(*plan)
@@ -80,7 +83,7 @@ def _measured(
 
 def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
     """Standard errors with the doubt about the opacity of a point cloud."""
-    from aosplan.models.uncertainty import OCTAVE, UNIFORM, with_opacity
+    from aosplan.models.uncertainty import OCTAVE, UNIFORM, of_clumps, with_doubt, with_part
 
     volume = model.volume
     if volume.opacity is None or not volume.occupied.any():
@@ -91,12 +94,13 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
             model.of_volume(replace(volume, occupied=bound, bounds=None)) for bound in volume.bounds
         )
         dense, thin = (bound.predict_positions(sites) for bound in bounds)
-        return with_opacity(errors, dense, thin, UNIFORM)
+        errors = with_part(errors, of_clumps((volume.opacity.pulses or 0) / volume.plot_area_m2))
+        return with_doubt(errors, dense, thin, UNIFORM, "opacity")
     try:
         coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
     except RequestError:  # larger voxels would reach the cameras
         return errors
-    return with_opacity(errors, model.predict_positions(sites), coarse, OCTAVE)
+    return with_doubt(errors, model.predict_positions(sites), coarse, OCTAVE, "opacity")
 
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:

@@ -51,7 +51,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
             "reading": plan.reading,
             "ground": None if plan.ground is None else plan.ground.document(),
             "edges": plan.edges,
-            "uncertainty": None if plan.uncertainty is None else plan.uncertainty._asdict(),
+            "uncertainty": None if plan.uncertainty is None else plan.uncertainty.document(),
             "uncertainty_reason": plan.uncertainty_reason or None,
             "noise": None if plan.flown is None else _noise_document(plan.flown),
         },

@@ -50,13 +50,24 @@ class VisibilityDocument(OpenDocument):
     contrast: Finite | None
 
 
+class ErrorPartDocument(OpenDocument):
+    """One contribution to the standard errors of a prediction."""
+
+    source: Literal["plot", "opacity", "clumps", "edges"]
+    density: Finite
+    expected: Finite
+    normalized: Finite | None
+
+
 class UncertaintyDocument(OpenDocument):
-    """Standard errors of a prediction, and how they were found."""
+    """Standard errors of a prediction, what they contain, and what they omit."""
 
     density: Finite
     expected: Finite
     normalized: Finite | None
     method: str
+    parts: list[ErrorPartDocument]
+    omits: list[str]
 
 
 class NoiseDocument(OpenDocument):
