@@ -1,20 +1,21 @@
-"""A plan's prediction beside its simulation: the one place where models and experiments meet.
+"""Comparison of a plan's prediction with its simulation.
 
-**What is predicted** is the model's answer to the experiment's own question, which is not always
-the plan's.  The uniform and the layered model are asked for rays straight down; a flown plan
-looks at its target area at a slant, and of slices of cubes a ray with slopes s = |tan x| + |tan y|
-meets more: it is clear with probability Π q^(1 + r s), r the slices' thickness over the size of
-their occluders (Beer-Lambert).  So p is the mean of p_i(t) over views i and targets t, and
+**Prediction.**  The model predicts what the experiment measures, which may differ from the plan.
+The uniform and the layered model predict for vertical rays, but rays from a flown plan to its
+target area are slanted.  A ray with slopes s = |tan x| + |tan y| meets more cubes: it is clear with
+probability Π q^(1 + r s), where r is the thickness of a slice divided by the size of its occluders
+(Beer-Lambert).  p is therefore the mean of p_i(t) over views i and targets t, and
 
     E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
 
-with the plan's own K.  The measured model is asked for the experiment's view, telecentric or
-perspective.  Noise patterns ask what the paper asks, and get the plan's own numbers.
+with the K of the plan.  The measured model predicts for the view of the experiment, telecentric or
+perspective.  Noise patterns are the experiment of the paper; the prediction is that of the plan.
 
-**They agree** where each of p, V and V̂ is as predicted within `MOST_ERRORS` standard errors and
-the experiment's own, stated error: what voxels do to p, V and K (`TOLERANCE`), and what cubes do
-to K, which look wider at a slant, up to 1 + s times (K of independent slices, at so much less
-disparity).  It excuses no model: noise patterns have no such error at all.
+**Agreement.**  Prediction and experiment agree if each of p, V and V̂ differs by at most
+`MOST_ERRORS` standard errors plus the systematic error of the experiment: the effect of voxels on
+p, V and K (`TOLERANCE`), and the effect of cubes on K.  Seen at a slant, cubes look up to 1 + s
+times as wide, so the latter is the change of K of independent slices at a correspondingly smaller
+disparity.
 """
 
 from __future__ import annotations
@@ -51,28 +52,28 @@ if TYPE_CHECKING:
     from aosplan.scenes.scene import Scene
 
 FORESTS = ("noise", "uniform", "layered", "clumped", "cloud")
-"""What a plan is simulated on, by name."""
+"""Names of the forests on which a plan can be simulated."""
 
 FOREST_OF = {"uniform": "uniform", "layered": "layered", "cloud": "cloud"}
-"""The forest that a kind of scene describes."""
+"""The forest that corresponds to each kind of scene."""
 
 QUANTITIES = ("density", "expected", "normalized")
 
 MOST_ERRORS = 4.0
-"""Standard errors up to which chance is blamed: less than once in a thousand times."""
+"""Largest difference in standard errors that can be due to chance, less than once in a thousand."""
 
 MOST_VIEWS = 10_000
-"""More views than these are not simulated."""
+"""Largest number of views that is simulated."""
 
 MOST_TARGETS = 100_000_000
-"""Targets of a simulation, unless told otherwise."""
+"""Default limit of the number of targets of a simulation."""
 
 AREA_POINTS = 9
-"""Points along either side of the target area over which predictions are averaged."""
+"""Number of points along each side of the target area over which predictions are averaged."""
 
 
 TOLERANCE = {"density": 0.003, "expected": 0.003, "normalized": 0.03}
-"""Error of volumes of voxels: of p and V, and of V̂ as a share of 1 - V̂."""
+"""Systematic error of voxel volumes: of p and V, and of V̂ as a share of 1 - V̂."""
 
 
 class Settings(NamedTuple):
@@ -81,16 +82,16 @@ class Settings(NamedTuple):
     Attributes
     ----------
     seed
-        Of everything random, from 0.
+        Random seed, at least 0.
     precision
-        Standard error of V and V̂ at which the simulation is done.
+        Standard error of V and V̂ at which the simulation stops.
     forest
-        One of `FORESTS`; None for the one that the scene describes.
+        One of `FORESTS`; None for the forest that corresponds to the scene.
     view
-        ``perspective``: the ground that all samples see, under one aperture.  ``telecentric``:
-        each target in the middle of its own.
+        ``perspective``: targets on the ground that all samples see, under one aperture.
+        ``telecentric``: each target is at the centre of its own aperture.
     most_targets
-        Targets after which the simulation ends, whatever its precision, but for
+        Number of targets after which the simulation stops at any precision, but not before
         `FEWEST_SAMPLES` volumes.
     """
 
@@ -102,23 +103,23 @@ class Settings(NamedTuple):
 
 
 class Simulation(NamedTuple):
-    """A plan's prediction, beside what an experiment found.
+    """A plan's prediction and the result of its simulation.
 
     Attributes
     ----------
     plan, settings
-        What was simulated, and how; `settings.forest` is a name.
+        What was simulated and how; `settings.forest` is the name of the forest.
     predicted
-        The model's answer to the experiment's question.
+        Prediction of the model for the experiment.
     simulated
-        What was found, with standard errors.
+        Result of the experiment, with standard errors.
     views, targets, samples
-        How many views each target had, how many targets there were in all, and in how many
-        independent volumes, patterns or blocks.
+        Number of views of each target; number of targets in total; number of independent
+        volumes, patterns or blocks.
     tolerance
-        Error of the experiment that is not chance, by quantity.
+        Systematic error of the experiment for each quantity.
     experiment
-        For pictures; None where nothing stands in the way.
+        The experiment, for pictures; None if there are no occluders.
     """
 
     plan: Plan
@@ -133,23 +134,23 @@ class Simulation(NamedTuple):
 
     @property
     def differences(self) -> list[str]:
-        """Where prediction and simulation disagree, a sentence each."""
+        """The differences between prediction and simulation, one sentence each."""
         return [
             text for name in QUANTITIES if (text := self._difference(name, self.tolerance[name]))
         ]
 
     @property
     def agree(self) -> bool:
-        """Whether the prediction holds in the experiment."""
+        """Whether prediction and simulation agree."""
         return not self.differences
 
     @property
     def precise(self) -> bool:
-        """Whether the standard errors came down to the wanted precision."""
+        """Whether the standard errors reached the requested precision."""
         return _worst(self.simulated) <= self.settings.precision
 
     def document(self) -> dict[str, Any]:
-        """The plan's document, and the simulation beside it."""
+        """The document of the plan with the results of the simulation."""
         found = {
             name: value if math.isfinite(value) else None
             for name, value in self.simulated._asdict().items()
@@ -175,7 +176,7 @@ class Simulation(NamedTuple):
     def _difference(self, name: str, tolerance: float) -> str:
         predicted, found = getattr(self.predicted, name), getattr(self.simulated, name)
         error = getattr(self.simulated, f"{name}_standard_error")
-        # Nothing hidden, no V̂; and rounding is no difference.
+        # V̂ is undefined if nothing is hidden; 1e-9 covers rounding.
         if math.isnan(found) or abs(predicted - found) <= MOST_ERRORS * error + tolerance + 1e-9:
             return ""
         symbol = {"density": "p", "expected": "V", "normalized": "V̂"}[name]
@@ -191,21 +192,21 @@ def simulate(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Simulation:
-    """Fly a plan over a forest in the computer, and hold its prediction against what is seen.
+    """Simulate a plan over a forest and compare the result with its prediction.
 
     Parameters
     ----------
     plan
-        What to fly.
+        The plan to simulate.
     settings
-        How to simulate it; by default the forest that its scene describes, in perspective.
+        Settings of the simulation; default: the forest of the plan's scene, in perspective.
     progress
-        Called with volumes done and volumes expected in all.
+        Function that is called with the number of volumes done and the expected total.
 
     Raises
     ------
     RequestError
-        As `posed`.
+        As `posed` does.
     """
     settings, experiment, predicted = posed(plan, settings or Settings())
     views = plan.solution.pattern.samples
@@ -236,7 +237,7 @@ def simulate(
         worst = _worst(estimate(samples))
         if worst <= settings.precision:
             break
-        # The standard error is itself a chance: to look at it often is to stop too early.
+        # The standard error is random, too; checking it often would stop too early.
         check = math.ceil(1.25 * len(samples))
         if progress is not None:
             progress(len(samples), math.ceil(len(samples) * (worst / settings.precision) ** 2))
@@ -248,15 +249,15 @@ def simulate(
 
 
 def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
-    """The experiment that answers for a plan, and the model's answer to its question.
+    """The experiment for a plan, and the prediction of the model for it.
 
-    The settings come with the name of the forest; without occluders there is no experiment.
+    The returned settings have the name of the forest.  Without occluders there is no experiment.
 
     Raises
     ------
     RequestError
-        If the forest does not go with the scene, there is no target area, there are more than
-        `MOST_VIEWS` views, or the plan's prediction is of position noise or of oblique rays.
+        If the forest does not suit the scene, if there is no target area, if there are more than
+        `MOST_VIEWS` views, or if the plan has position noise or oblique rays.
     """
     if (views := plan.solution.pattern.samples) > MOST_VIEWS:
         raise RequestError(
@@ -281,11 +282,11 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
 
 
 class Pictures(NamedTuple):
-    """PNG files of a simulation, and the similarity (SSIM) of images to that of endless views.
+    """PNG files of a simulation, and the similarity (SSIM) of its images to the infinite limit.
 
-    `picture` shows a resolution chart through the trees, in the middle view, in the integral
-    image of all, and in that of endless views; `occlusion_map` the share of views that see
-    each target, white for all.
+    `picture` shows a resolution chart through the trees: in the middle view, in the integral image,
+    and for infinitely many views.  `occlusion_map` is the share of views that see each target;
+    white is all.
     """
 
     picture: bytes
@@ -295,12 +296,12 @@ class Pictures(NamedTuple):
 
 
 def pictures(simulation: Simulation) -> Pictures:
-    """Draw the first volume, pattern or plot of a simulation, the far end of the area on top.
+    """Draw the first volume, pattern or plot of a simulation; the far end of the area is on top.
 
     Raises
     ------
     RequestError
-        If nothing stands in the way.
+        If there are no occluders.
     MissingExtraError
         If Pillow or scikit-image is not installed.
     """
@@ -326,7 +327,7 @@ def _worst(found: Estimate) -> float:
 
 
 def _forest(plan: Plan, settings: Settings) -> str:
-    """The forest to simulate on, if it goes with the scene."""
+    """Name of the forest for the simulation, after checking that it suits the scene."""
     if plan.approximation is not None:
         raise RequestError(
             f"scene '{plan.inputs.scene_name}' holds a correlogram, and no voxels to simulate",
@@ -348,15 +349,15 @@ def _forest(plan: Plan, settings: Settings) -> str:
 
 
 def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experiment, Prediction]:
-    """The experiment, and the model's answer to its question."""
+    """The experiment, and the prediction of the model for it."""
     h = plan.altitude_m
     if settings.forest == "noise":
-        assert plan.coverage is not None  # a clear view is not simulated
+        assert plan.coverage is not None  # a scene without occluders is not simulated
         in_occluders = _sites(plan, 0.0) / plan.coverage.baseline_m
         predicted = _of_one_height(plan)
         return NoiseExperiment(settings.seed, predicted.density, in_occluders), predicted
     if settings.forest == "cloud":
-        assert plan.volume is not None  # the forest was checked
+        assert plan.volume is not None  # the forest was checked before
         plot = VoxelViews(
             plan.volume, h, view=settings.view, focal_height_m=plan.inputs.focal_height_m
         )
@@ -379,8 +380,8 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
 
 
 def _of_one_height(plan: Plan) -> Prediction:
-    """The plan's prediction for occluders of one height, which noise patterns are."""
-    assert plan.problem is not None  # a clear view is not simulated
+    """The plan's prediction for occluders at one height, as noise patterns have."""
+    assert plan.problem is not None  # a scene without occluders is not simulated
     model, solution = plan.problem.model, plan.solution
     if not isinstance(model, UniformModel) or plan.reading != "slices":
         return solution.prediction
@@ -388,7 +389,7 @@ def _of_one_height(plan: Plan) -> Prediction:
 
 
 def _shortfall(plan: Plan, above: Scene) -> float:
-    """K of the plan, with what occluders lower than those that the coverage rule counts share."""
+    """K of the plan, increased by what occluders below those of the coverage rule still share."""
     solution, shortfall = plan.solution, plan.solution.prediction.shortfall
     if plan.reading != "rule":
         return shortfall
@@ -404,10 +405,10 @@ def _sites(plan: Plan, heading_deg: float) -> NDArray[np.float64]:
 
 
 def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
-    """Ground that all samples see, across and along the heading."""
+    """Size of the ground that all samples see, across and along the heading."""
     along, across = plan.common_footprint_m
     if view == "telecentric":
-        return across, along  # not looked at: each target has its own aperture
+        return across, along  # has no effect, because each target has its own aperture
     if min(along, across) <= 0.0:
         raise RequestError(
             "no ground is seen by all samples, and that is what would be simulated",
@@ -417,7 +418,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
 
 
 def _lengths(above: Scene) -> tuple[float, float]:
-    """Logarithm of the transparency straight down, and what a unit of slope adds to it."""
+    """Logarithm of the vertical transparency, and its change per unit of slope."""
     straight = slope = 0.0
     for layer in above.slices():
         cubes = (layer.top_m - layer.bottom_m) / layer.occluder_size_m
@@ -430,7 +431,7 @@ def _lengths(above: Scene) -> tuple[float, float]:
 def _tolerance(
     plan: Plan, above: Scene, experiment: Experiment, predicted: Prediction
 ) -> dict[str, float]:
-    """Error of an experiment that is not chance, by quantity."""
+    """Systematic error of an experiment for each quantity."""
     if isinstance(experiment, NoiseExperiment):
         return dict.fromkeys(QUANTITIES, 0.0)
     wider = 0.0
@@ -438,7 +439,7 @@ def _tolerance(
         model = LayeredModel(above.slices(), plan.altitude_m)
         pattern, baseline = plan.solution.pattern, plan.solution.baseline_m
         straight, slope = _lengths(above)
-        # The mean slope along one axis, from what it costs in transparency.
+        # The mean slope along one axis, from its effect on the transparency.
         mean_slope = 0.5 * (math.log(predicted.transparency) - straight) / slope
         wide = model.predict(pattern, baseline / (1.0 + max(mean_slope, 0.0)))
         wider = wide.shortfall - model.predict(pattern, baseline).shortfall
@@ -466,22 +467,22 @@ def slanted(
     altitude_m: float,
     view: ViewKind,
 ) -> Prediction:
-    """A prediction for the slanted rays of an experiment, as the module's text has it.
+    """A prediction for the slanted rays of an experiment, as described in the module docstring.
 
     Parameters
     ----------
     shortfall
         K of the plan.
-    log_transparency
+    Logarithm of the vertical transparency, and its change per unit of slope.
         Logarithm of the transparency straight down, and what a unit of slope adds to it.
     positions_m
-        Of the cameras from the middle of the pattern, shape (N, 2).
+        Camera positions relative to the centre of the pattern, shape (N, 2).
     area_m
-        Target area along x and y, of perspective views.
+        Size of the target area along x and y, for perspective views.
     altitude_m
-        Of the cameras above the targets.
+        Altitude of the cameras above the targets.
     view
-        Whether all targets are under one aperture, or each under its own.
+        Whether all targets are under one aperture, or each has its own.
     """
     share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
     scale = 0.0 if view == "telecentric" else 1.0

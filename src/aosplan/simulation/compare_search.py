@@ -1,15 +1,15 @@
-"""A plan's probability of detection beside a search in the computer.
+"""Comparison of a plan's probability of detection with a simulated search.
 
-The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_detection`, for the
-plan's own scene.  The search (`aosplan.simulation.search`) is of forests that the model has not
-seen: slices or stands from a seed, or, of a point cloud, its voxels with other radiances.
+The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_detection` for the
+scene of the plan.  The search (`aosplan.simulation.search`) uses forests that the model has not
+seen: random slices or stands, or the voxels of a point cloud with other radiances.
 
-Two questions are kept apart.  *At the same threshold*: how many targets does the detector find
-with the threshold that the model has predicted?  That is the detection itself, and holds within
-`TOLERANCE` from nine photos on.  *At the same false-alarm rate*: how many false alarms a hectare
-does that threshold give, and how many targets are found with a threshold that gives the stated
-rate in the searched forests?  Of a few hectares, that threshold is extrapolated, and a factor of 2
-to 3 in the rate is to be expected.
+Two comparisons are made.  *At the same threshold*: the share of targets that the detector finds
+with the predicted threshold.  This tests the probability of detection itself, which agrees within
+`TOLERANCE` for nine photos or more.  *At the same false-alarm rate*: the number of false alarms per
+hectare with the predicted threshold, and the share of targets found with the threshold that gives
+the stated rate in the searched forests.  With a few hectares, this threshold is an extrapolation,
+and the rate may differ by a factor of 2 to 3.
 """
 
 from __future__ import annotations
@@ -35,35 +35,36 @@ if TYPE_CHECKING:
     from aosplan.simulation.search import Searched
 
 FORESTS = 8
-"""Forests that are searched."""
+"""Default number of forests that are searched."""
 
 TOLERANCE = 0.05
-"""Difference at the same threshold that the model is allowed."""
+"""Allowed systematic difference at the same threshold."""
 
 MOST_ERRORS = 2.5
-"""Standard errors of the simulation that are allowed on top."""
+"""Allowed number of standard errors of the simulation in addition to `TOLERANCE`."""
 
 
 class SearchComparison(NamedTuple):
-    """A predicted probability of detection, and what searches in the computer found.
+    """A predicted probability of detection and the results of simulated searches.
 
     Attributes
     ----------
     predicted
-        Of the plan.
+        Prediction for the plan.
     simulated, standard_error
-        Share of the targets that were found at the predicted threshold; the error from forest to
-        forest.
+        Share of the targets found with the predicted threshold, and its standard error from the
+        variation between forests.
     simulated_at_rate
-        Share found at the threshold that gives the stated false alarms in the searched forests.
+        Share found with the threshold that gives the stated false-alarm rate in the searched
+        forests.
     false_alarms_per_hectare, stated_per_hectare
-        Found at the predicted threshold, and stated.
+        False alarms per hectare with the predicted threshold, and the stated number.
     seen, seen_errors
-        Share of the targets that show at least each of `SHARES`, found, with standard errors.
+        Simulated probability of a seen share of at least each of `SHARES`, with standard errors.
     seen_predicted
-        The same, predicted.
+        Predicted probability of the same.
     forest, forests, targets, hectares, seed
-        What was searched.
+        Kind and number of forests, number of targets, searched area, random seed.
     """
 
     predicted: float
@@ -83,12 +84,12 @@ class SearchComparison(NamedTuple):
 
     @property
     def agree(self) -> bool:
-        """Whether the prediction holds at the same threshold."""
+        """Whether prediction and simulation agree at the same threshold."""
         allowed = TOLERANCE + MOST_ERRORS * self.standard_error
         return abs(self.predicted - self.simulated) <= allowed
 
     def document(self) -> dict[str, Any]:
-        """``search`` of a simulation's JSON."""
+        """The comparison as plain values, ``search`` in a simulation's JSON document."""
         names = [f"{share:g}" for share in SHARES]
         return {
             "predicted": self.predicted,
@@ -116,25 +117,25 @@ def compare_search(
     forests: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> SearchComparison:
-    """Search forests in the computer for what a plan looks for.
+    """Search simulated forests for the target of a plan.
 
     Parameters
     ----------
     plan
-        With a detection.
+        A plan with a detection.
     seed
-        Of forests, radiances, places and directions.
+        Random seed of forests, radiances, places and directions.
     forest
-        ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for that of the scene.
+        ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for the forest of the scene.
     forests
-        How many, 2 at least; `FORESTS` unless told otherwise.
+        Number of forests, at least 2; default `FORESTS`.
     progress
-        Called with forests done and forests in all.
+        Function that is called with the number of forests done and the total.
 
     Raises
     ------
     RequestError
-        If the plan looks for nothing, or the forest is not one that can be searched.
+        If the plan has no target to search for, or the forest cannot be searched.
     """
     detection = plan.detection
     if detection is None:
@@ -174,11 +175,11 @@ def compare_search(
 
 
 def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Searched]:
-    """The searches of one forest after the other."""
+    """The results of the search for one forest after the other."""
     detection = plan.detection
     assert detection is not None
     contrast, offset, crowns = detection.signature
-    sign = -1.0 if contrast < 0.0 else 1.0  # what is colder is looked for as what is warmer
+    sign = -1.0 if contrast < 0.0 else 1.0  # a cold target is found like a warm one
     look = Look(*detection.target, sign * contrast, sign * offset, crowns)
     above = plan.scene.above(plan.request.focal_height)
     pattern, baseline, altitude = plan.solution.pattern, plan.solution.baseline_m, plan.altitude_m
@@ -208,7 +209,7 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
 
 
 def _mean_of(hits: list[Any]) -> tuple[float, float]:
-    """Mean over all targets, and its standard error from forest to forest."""
+    """Mean over all targets, and its standard error from the variation between forests."""
     means = [float(each.mean()) for each in hits]
     error = float(np.std(means, ddof=1)) / math.sqrt(len(means)) if len(means) > 1 else math.nan
     return float(np.mean(means)), error

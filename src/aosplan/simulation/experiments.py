@@ -1,7 +1,7 @@
-"""Experiments: independent samples of a forest, each flown over by the same views.
+"""Experiments: independent samples of a forest, each with the same views.
 
-An experiment answers for its sample `index`, whatever was asked before: `counts` over its targets,
-and `images` of the same.  All samples of an experiment are drawn alike, and independently.
+A sample is determined by its `index` alone, so `counts` and `images` describe the same sample.  All
+samples of an experiment have the same distribution and are independent.
 """
 
 from __future__ import annotations
@@ -31,54 +31,56 @@ if TYPE_CHECKING:
     Blocked = NDArray[np.int32]
 
 NOISE_PX = 8.0
-"""Pixels along the edge of an occluder in a noise pattern; views move by any part of them."""
+"""Pixels along the edge of an occluder in a noise pattern; views are shifted by fractions of them."""
 
 NOISE_CELLS = 40
-"""Occluders along either side of a noise pattern."""
+"""Occluders along each side of a noise pattern."""
 
 PATCH_OCCLUDERS = {"telecentric": 50.0, "perspective": 150.0}
-"""Occluders along either side of a patch of targets at most, and at least a few."""
+"""Largest side of a patch of targets, in occluders; a patch is at least a few occluders wide."""
 
 FEW_OCCLUDERS = 10.0
 
 PLOT_VOXELS = 1 << 25
-"""Voxels for which patches are small enough, a third of an occluder each."""
+"""Approximate limit of the voxels of a plot, three per occluder edge; it limits the patches."""
 
 TARGETS_AN_OCCLUDER = {"telecentric": 6, "perspective": 3}
-"""Targets along the edge of the smallest occluder, about; telecentric rays are rounded to them."""
+"""Approximate targets per edge of the smallest occluder; telecentric rays are rounded to them."""
 
 MOST_RAYS = 10_000_000_000
-"""Views times targets of one experiment: about a minute.  Patches of targets shrink to keep it."""
+"""Largest number of views times targets, about a minute; patches are made smaller to keep it."""
 
 FEWEST_SAMPLES = 16
-"""Samples that every experiment takes: fewer do not tell their own standard error."""
+"""Smallest number of samples, because fewer give no reliable standard error."""
 
 PICTURE_PX = 300
-"""Targets along the shorter side of a picture, which wants more of them than counts do."""
+"""Targets along the shorter side of a picture, which needs more of them than counts do."""
 
 STEEPEST = 1.0
-"""Largest slope of a ray along either axis: it is to meet one more voxel a slice, not more."""
+"""Largest slope of a ray along each axis, so that it crosses at most one more voxel per slice."""
 
 PLOT_BLOCKS = 4
-"""Blocks along either side of a real plot, whose scatter is its standard error."""
+"""Blocks along each side of a real plot; their variation gives the standard error."""
 
 
 class Experiment(Protocol):
-    """What a comparison asks of an experiment."""
+    """The methods of an experiment that a comparison uses."""
 
     @property
     def one_plot(self) -> bool:
-        """Whether the samples are the blocks of one plot, and end with it."""
+        """Whether the samples are the blocks of one plot, so that their number is limited."""
 
     def samples(self) -> Iterator[Counts]:
-        """Counts of one sample after the other; without end, or all blocks of one plot."""
+        """Yield the counts of one sample after the other: endlessly, or for all blocks of one plot."""
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the first sample: of all views, and of the middle one alone."""
+        """Number of blocked views at each target of the first sample: of all views; of the middle
+        view.
+        """
 
 
 class NoiseExperiment(NamedTuple):
-    """Averaged noise patterns: positions in units of occluders, x and y, shape (N, 2)."""
+    """Averaged noise patterns; positions are x and y in units of occluders, shape (N, 2)."""
 
     seed: int
     density: float
@@ -86,12 +88,12 @@ class NoiseExperiment(NamedTuple):
     one_plot: bool = False
 
     def samples(self) -> Iterator[Counts]:
-        """One random pattern after the other."""
+        """Yield counts of one random pattern after the other."""
         for index in count():
             yield counts_of(self._blocked(index), len(self.positions))
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the first pattern: of all views, and of the middle one alone."""
+        """Blocked views of the first pattern: of all views; of the middle view alone."""
         return self._blocked(0), self._blocked(0, only=middle_of(self.positions))
 
     def _blocked(self, index: int, only: int | None = None) -> Blocked:
@@ -102,25 +104,25 @@ class NoiseExperiment(NamedTuple):
 
 
 class ForestExperiment(NamedTuple):
-    """Generated volumes, flown over.
+    """Views over random volumes.
 
     Attributes
     ----------
     seed
-        Of all volumes.
+        Random seed of all volumes.
     make
-        ``make(rng, size_m)``: a volume that wraps, heights from the focal plane.
+        ``make(rng, size_m)`` returns a periodic volume, with heights above the focal plane.
     positions_m
-        Of the cameras, x and y from the middle of the pattern, shape (N, 2).
+        Camera positions, x and y from the centre of the pattern, shape (N, 2).
     altitude_m, top_m
-        Of the cameras and of the highest occluder, above the focal plane.
+        Heights of the cameras and of the highest occluder above the focal plane.
     occluder_size_m
-        Of the smallest occluder.
+        Size of the smallest occluder.
     view
-        ``perspective``: targets are those of `area_m`, a patch of it in each volume.
-        ``telecentric``: each target in the middle of its own aperture.
+        ``perspective``: targets are in `area_m`, a patch of it in each volume.
+        ``telecentric``: each target is at the centre of its own aperture.
     area_m
-        Target area along x and y, its middle below that of the pattern.
+        Size of the target area along x and y; it is centred below the pattern.
     """
 
     seed: int
@@ -134,24 +136,24 @@ class ForestExperiment(NamedTuple):
     one_plot: bool = False
 
     def samples(self) -> Iterator[Counts]:
-        """A patch of targets below one random volume after the other."""
+        """Yield counts of a patch of targets below one random volume after the other."""
         for index in count():
             views, positions = self._sample(index)
             yield views.counts(positions)
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the first patch: of all views, and of the middle one alone."""
+        """Blocked views of the first patch: of all views; of the middle view alone."""
         views, positions = self._sample(0, least_px=PICTURE_PX)
         middle = middle_of(self.positions_m)
         return views.blocked_views(positions), views.blocked_views(positions[[middle]])
 
     def check(self) -> None:
-        """Refuse what volumes of voxels cannot show.
+        """Refuse plans that volumes of voxels cannot represent.
 
         Raises
         ------
         RequestError
-            If rays are more oblique than voxels are, or occluders too small for any volume.
+            If rays are too oblique for voxels, or occluders too small for a volume.
         """
         aside = self.area_m if self.view == "perspective" else (0.0, 0.0)
         steepest = max(
@@ -173,11 +175,11 @@ class ForestExperiment(NamedTuple):
 
     @property
     def patch_m(self) -> tuple[float, float]:
-        """Size of a patch: the target area, or an equal part of it."""
+        """Size of a patch: the target area, or one of the equal parts into which it is divided."""
         return self._patches()[0]
 
     def _patches(self) -> tuple[tuple[float, float], tuple[int, int]]:
-        """Size of a patch, and how many make up the target area along x and y."""
+        """Size of a patch, and number of patches in the target area along x and y."""
         o, rays = self.occluder_size_m, 2 * FEWEST_SAMPLES * len(self.positions_m)
         most = max(math.sqrt(MOST_RAYS / rays), 1.0) * o / TARGETS_AN_OCCLUDER[self.view]
         room = math.sqrt(PLOT_VOXELS / self.top_m * (o / VOXELS_AN_OCCLUDER) ** 3)
@@ -191,14 +193,17 @@ class ForestExperiment(NamedTuple):
         return (self.area_m[0] / number[0], self.area_m[1] / number[1]), (number[0], number[1])
 
     def _reach(self) -> tuple[float, float]:
-        """How far apart two views of one target pass the top of the canopy, along x and y."""
+        """Distance along x and y between the rays of two views of one target at the top of the
+        canopy.
+        """
         x, y = (np.ptp(self.positions_m, axis=0) * (self.top_m / self.altitude_m)).tolist()
         return x, y
 
     def _sample(self, index: int, least_px: int = 0) -> tuple[VoxelViews, Positions]:
-        """Views of a patch, and the cameras' positions from the patch's middle.
+        """Views of a patch, and camera positions relative to the centre of the patch.
 
-        The patch has at least so many targets along either side, within reason.
+        The patch has at least `least_px` targets along each side, unless that would be too many per
+        voxel.
         """
         rng = generator(self.seed, index)
         patch, number = self._patches()
@@ -224,7 +229,7 @@ class ForestExperiment(NamedTuple):
         return views, self.positions_m - moved
 
     def _plot_m(self, axis: int, patch_m: float) -> float:
-        """Size of a plot on which no two views of a patch, nor one ray, meet a tree twice."""
+        """Size of a plot on which neither two views of a patch nor one ray meet a tree twice."""
         reach, rise = self._reach()[axis], self.top_m / self.altitude_m
         if self.view == "telecentric":
             return patch_m + reach + self.occluder_size_m
@@ -233,32 +238,32 @@ class ForestExperiment(NamedTuple):
 
 
 class PlotExperiment(NamedTuple):
-    """One real plot, all of its targets, its blocks taken for samples."""
+    """One real plot with all its targets; its blocks are the samples."""
 
     views: VoxelViews
     positions_m: Positions
     one_plot: bool = True
 
     def samples(self) -> Iterator[Counts]:
-        """The blocks of the plot, one after the other."""
+        """Yield counts of the blocks of the plot."""
         for window in blocks(self.views.window, PLOT_BLOCKS, PLOT_BLOCKS):
             yield self.views.within(window).counts(self.positions_m)
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the plot: of all views, and of the middle one alone."""
+        """Blocked views of the plot: of all views; of the middle view alone."""
         middle = self.positions_m[[middle_of(self.positions_m)]]
         return self.views.blocked_views(self.positions_m), self.views.blocked_views(middle)
 
 
 def middle_of(positions: Positions) -> int:
-    """The position nearest to the middle of all, the first of several."""
+    """Index of the position nearest to the centre; of several, the first."""
     apart = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
-    # Rounded, so that equal distances are equal on every machine.
+    # Rounded, so that ties are the same on every machine.
     return int(np.round((apart * apart).sum(axis=1), 9).argmin())
 
 
 def _middle_window(volume: VoxelVolume, per_voxel: int, size_m: tuple[float, float]) -> Window:
-    """The targets in the middle of a plot, over a size along x and y."""
+    """The targets in the middle of a plot, over a rectangle of a size along x and y."""
     _, rows, columns = volume.occupied.shape
     pitch = volume.voxel_m / per_voxel
     across, along = (

@@ -1,16 +1,16 @@
-"""Forests from a seed, as voxels: slices of cubes, and stands of trees.
+"""Random forests as voxels: slices of cubes, and stands of trees.
 
-Two kinds, matched to the statistics of a scene:
+Both kinds match the statistics of a scene:
 
-- `uniform_forest` and `layered_forest`: independent slices, each a plane of square cells at a
-  random phase, occupied with the slice's density; as thick as they are wide where the slice
-  allows, so that oblique rays meet their sides.
-- `clumped_forest`: trees with a trunk and a crown of leafy clumps, thinned until the share of the
-  ground that is hidden from straight above is the wanted one.  What independent slices
-  promise, it does not keep, as no real stand does.
+- `uniform_forest` and `layered_forest`: independent slices.  Each is a plane of square cells with a
+  random phase, occupied with the density of the slice.  If the slice allows it, cells are as thick
+  as they are wide, so that oblique rays meet their sides.
+- `clumped_forest`: trees with a trunk and a crown of leafy clumps.  They are thinned until they
+  hide the wanted share of the ground from vertically above.  Like in real stands, slices are not
+  independent.
 
-Everything is drawn from one `numpy.random.Generator`; `generator` makes it the same on every
-platform.  Plots wrap around.
+All random numbers come from one `numpy.random.Generator`; `generator` makes it the same on every
+platform.  Plots are periodic.
 """
 
 from __future__ import annotations
@@ -34,23 +34,24 @@ if TYPE_CHECKING:
     from aosplan.scenes.scene import Layer, Scene
 
 MOST_VOXELS = 1 << 26
-"""Voxels of one volume; where a forest takes more, its voxels become larger."""
+"""Largest number of voxels of a volume; if a forest needs more, its voxels are made larger."""
 
 VOXELS_AN_OCCLUDER = 3
-"""Voxels along the edge of a cube, where the volume stays within bounds."""
+"""Voxels along the edge of a cube, if the volume does not become too large."""
 
 BISECTIONS = 40
 
 
 def generator(seed: int, index: int = 0) -> np.random.Generator:
-    """The random numbers of sample `index` of a simulation with a seed, the same everywhere."""
+    """The random generator for sample `index` of a simulation, the same on every platform."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
 
 
 def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """Voxel size [m] for cubes: a third, half or all of their edge, larger where that is too many.
+    """Voxel size [m] for cubes: a third, half or all of their edge, or larger if there are too
+    many.
 
-    Below a cube's edge, cells of different slices begin at different places, as they should.
+    If voxels are smaller than a cube, cells of different slices start at different positions.
     """
     for parts in range(VOXELS_AN_OCCLUDER, 0, -1):
         voxel_m = occluder_size_m / parts
@@ -60,7 +61,7 @@ def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float)
 
 
 def _smallest_voxel_m(wanted_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """The wanted voxel size, or the smallest with which a volume stays within bounds."""
+    """The wanted voxel size, or the smallest one for which the volume is not too large."""
     width, depth = (max(length, wanted_m) for length in size_m)
     return max(wanted_m, math.cbrt(width * depth * max(top_m, wanted_m) / MOST_VOXELS))
 
@@ -73,27 +74,27 @@ def uniform_forest(
     volume_height_m: float,
     size_m: tuple[float, float],
 ) -> VoxelVolume:
-    """One volume of cubes of one size: the paper's model (its section II), before projection.
+    """A volume of cubes of one size: the model of the paper (section II), before projection.
 
     Parameters
     ----------
     rng
-        Where the forest comes from.
+        Random generator of the forest.
     slice_density
-        D, share of a slice one occluder thick that occluders fill.
+        D, share of a slice of one occluder's thickness that is filled with occluders.
     occluder_size_m
         o, edge length of an occluder.
     volume_base_m, volume_height_m
-        Lower end of the volume, and its thickness l.
+        Height of the bottom of the volume, and its thickness l.
     size_m
-        Extent of the plot along x and y.
+        Size of the plot along x and y.
     """
     if not 0.0 <= slice_density <= 1.0:
         raise RequestError(f"forest: slice density {slice_density:g} is not between 0 and 1")
     top_m = volume_base_m + volume_height_m
     voxel_m = voxel_for(occluder_size_m, size_m, top_m)
     canvas = _Canvas(size_m, voxel_m, top_m)
-    # Whole slices from the base up, and what is left of one: part of a cube, met by its share.
+    # Whole slices from the base up. The rest of the volume is a slice of parts of cubes.
     slices = volume_height_m / occluder_size_m
     if voxel_m > occluder_size_m:
         canvas.add(rng, volume_base_m, top_m, _thinned(slice_density, 1.0 / slices), voxel_m)
@@ -112,14 +113,14 @@ def layered_forest(
 
     Parameters
     ----------
-    rng
+    Random generator of the forest.
         Where the forest comes from.
     layers
-        Bottom, top [m], share D that blocks a vertical ray, and occluder size [m] of each.
-        Layers thicker than their occluders are filled with several independent slices, which
-        together block the layer's share.
+        Bottom, top [m], share D that blocks a vertical ray, and occluder size [m] of each layer.
+        A layer that is thicker than its occluders is filled with several independent slices,
+        which together block the share D.
     size_m
-        Extent of the plot along x and y.
+        Size of the plot along x and y.
     """
     filled = [layer for layer in layers if layer.density > 0.0]
     top_m = max((layer.top_m for layer in filled), default=0.0)
@@ -141,25 +142,26 @@ def clumped_forest(
     volume_height_m: float,
     size_m: tuple[float, float],
 ) -> VoxelVolume:
-    """A stand of trees that hides a given share of the ground from straight above.
+    """A stand of trees that hides a given share of the ground from vertically above.
 
-    Trees stand at random until their crowns cover half of what would otherwise be open; a crown
-    is an ellipsoid in which whole clumps are leafy or empty, and of the leafy voxels so many
-    are kept as the density takes.  Trunks reach from the volume's base into the crown.
+    Trees are placed at random until their crowns cover half of the ground that would otherwise be
+    open.  A crown is an ellipsoid in which whole clumps are either leafy or empty.  Of the leafy
+    voxels, as many are kept as the density requires.  Trunks reach from the base of the volume into
+    the crown.
 
     Parameters
     ----------
     rng
-        Where the forest comes from.
+        Random generator of the forest.
     density
-        p, share of the ground that a vertical ray does not reach, below 1.
+        p, share of the ground that vertical rays do not reach, below 1.
     occluder_size_m
-        Edge length of a voxel: of the smallest thing that hides something.
+        Edge length of a voxel, which is the smallest occluder.
     volume_base_m, volume_height_m
-        Lower end of the canopy, and its thickness: the highest tree is that high, the crowns
-        begin in its lower half.
+        Height of the bottom of the canopy, and its thickness.  The tallest tree reaches the top,
+        and crowns start in the lower half.
     size_m
-        Extent of the plot along x and y.
+        Size of the plot along x and y.
 
     Raises
     ------
@@ -180,7 +182,7 @@ def clumped_forest(
     while covered.mean() < 0.5 * (1.0 + density) or trunks.any(axis=0).mean() == 0.0:
         _plant(rng, crowns, trunks, covered, voxel_m, volume_base_m, top_m)
     leaves = crowns & leafy
-    # Where empty clumps leave too little to hide the share, crowns are leafy throughout.
+    # If empty clumps leave too few voxels to hide the share, all voxels of crowns are leafy.
     if leaves.any(axis=0).mean() <= density:
         leaves = crowns
     if trunks.any(axis=0).mean() > density:
@@ -193,7 +195,7 @@ def clumped_forest(
 
 
 def maker(above: Scene, forest: str) -> Callable[..., Any]:
-    """What grows a volume of a scene from random numbers, over a size along x and y."""
+    """Function that creates a volume of a scene from a random generator and a size along x and y."""
     if forest == "uniform":
         assert isinstance(above, UniformScene)
         density = above.density
@@ -212,7 +214,7 @@ def maker(above: Scene, forest: str) -> Callable[..., Any]:
 
 
 class _Canvas:
-    """An empty volume, and slices of cells to fill it with."""
+    """An empty volume that is filled with slices of cells."""
 
     def __init__(self, size_m: tuple[float, float], voxel_m: float, top_m: float) -> None:
         columns, rows = (max(math.ceil(length / voxel_m - 1e-9), 1) for length in size_m)
@@ -229,7 +231,7 @@ class _Canvas:
         density: float,
         occluder_size_m: float,
     ) -> None:
-        """Fill a layer with independent slices of cells, about as thick as they are wide."""
+        """Fill a layer with independent slices of cells, which are about as thick as they are wide."""
         low = math.floor(bottom_m / self.voxel_m + 0.5)
         high = max(math.floor(top_m / self.voxel_m + 0.5), low + 1)
         size = max(occluder_size_m / self.voxel_m, 1.0)
@@ -240,21 +242,21 @@ class _Canvas:
             self.occupied[first:last] |= _cells(rng, self.occupied.shape[1:], size, share)
 
     def volume(self, source: str) -> VoxelVolume:
-        """What was filled, up to the highest slice that holds anything."""
+        """The filled volume, up to the highest slice that is not empty."""
         filled = np.flatnonzero(self.occupied.any(axis=(1, 2)))
         top = filled[-1] + 1 if filled.size else 0
         return VoxelVolume(self.occupied[:top], self.voxel_m, source=source)
 
 
 def _thinned(density: float, count: float) -> float:
-    """Density of each of so many independent slices that together block a share."""
+    """Density of each of `count` independent slices that together block a share."""
     return 1.0 if density >= 1.0 else -math.expm1(math.log1p(-density) / count)
 
 
 def _cells(
     rng: np.random.Generator, shape: tuple[int, ...], size: float, density: float
 ) -> NDArray[np.bool_]:
-    """A plane of square cells, `size` voxels wide, at a random phase."""
+    """A plane of square cells, `size` voxels wide, with a random phase."""
     width = cell_width(size)
     phases = rng.random(2) * width
     rows, columns = (
@@ -268,10 +270,10 @@ def _cells(
 
 @lru_cache
 def cell_width(size: float) -> float:
-    """Width of cells [voxels] whose integral range is a size once they are made of voxels.
+    """Width of cells [voxels] that have a given integral range after conversion to voxels.
 
-    The correlation of a plane of voxels is the triangle of its cells at whole lags and straight
-    between them.  At a width w = n + f it integrates to w + f (1 - f)/w, a little more than w.
+    The correlation of a plane of voxels equals the triangle of its cells at whole lags, and is
+    linear in between.  For a width w = n + f its integral is w + f (1 - f)/w, slightly more than w.
     """
     low, high = float(math.floor(size)), size
     for _ in range(BISECTIONS):
@@ -282,7 +284,7 @@ def cell_width(size: float) -> float:
 
 
 def _clumps(rng: np.random.Generator, shape: tuple[int, ...], clump: int) -> NDArray[np.bool_]:
-    """Blocks of `clump` voxels along each axis, half of them leafy."""
+    """Blocks of `clump` voxels along each axis, half of which are leafy."""
     leafy = rng.random([-(-count // clump) for count in shape]) < 0.5
     for axis in range(3):
         leafy = leafy.repeat(clump, axis=axis)
@@ -298,7 +300,7 @@ def _plant(
     base_m: float,
     top_m: float,
 ) -> None:
-    """Add one tree: its crown, its trunk, and what of the ground they cover."""
+    """Add one tree: its crown, its trunk, and the ground that they cover."""
     _, rows, columns = crowns.shape
     east, north, *variation = rng.random(5).tolist()
     height = base_m + (top_m - base_m) * (0.7 + 0.3 * variation[0])
@@ -324,14 +326,14 @@ def _plant(
 
 
 def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Cells within reach of a place on a ring of cells, each once, and their distances from it."""
+    """Cells within reach of a place on a periodic axis, each once, and their distances from it."""
     span = min(2 * math.ceil(reach) + 1, count)
     cells = math.floor(place) - span // 2 + np.arange(span)
     return cells % count, np.abs(cells + 0.5 - place)
 
 
 def _kept_share(leaves: NDArray[np.int64], trunk: NDArray[np.bool_], density: float) -> float:
-    """Share of leafy voxels to keep, so that the expected share of hidden columns is a density."""
+    """Share of leafy voxels to keep, so that the expected share of hidden columns is `density`."""
     columns = np.bincount(leaves[~trunk])
     always = np.count_nonzero(trunk)
     low, high = 0.0, 1.0

@@ -1,8 +1,8 @@
-"""Stands of known leaves, and rays cast through them: the truth for opacity from pulses.
+"""Stands of individual leaves, through which rays are cast: a reference for opacity from pulses.
 
-A stand is a periodic plot of round, opaque leaves of random direction, in shoots within crowns,
-over level ground.  Rays are cast through the discs themselves; no voxel, no attenuation and no
-model takes part.
+A stand is a periodic plot over level ground.  It contains round, opaque leaves of random direction,
+in shoots within crowns.  Rays are intersected with the discs themselves, without voxels,
+attenuation or a model.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LAYER_M = 0.25
-"""Thickness of the layers in which leaves are looked up."""
+"""Thickness of the layers by which leaves are looked up."""
 
 
 class LeafStand(NamedTuple):
@@ -27,11 +27,11 @@ class LeafStand(NamedTuple):
     Attributes
     ----------
     size_m
-        Edge of the plot, which repeats along x and y.
+        Edge of the plot, which is periodic along x and y.
     centre_m
         Shape (3, n): centres of the leaves, within the plot.
     normal
-        Shape (3, n): unit vectors.
+        Shape (3, n): unit vectors normal to the leaves.
     radius_m
         Radius of a leaf.
     """
@@ -43,20 +43,20 @@ class LeafStand(NamedTuple):
 
     @property
     def top_m(self) -> float:
-        """Height above all leaves."""
+        """A height above all leaves."""
         return float(self.centre_m[2].max(initial=0.0)) + self.radius_m
 
     def first_hits(self, ground_m: Floats, slope: Floats) -> Floats:
-        """Height at which rays from above meet the first leaf, 0 on the ground, shape (n,).
+        """Height at which rays from above meet the first leaf, or 0 for the ground; shape (n,).
 
         Parameters
         ----------
         ground_m
-            Shape (2, n): where the rays meet the ground.
+            Shape (2, n): points at which the rays meet the ground.
         slope
-            Shape (2, n): x and y that they move by for each metre up.
+            Shape (2, n): change of x and y along the rays per metre of height.
         """
-        # A ray at a layer's middle and a leaf that it may meet are within half a cell.
+        # At the middle of a layer, a ray is within half a cell of the leaves that it may meet.
         steepest = float(np.abs(slope).max(initial=0.0))
         reach = self.radius_m + steepest * (0.5 * LAYER_M + self.radius_m)
         count = max(int(self.size_m / max(2.0 * reach, 0.1)), 1)
@@ -79,7 +79,7 @@ class LeafStand(NamedTuple):
                     cell = (k * count + y) * count + x
                     ray, leaf = _pairs(open_rays, starts[cell], starts[cell + 1])
                     self._meet(height, ray, order[leaf], ground_m, slope)
-            # A leaf of the layer below may stand out into this one.
+            # A leaf of the layer below may extend into this layer.
             reached = height[open_rays]
             open_rays = open_rays[(reached == 0.0) | (reached < k * LAYER_M + self.radius_m)]
         return height
@@ -92,11 +92,11 @@ class LeafStand(NamedTuple):
         ground_m: Floats,
         slope: Floats,
     ) -> None:
-        """Raise the heights of first hits by pairs of a ray and a leaf."""
+        """Update the heights of first hits for pairs of a ray and a leaf."""
         lean, normal, centre = slope[:, ray], self.normal[:, leaf], self.centre_m[:, leaf]
         apart = centre[:2] - ground_m[:, ray] - lean * centre[2]
-        apart -= self.size_m * np.round(apart / self.size_m)  # to the nearest copy
-        # The ray at the leaf's height, then along it to the leaf's plane.
+        apart -= self.size_m * np.round(apart / self.size_m)  # offset to the nearest periodic copy
+        # From the ray's position at the height of the leaf, along the ray to the plane of the leaf.
         along = normal[0] * lean[0] + normal[1] * lean[1] + normal[2]
         rise = (normal[0] * apart[0] + normal[1] * apart[1]) / np.where(along == 0.0, 1e-30, along)
         x, y = lean[0] * rise - apart[0], lean[1] * rise - apart[1]
@@ -131,17 +131,17 @@ def crowned_stand(
     Parameters
     ----------
     rng
-        Where the stand comes from.
+        Random generator of the stand.
     size_m
         Edge of the periodic plot.
     leaf_area_index
-        Area of the leaves over that of the plot.
+        Area of the leaves divided by that of the plot.
     crowns, crown_radius_m, base_m, top_m
-        Number of crowns, their radius, and the heights between which they stand.
+        Number of crowns, their radius, and the heights of their bottom and top.
     leaf_diameter_m
         Diameter of a leaf.
     leaves_a_shoot, shoot_m
-        Leaves of a shoot, and the standard deviation of their places about its middle.
+        Number of leaves of a shoot, and standard deviation of their positions around its centre.
     """
     leaves = round(leaf_area_index * size_m**2 / (math.pi * leaf_diameter_m**2 / 4.0))
     shoots = max(leaves // leaves_a_shoot, 1)
@@ -168,10 +168,10 @@ def crowned_stand(
 
 
 class LaserReturns(NamedTuple):
-    """Returns of simulated pulses in the order of their measurement, arrays of length n.
+    """Returns of simulated pulses in the order of measurement, arrays of length n.
 
-    `xyz_m` has shape (3, n).  `energy` is the share of the pulse's energy, `on_ground` whether
-    the return is from the ground.
+    `xyz_m` has shape (3, n).  `energy` is the share of the pulse's energy.  `on_ground` is true for
+    returns from the ground.
     """
 
     xyz_m: Floats
@@ -197,28 +197,28 @@ def laser_scan(
 ) -> LaserReturns:
     """Scan a stand from lines along y with a moving sensor.
 
-    Each pulse is seven rays, one in the middle and six around it, that carry equal energies.
-    Rays that meet leaves at ranges closer than the resolution make one return, at their mean
-    range on the pulse's axis.
+    Each pulse consists of seven rays of equal energy, one in the middle and six around it.  Rays
+    that meet leaves at ranges closer than the resolution make one return, at their mean range on
+    the axis of the pulse.
 
     Parameters
     ----------
     rng
-        Where the pulses come from.
+        Random generator of the pulses.
     stand
-        What is scanned; pulses around the plot meet its periodic copies.
+        The stand to scan; pulses outside the plot meet its periodic copies.
     pulses_a_m2
-        Pulses of all lines on a square metre of the ground.
+        Pulses of all lines per square metre of ground.
     altitude_m, offsets_m
-        Height of the sensor, and how far each line lies from the plot's middle, along x.
+        Height of the sensor, and offset of each line from the centre of the plot along x.
     footprint_m
         Diameter of a pulse.
     resolution_m
-        Least distance between two returns.
+        Smallest distance between two returns.
     speed_mps
         Speed of the sensor.
     most_returns
-        Returns of a pulse at most; what lies beyond joins the last.
+        Largest number of returns of a pulse; the energy of further ones is added to the last.
     """
     parts = [
         _one_line(
@@ -243,17 +243,18 @@ def _one_line(
     most_returns: int,
 ) -> LaserReturns:
     side, top = stand.size_m, stand.top_m
-    # Every pulse that may cross the plot below the top; along the track none leans.
+    # All pulses that may cross the plot below the top; along the track, pulses are vertical.
     lean = top * np.array([min(offset_m - 0.5 * side, 0.0), max(offset_m + 0.5 * side, 0.0)])
     low, high = -lean[1] / altitude_m, side - lean[0] / altitude_m
-    # One pulse at a random place of each cell of a lattice: scanners spread their pulses.
+    # One pulse at a random position in each cell of a lattice, because scanners space pulses
+    # evenly.
     across, along = (max(round(each * math.sqrt(pulses_a_m2)), 1) for each in (high - low, side))
     count = across * along
     place = np.stack(np.meshgrid(np.arange(across), np.arange(along))).reshape(2, -1)
     aim = (place + rng.random((2, count))) / np.array([[across], [along]])
     aim *= np.array([[high - low], [side]])
     aim[0] += low
-    # A line scanner looks across the track, straight ahead of it in time.
+    # A line scanner looks across the track, so the time depends on the position along the track.
     aim = aim[:, np.argsort(aim[1])]
     time_s = 1000.0 * line + aim[1] / speed_mps
     sensor = np.stack([np.full(count, 0.5 * side + offset_m), aim[1], np.full(count, altitude_m)])
@@ -273,7 +274,7 @@ def _one_line(
     pulse, place = np.divmod(np.flatnonzero(rays), most_returns)
     axis = (sensor - np.concatenate([aim, np.zeros((1, count))]))[:, pulse]
     xyz = np.concatenate([aim, np.zeros((1, count))])[:, pulse] + axis * (mean / altitude_m)
-    # A clip keeps the returns within the plot.
+    # Only returns inside the plot are kept, as in a clipped cloud.
     kept = ((xyz[:2] >= 0.0) & (xyz[:2] <= side)).all(axis=0)
     return LaserReturns(
         xyz[:, kept],
@@ -289,12 +290,12 @@ def _one_line(
 def hidden_share(
     stand: LeafStand, altitude_m: float, positions_m: Floats, pitch_m: float = 0.1
 ) -> Floats:
-    """Share of telecentric views from which each target of a stand is hidden, rays cast.
+    """Share of telecentric views in which each target of a stand is hidden, by casting rays.
 
     Parameters
     ----------
     stand
-        Periodic, so that every target has a canopy.
+        The stand, which is periodic, so that every target has a canopy.
     altitude_m
         Height of the cameras.
     positions_m
@@ -305,7 +306,7 @@ def hidden_share(
     Returns
     -------
     ndarray
-        Shape (targets,).  The mean is p̄, and V is 1 less the mean of its square.
+        Shape (targets,).  The mean is p̄, and V is 1 minus the mean square.
     """
     count = round(stand.size_m / pitch_m)
     line = (np.arange(count) + 0.5) * (stand.size_m / count)

@@ -1,16 +1,16 @@
-"""From counts of hidden targets to visibility, with standard errors.
+"""Visibility and its standard errors from counts of hidden targets.
 
-A simulation counts, for each target, the number c of its N views that are blocked.  With
-X = c/N, the integral image of a black target below white occluders, and R samples of the
-forest (independent volumes, patterns, or blocks of one plot), each with its mean x_r of X and
-mean m_r of X²,
+For each target, a simulation counts the number c of its N views that are blocked.  X = c/N is the
+integral image of a black target below white occluders.  There are R samples of the forest:
+independent volumes, patterns, or blocks of one plot.  Each has the mean x_r of X and the mean m_r
+of X².  Then
 
     p = mean x,   V = 1 - mean m,   V̂ = 1 - K,   K = (m - p²)/(p - p²).
 
-Targets of one volume see the same trees, so only whole samples count as independent: standard
-errors come from their scatter (for K by its derivatives in p and m).  p² is estimated from pairs
-of different samples, p² = (R p̄² - mean x²)/(R - 1), as p̄² is too large by the variance of p̄,
-which would pass for a better V̂.
+Targets of one volume see the same trees, so only whole samples are independent.  Standard errors
+are therefore computed from their variation (for K with its derivatives with respect to p and m).
+p² is estimated from pairs of different samples, p² = (R p̄² - mean x²)/(R - 1).  p̄² would be too
+large by the variance of p̄, which would make V̂ too large.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Counts(NamedTuple):
-    """Counts over the targets of one sample: Σ c and Σ c², exact, c of `views` being blocked."""
+    """Exact sums Σ c and Σ c² over the targets of one sample, where c of `views` are blocked."""
 
     views: int
     targets: int
@@ -43,7 +43,7 @@ class Counts(NamedTuple):
         return self.squares / (self.views**2 * self.targets)
 
     def __add__(self, other: object) -> Counts:
-        """Counts over the targets of both."""
+        """Sums over the targets of both."""
         assert isinstance(other, Counts)
         assert other.views == self.views
         return Counts(
@@ -57,8 +57,8 @@ class Counts(NamedTuple):
 class Estimate(NamedTuple):
     """Density p, visibility V and normalised visibility V̂, each with its standard error.
 
-    V̂ is nan where nothing or everything is hidden; a standard error is infinite where there
-    are too few samples to tell.
+    V̂ is nan if nothing or everything is hidden.  A standard error is infinite if there are too few
+    samples.
     """
 
     density: float
@@ -70,17 +70,17 @@ class Estimate(NamedTuple):
 
 
 def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
-    """Visibility from counts of several samples of a forest.
+    """Visibility from the counts of several samples of a forest.
 
     Parameters
     ----------
     samples
-        At least one; independent of each other.
+        At least one sample; samples are independent.
     one_plot
-        Whether the samples are the blocks of one plot, of which the estimate is to be exactly
-        what all its targets show: p² is then the square of their mean.  Blocks of one plot are not
-        quite independent, nor are they alike below one aperture, so their standard error is
-        a guide, not a measurement.
+        Whether the samples are the blocks of one plot.  The estimate is then exactly the result
+        for all targets: p² is the square of their mean.  Blocks of one plot are not quite
+        independent, and under one aperture they are not alike, so their standard error is only
+        approximate.
     """
     weights = np.array([sample.targets for sample in samples], dtype=np.float64)
     weights /= weights.mean()
@@ -102,7 +102,7 @@ def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
 
 
 def _standard_error(changes: np.ndarray) -> float:
-    """Standard error of a mean, from what each sample adds to it."""
+    """Standard error of a mean, from the contribution of each sample to it."""
     count = len(changes)
     if count < 2:
         return math.inf

@@ -1,9 +1,9 @@
-"""Averaged noise patterns: the paper's own experiment (Kurmi et al. 2019, Figs. 3 and 4).
+"""Averaged noise patterns: the experiment of the paper (Kurmi et al. 2019, Figs. 3 and 4).
 
-A pattern is a plane of square cells of o x o pixels, each occupied with probability p, at a
-random phase.  Views are the pattern, shifted; their average is the integral image X of a black
-target, and V = 1 - mean X².  Neither a volume nor a camera enters: what is tested is the
-statistics of shifted occluders alone.
+A pattern is a plane of square cells of o x o pixels with a random phase; each cell is occupied with
+probability p.  Views are shifted copies of the pattern.  Their average is the integral image X of a
+black target, and V = 1 - mean X².  There is no volume and no camera, so the experiment tests only
+the statistics of shifted occluders.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 
 class NoisePattern(NamedTuple):
-    """A plane of occupied cells, unbounded to the right of and below its first pixel.
+    """A plane of occupied cells, which continues to the right of and below its first pixel.
 
     Attributes
     ----------
     cells
-        Shape (rows, columns), true where occupied.
+        Shape (rows, columns), true for occupied cells.
     occluder_px
         o, edge length of a cell [px].
     phase_px
-        Where in its first cell the pattern begins, along y and x, from 0 to o.
+        Position of the first pixel within the first cell, along y and x, from 0 to o.
     """
 
     cells: NDArray[np.bool_]
@@ -37,7 +37,7 @@ class NoisePattern(NamedTuple):
     phase_px: tuple[float, float]
 
     def view(self, shape: tuple[int, int], shift_px: tuple[float, float]) -> NDArray[np.bool_]:
-        """The pixels of a view whose occluders have moved by `shift_px`, x and y, from 0 up."""
+        """The pixels of a view whose occluders are shifted by `shift_px`, x and y, at least 0."""
         rows, columns = (
             np.floor((np.arange(count) + 0.5 + phase + shift) / self.occluder_px).astype(np.intp)
             for count, phase, shift in zip(shape, self.phase_px, shift_px[::-1], strict=True)
@@ -47,7 +47,7 @@ class NoisePattern(NamedTuple):
 
 
 def grid_shifts(rows: int, columns: int, disparity_px: float) -> NDArray[np.float64]:
-    """Shifts of a grid of views, x and y [px], shape (rows * columns, 2)."""
+    """Shifts of the views of a grid, x and y [px], shape (rows * columns, 2)."""
     y, x = np.mgrid[:rows, :columns]
     return np.column_stack([x.ravel(), y.ravel()]) * float(disparity_px)
 
@@ -59,12 +59,13 @@ def noise_pattern(
     shape: tuple[int, int],
     reach_px: tuple[float, float] = (0.0, 0.0),
 ) -> NoisePattern:
-    """A random pattern large enough for views of a shape and shifts up to a reach, x and y [px].
+    """A random pattern that is large enough for views of a shape with shifts up to a reach (x, y)
+    [px].
 
     Raises
     ------
     RequestError
-        If the density is not a share, or the occluder's size not positive.
+        If the density is not a share, or the size of an occluder is not positive.
     """
     if not 0.0 <= density <= 1.0:
         raise RequestError(f"noise pattern: density {density:g} is not between 0 and 1")
@@ -87,22 +88,23 @@ def blocked_views(
     *,
     only: int | None = None,
 ) -> NDArray[np.int32]:
-    """How many views of one random pattern are blocked at each pixel; over N, the integral image.
+    """Number of blocked views of one random pattern at each pixel; divided by N, the integral
+    image.
 
     Parameters
     ----------
     rng
-        Where the pattern comes from.
+        Random generator of the pattern.
     density
         p, probability that a cell is occupied.
     occluder_px
-        o, edge length of a cell [px]; need not be whole.
+        o, edge length of a cell [px]; it may be a fraction.
     shifts_px
-        Shape (N, 2), x and y: where each view has moved to, in any unit of pixels and parts.
+        Shape (N, 2), x and y: shift of each view [px]; fractions are allowed.
     shape
         Rows and columns of the image.
     only
-        The view that counts, where not all of them do; the pattern is the same.
+        Index of the only view to count; None for all. The pattern is the same.
     """
     shifts = np.asarray(shifts_px, dtype=np.float64)
     shifts = shifts - shifts.min(axis=0)
@@ -115,6 +117,6 @@ def blocked_views(
 
 
 def counts_of(blocked: NDArray[np.int32], views: int) -> Counts:
-    """Counts over the targets of an image of blocked views."""
+    """Counts over the pixels of an image of blocked views, each of which is a target."""
     flat = blocked.ravel().astype(np.int64)
     return Counts(views, flat.size, int(flat.sum()), int(flat @ flat))

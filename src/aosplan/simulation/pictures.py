@@ -1,9 +1,9 @@
 """Pictures: a resolution chart seen through the trees, and PNG files.
 
-Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3), the
-top row first.  The optimum of an integral image, that of endless views, is the target below
-a constant veil of p of the occluders' colour: what a finite number of views leaves of their
-structure is what makes it less similar to that.
+Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3), with the
+top row first.  In the limit of infinitely many views, an integral image is the target below a
+uniform veil, a share p of the occluders' colour.  A finite number of views leaves some structure of
+the occluders, which makes the image less similar to this limit.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ EXTRA = "pictures"
 EXTRA_MODULES = ("PIL", "skimage")
 
 LEAVES = (0.16, 0.42, 0.14)
-"""Colour of the occluders, red, green and blue."""
+"""Colour of the occluders (red, green, blue)."""
 
 SPOKES = 24
 BARS = (2, 4, 6, 9, 13)
-"""Pairs of bars in each group of the chart, over the group's width."""
+"""Number of pairs of bars in each group of the chart."""
 
 GAP_PX = 4
-"""White pixels between the panels of a picture."""
+"""Width of the white gap between the panels of a picture."""
 
 
 def resolution_chart(rows: int, columns: int) -> Image:
-    """A grey chart of bars, a Siemens star and a wedge of greys, without a letter.
+    """A grey chart with bars, a Siemens star and a wedge of grey levels, without text.
 
     Parameters
     ----------
     rows, columns
-        Size of the image, from 1; the chart fills it, whatever its shape.
+        Size of the image, at least 1; the chart fills it.
 
     Returns
     -------
     ndarray
-        Shape (rows, columns), 0 black to 1 white.
+        Shape (rows, columns), from 0 (black) to 1 (white).
     """
     y = (np.arange(rows) + 0.5) / rows
     x = (np.arange(columns) + 0.5) / columns
@@ -55,12 +55,12 @@ def resolution_chart(rows: int, columns: int) -> Image:
         along = (x - low) / (high - low)
         bars = (along * pairs) % 1.0 < 0.5
         _fill(chart, (y > 0.05) & (y < 0.2), (along >= 0.0) & (along < 1.0), bars[np.newaxis])
-        # The same group, lying, down the left and the right side.
+        # The same group with horizontal bars, along the left and the right side.
         down = (y - low * 0.62 - 0.22) / ((high - low) * 0.62)
         lines = ((down * pairs) % 1.0 < 0.5)[:, np.newaxis]
         for side in (0.05, 0.83):
             _fill(chart, (down >= 0.0) & (down < 1.0), (x > side) & (x < side + 0.12), lines)
-    # The star is round where the image is not square.
+    # The star is round even if the image is not square.
     unit = min(rows, columns)
     dy = (np.arange(rows) + 0.5 - 0.53 * rows) / unit
     dx = (np.arange(columns) + 0.5 - 0.5 * columns) / unit
@@ -81,14 +81,14 @@ def _fill(
 
 
 def integral_image(target: Image, blocked_share: Image) -> Image:
-    """A grey target below trees: what a share X of the views does not see has their colour.
+    """A grey target below trees: a share X of the views shows the colour of the occluders instead.
 
     Parameters
     ----------
     target
         Shape (rows, columns).
     blocked_share
-        X, the same shape, or a single number: p, for endless views.
+        X with the same shape, or the number p for infinitely many views.
 
     Returns
     -------
@@ -101,9 +101,9 @@ def integral_image(target: Image, blocked_share: Image) -> Image:
 
 
 class Panels(NamedTuple):
-    """A chart through the trees: in one view, in the integral of all, in that of endless ones.
+    """A chart through the trees: in one view, in the integral of all views, and in the limit.
 
-    `share` is X, the share of the views that does not see each target.
+    `share` is X, the share of the views that do not see each target.
     """
 
     single: Image
@@ -113,15 +113,15 @@ class Panels(NamedTuple):
 
 
 def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Panels:
-    """Draw what an experiment's images hold, the far end of the area on top.
+    """Draw the images of an experiment, with the far end of the area at the top.
 
     Parameters
     ----------
     every, one
-        How many of all views, and of the middle one, are blocked; shape (rows, columns), the near
-        end first.
+        Number of blocked views, of all and of the middle view alone; shape (rows, columns), with
+        the near end first.
     views
-        How many there are.
+        Number of all views.
     """
     share = every[::-1] / views
     chart = resolution_chart(*share.shape)
@@ -131,7 +131,7 @@ def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Pane
 
 
 def check_extra() -> None:
-    """Refuse to begin what cannot be drawn.
+    """Check that pictures can be drawn, before work is done for them.
 
     Raises
     ------
@@ -145,14 +145,14 @@ def check_extra() -> None:
 
 
 def side_by_side(images: list[Image]) -> Image:
-    """Images of one height, left to right, with a white gap between them."""
+    """Images of the same height in a row, with white gaps between them."""
     gap = np.ones((images[0].shape[0], GAP_PX, *images[0].shape[2:]))
     parts = [part for image in images for part in (image, gap)]
     return np.concatenate(parts[:-1], axis=1)
 
 
 def png(image: Image) -> bytes:
-    """An image as a PNG file, the same bytes for the same image and Pillow.
+    """An image as a PNG file; the bytes depend only on the image and the version of Pillow.
 
     Raises
     ------

@@ -1,10 +1,10 @@
-"""A search in the computer: targets on the ground of a forest, the integral image, and the detector.
+"""Simulated search: targets on the ground of a forest, the integral image, and the detector.
 
-Targets lie at random places in random directions, and the ground has a texture.  The detector is
-that of `aosplan.scenes.matched_window`.  What exceeds the threshold counts as found, near a target,
-or as a false alarm, elsewhere: one for each peak.
+Targets have random places and directions, and the ground has a texture.  The detector is that of
+`aosplan.scenes.matched_window`.  A target is found if the output near it exceeds the threshold.
+Each peak above the threshold elsewhere is a false alarm.
 
-Nothing here knows of the prediction (`aosplan.simulation.compare_search`).
+This module does not use the prediction (`aosplan.simulation.compare_search` does).
 """
 
 from __future__ import annotations
@@ -38,30 +38,30 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PLACINGS = 8
-"""Times that targets are placed anew on the ground of one forest."""
+"""Number of times that targets are placed on the ground of one forest."""
 
 APART_M = 8.0
-"""Targets lie in cells of this size, one in each."""
+"""Side of the cells in which targets are placed, one in each."""
 
 NEAR_M = 0.3
-"""An output no farther than this from the middle of a target, along x and y, has found it."""
+"""Largest distance of an output from the centre of a target, along x and y, that can find it."""
 
 MOST_PEAKS = 400
-"""Highest peaks that are kept of a forest."""
+"""Number of highest peaks that are kept for a forest."""
 
 SIZE_M = 32.0
 """Side of the ground that is searched below one forest."""
 
 
 class Look(NamedTuple):
-    """What is looked for and how it stands out, in units of the spread between occluders.
+    """A target and its radiance, in units of the standard deviation between occluders.
 
     Attributes
     ----------
     width_m, length_m
-        Of a target.
+        Size of the target.
     contrast, canopy_offset, crown_share
-        C, M and the share of the canopy's variance that crowns have in common.
+        C, M, and the share of the canopy's variance that is common to crowns.
     """
 
     width_m: float
@@ -72,23 +72,23 @@ class Look(NamedTuple):
 
     @property
     def canopy(self) -> Canopy:
-        """What occluders radiate."""
+        """Radiances of the occluders."""
         return Canopy(self.canopy_offset, self.crown_share)
 
 
 class Searched(NamedTuple):
-    """What the detector made of one forest.
+    """Output of the detector for one forest.
 
     Attributes
     ----------
     outputs
-        At every target, the detector's highest output near it.
+        Highest output of the detector near each target.
     seen
-        Share of every target that the integral keeps.
+        Seen share of each target.
     peaks
-        Outputs of the highest peaks where no target lies, falling.
+        Outputs of the highest peaks without targets, in decreasing order.
     area_m2
-        Area in which peaks were looked for.
+        Area in which peaks were searched.
     """
 
     outputs: Floats
@@ -100,18 +100,18 @@ class Searched(NamedTuple):
 def search(
     rng: np.random.Generator, integral: Integral, look: Look, *, wraps: bool = False
 ) -> Searched:
-    """Run the detector over an integral, with targets and without.
+    """Apply the detector to an integral image, with targets and without.
 
     Parameters
     ----------
     rng
-        Places and directions come from it.
+        Random generator of places and directions.
     integral
-        Of one forest.
+        Integral image of one forest.
     look
         Targets and radiances.
     wraps
-        Whether the integral goes on at its other side, as that of a wrapped plot does.
+        Whether the integral image is periodic, like that of a periodic plot.
     """
     shape, pitch = integral.seen.shape, integral.pitch_m
     ground = TEXTURE * gaussian_field(rng, (shape[0], shape[1]), pitch[0], TEXTURE_LENGTH_M)
@@ -120,7 +120,7 @@ def search(
     margin = 0 if wraps else math.ceil(0.5 * detector.box_m / min(pitch)) + 1
     inner = tuple(slice(margin, count - margin) for count in shape)
     heights = peaks(detector.output(plain)[inner], pitch)
-    # Of what wraps all places are alike, but a target has to lie on one side of the seam.
+    # In a periodic image all places are equivalent, but a target must not cross its edges.
     room = max(margin, *detector.cover(0.0).shape)
     outputs, shares = [], []
     for _ in range(PLACINGS):
@@ -157,7 +157,7 @@ def _places(
     for i in range(cells[0]):
         for k in range(cells[1]):
             cell = np.array([inner[0] / cells[0], inner[1] / cells[1]])
-            # Half a cell stays free, so that no box holds much of two targets.
+            # Half of a cell stays free, so that a box rarely contains parts of two targets.
             row, column = (margin + (np.array([i, k]) + 0.5 * rng.random(2)) * cell).tolist()
             places.append((int(row), int(column), float(rng.random() * math.pi)))
     return places
@@ -172,7 +172,7 @@ def search_layers(
     seed: int,
     index: int,
 ) -> Searched:
-    """Grow independent slices from a seed, fly over them, and search the ground below."""
+    """Create random independent slices, compute the integral image, and search the ground."""
     rng = generator(seed, index)
     sites = np.asarray(sites_m, dtype=np.float64)
     wide = SIZE_M + float(np.ptp(sites, axis=0).max(initial=0.0)) + 2.0
@@ -191,9 +191,10 @@ def search_volume(
     focal_height_m: float = 0.0,
     parallel: bool = True,
 ) -> Searched:
-    """Fly over the voxels of a stand, whose radiances come from a seed, and search the ground.
+    """Search the ground below the voxels of a stand, with random radiances.
 
-    Every target has the cameras around itself; with `parallel` false the plot's middle has.
+    Every target has the cameras around itself; if `parallel` is false, they are around the centre
+    of the plot.
     """
     rng = generator(seed, index)
     planes = planes_of_volume(rng, volume, look.canopy, focal_height_m)

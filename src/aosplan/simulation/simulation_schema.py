@@ -9,7 +9,7 @@ from aosplan.validation import Finite, OpenDocument
 
 
 class PredictedDocument(OpenDocument):
-    """A model's answer to the question of an experiment."""
+    """Prediction of a model for an experiment."""
 
     density: Finite
     expected: Finite
@@ -17,7 +17,7 @@ class PredictedDocument(OpenDocument):
 
 
 class SimulatedDocument(PredictedDocument):
-    """What an experiment found, with standard errors."""
+    """Result of an experiment, with standard errors."""
 
     density_standard_error: Finite
     expected_standard_error: Finite
@@ -25,7 +25,7 @@ class SimulatedDocument(PredictedDocument):
 
 
 class ToleranceDocument(OpenDocument):
-    """Error of an experiment that is not chance."""
+    """Systematic error of an experiment."""
 
     density: Finite
     expected: Finite
@@ -33,14 +33,14 @@ class ToleranceDocument(OpenDocument):
 
 
 class SimilarityDocument(OpenDocument):
-    """SSIM of images of the ground to that of endless views."""
+    """SSIM of images of the ground relative to the image of infinitely many views."""
 
     single: Finite
     integral: Finite
 
 
 class SearchDocument(OpenDocument):
-    """A search in the computer beside the predicted probability of detection."""
+    """Comparison of a simulated search with the predicted probability of detection."""
 
     predicted: Finite
     simulated: Finite

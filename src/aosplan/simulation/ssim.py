@@ -1,9 +1,9 @@
-"""SSIM between two images, where both are covered.
+"""SSIM of two images in the area that both cover.
 
-Structural similarity after Wang, Bovik, Sheikh and Simoncelli (2004), as scikit-image has it:
-Gaussian windows of σ = 1.5 pixels, 11 pixels wide.  A window counts where every pixel of it is
-covered in both images.  Both images are compared as they are: a veil or another exposure counts as
-the difference that it is.
+Structural similarity as defined by Wang, Bovik, Sheikh and Simoncelli (2004), with scikit-image:
+Gaussian windows of σ = 1.5 pixels that are 11 pixels wide.  A window counts if all its pixels are
+covered in both images.  The images are not normalised: a veil or a different exposure reduces the
+similarity.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WINDOW_PX = 11
 
 
 class Similarity(NamedTuple):
-    """SSIM, its mean over the windows that count, and their number."""
+    """Mean SSIM over the windows that count, and the number of these windows."""
 
     ssim: float
     pixels: int
@@ -35,21 +35,22 @@ def similarity(
     covered: NDArray[np.bool_] | None = None,
     span: float | None = None,
 ) -> Similarity:
-    """SSIM of an image against a reference: 1 where they are the same.
+    """SSIM of an image relative to a reference; it is 1 for equal images.
 
     Parameters
     ----------
     image, reference
         Shape (rows, columns) or (rows, columns, bands).
     covered
-        Shape (rows, columns): where both are to be compared; None for all of it.
+        Shape (rows, columns): pixels that both images cover; None for all.
     span
-        Dynamic range of the values, 255 for images of 8 bits; None for the reference's own range.
+        Dynamic range of the values, such as 255 for 8-bit images; None for the reference's range.
 
     Raises
     ------
     RequestError
-        If the shapes differ, no window is covered, or the reference has one value alone.
+        If the shapes differ, no window is covered, or all pixels of the reference have the same
+        value.
     MissingExtraError
         If scikit-image is not installed.
     """

@@ -1,8 +1,8 @@
-"""What views hide of the targets below a volume of voxels, counted in bounded memory.
+"""Counts of the targets below a voxel volume that views hide, with limited memory.
 
-The views are bit masks (`aosplan.scenes.occlusion`): slices of voxels, shifted and put one over the
-other.  Here they are added up, a tile of targets and a batch of views at a time, so that memory
-grows with neither.
+The views are bit masks (`aosplan.scenes.occlusion`), which are combinations of shifted slices of
+voxels.  Here they are summed for one tile of targets and one batch of views at a time.  The memory
+therefore depends neither on the number of targets nor of views.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
 TILE_TARGETS = 1 << 23
-"""Targets of a tile: a megabyte for each view."""
+"""Number of targets of a tile: one megabyte per view."""
 
 BATCH_OCTETS = 1 << 26
-"""Memory for the views of a tile that are made at a time."""
+"""Memory for the views of a tile that are computed at once [bytes]."""
 
 
 class _Given(TypedDict):
@@ -38,22 +38,22 @@ class _Given(TypedDict):
 
 
 class VoxelViews:
-    """Views from one altitude on the targets below one volume.
+    """Views from one altitude of the targets below one volume.
 
     Parameters
     ----------
     volume
-        What stands on the plot, which wraps.
+        The voxels of the plot, which is periodic.
     altitude_m
-        Above the focal plane, and above everything that stands.
+        Altitude above the focal plane; it has to be above all voxels.
     view
         ``telecentric`` or ``perspective``, as in `aosplan.scenes.occlusion`.
     targets_per_voxel
-        Targets along either side of a voxel; None for what the volume calls for.
+        Targets along each side of a voxel; None for the number that suits the volume.
     focal_height_m
         Height of the focal plane above the ground.
     window
-        The targets that count; None for all of the plot.
+        The part of the targets to count; None for the whole plot.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class VoxelViews:
         _, rows, columns = volume.occupied.shape
         whole = Window(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
         self.window = window or whole
-        # What the views on any part of the targets have in common.
+        # Arguments that are the same for all parts of the targets.
         self._given: _Given = {
             "volume": volume,
             "altitude_m": altitude_m,
@@ -81,11 +81,11 @@ class VoxelViews:
         }
 
     def within(self, window: Window) -> VoxelViews:
-        """The same views on a part of the targets."""
+        """The same views of a part of the targets."""
         return VoxelViews(**self._given, window=window)
 
     def counts(self, positions_m: ArrayLike) -> Counts:
-        """How often the targets are hidden from cameras, shape (N, 2), east and north."""
+        """Counts of how often targets are hidden; cameras have shape (N, 2), east and north."""
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):
             occlusion = Occlusion(**self._given, window=tile)
@@ -99,9 +99,9 @@ class VoxelViews:
         return total
 
     def blocked_views(self, positions_m: ArrayLike) -> NDArray[np.int32]:
-        """How many of the views hide each target: shape (rows, columns), north and east.
+        """Number of views that hide each target, shape (rows, columns), north and east.
 
-        Over N, it is the integral image of a black ground below white trees, and one minus the
+        Divided by N, it is the integral image of black ground below white trees, and 1 minus the
         share of views that see each target.
         """
         window = self.window
@@ -117,7 +117,7 @@ class VoxelViews:
 
 
 def tiles(window: Window, most_targets: int) -> Iterator[Window]:
-    """Parts of a window, of whole rows where they fit, each of no more targets than that."""
+    """Parts of a window with at most `most_targets` targets, as whole rows if possible."""
     columns = min(window.columns, max(most_targets // 64, 1) * 64)
     rows = min(window.rows, max(most_targets // columns, 1))
     for row in range(0, window.rows, rows):
@@ -131,7 +131,7 @@ def tiles(window: Window, most_targets: int) -> Iterator[Window]:
 
 
 def blocks(window: Window, rows: int, columns: int) -> list[Window]:
-    """A window cut into rows x columns blocks, as equal as whole targets allow."""
+    """A window divided into rows x columns blocks, of equal size up to one target."""
     y = [window.row + window.rows * k // rows for k in range(rows + 1)]
     x = [window.column + window.columns * k // columns for k in range(columns + 1)]
     return [
@@ -144,7 +144,7 @@ def blocks(window: Window, rows: int, columns: int) -> list[Window]:
 
 def _batches(occlusion: Occlusion, positions_m: ArrayLike) -> Iterator[NDArray[np.uint64]]:
     positions = np.asarray(positions_m, dtype=np.float64)
-    # Views that share their place along x share work: they come one after the other.
+    # Views with the same position along x share work, so they are computed one after the other.
     positions = positions[np.lexsort((positions[:, 1], positions[:, 0]))]
     step = max(BATCH_OCTETS // (8 * occlusion.words), 1)
     for start in range(0, len(positions), step):

@@ -1,12 +1,14 @@
 """Sweeps: thousands to billions of scenarios, each a row of the result.
 
-- `aosplan.sweeps.scenarios`: what is swept, a crossing of lists and ranges or a table of rows.
-- `aosplan.sweeps.vectorized.solve`: uniform scenarios solved as whole columns: `aosplan.sweeps.vectorized.inputs` reads
-  options, `aosplan.sweeps.vectorized.samples` finds samples and baselines over `aosplan.sweeps.vectorized.grids`,
-  `aosplan.sweeps.vectorized.flights` flies them, and `aosplan.sweeps.status` keeps what was refused and why.
-- `aosplan.sweeps.row_solver`: the rest, one row at a time, with a memo of what rows have in common.
+- `aosplan.sweeps.scenarios`: the scenarios: combinations of lists and ranges, or rows of a table.
+- `aosplan.sweeps.vectorized.solve`: uniform scenarios solved as whole columns.
+  `aosplan.sweeps.vectorized.inputs` reads options, `aosplan.sweeps.vectorized.samples` finds
+  samples and baselines with `aosplan.sweeps.vectorized.grids`, and
+  `aosplan.sweeps.vectorized.flights` computes flights.  `aosplan.sweeps.status` stores which
+  scenarios were refused and why.
+- `aosplan.sweeps.row_solver`: the other scenarios, one row at a time, with shared models.
 - `aosplan.sweeps.run`: block by block to a file, resumable.
-- `aosplan.sweeps.summary`, over `grouping`: what came out, added up block by block.
-- `aosplan.sweeps.verify`: a sample of the rows beside their simulations.
-- `aosplan.sweeps.aggregate`: both on the way, and while a sweep is interrupted.
+- `aosplan.sweeps.summary`, with `grouping`: summary of the results, added up block by block.
+- `aosplan.sweeps.verify`: simulation of a sample of the rows.
+- `aosplan.sweeps.aggregate`: summary and sample during a sweep, kept if it is interrupted.
 """

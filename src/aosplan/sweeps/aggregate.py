@@ -1,4 +1,4 @@
-"""What is gathered from a sweep on the way, part by part, and kept while it is interrupted."""
+"""Summary and sample of a sweep, added up part by part and kept in a file while it is interrupted."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from aosplan.sweeps.sweep import Sweep
 
 EVERY_S = 5.0
-"""Seconds after which what was gathered is written again."""
+"""Seconds after which the file is written again."""
 
 
 class Gathering:
-    """What is gathered so far, from which parts, and the file that keeps it.
+    """The summary and sample of the parts so far, and the file that stores them.
 
-    The file appears only when a sweep has taken `EVERY_S`, or is interrupted; it is always whole.
+    The file is written only when a sweep has taken `EVERY_S`, or is interrupted; it is always
+    complete.
     """
 
     def __init__(self, gather: Gather, results: Sequence[str], path: str, fingerprint: str) -> None:
@@ -37,12 +38,12 @@ class Gathering:
         self._written_s = time.monotonic()
 
     def start(self, *, resume: bool, force: bool) -> None:
-        """Take up what lies in the file.
+        """Continue with the content of the file.
 
         Raises
         ------
         RequestError
-            If it is not to be resumed, or belongs to another sweep.
+            If the run is not to be resumed, or the file belongs to another sweep.
         """
         if not os.path.lexists(self.path):
             return
@@ -62,24 +63,24 @@ class Gathering:
                 self.gathered = Gathered.of_state(found["gathered"])
                 return
         except (OSError, ValueError, TypeError, LookupError):
-            pass  # no file of ours
+            pass  # the file was not written by a sweep
         raise RequestError(
             f"'{self.path}' holds what another sweep gathered",
             "give the same file, options and version, or --force to start again",
         )
 
     def add(self, part: Part) -> None:
-        """Join what a part gave, once."""
+        """Add the result of a part, unless it was added before."""
         if part.part in self.done:
             return
-        assert part.gathered is not None  # the sweep says what to gather
+        assert part.gathered is not None  # the sweep has a `gather`
         self.done.add(part.part)
         self.gathered = self.gather.joined(self.gathered, part.gathered)
         if time.monotonic() - self._written_s >= EVERY_S:
             self.write()
 
     def write(self) -> bool:
-        """Write the file; whether that was possible."""
+        """Write the file; return whether that was possible."""
         self._written_s = time.monotonic()
         state = {
             "fingerprint": self.fingerprint,
@@ -99,14 +100,14 @@ class Gathering:
 
 
 def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Gathering:
-    """What keeps together what a sweep gathers, with what a file holds of an interrupted run.
+    """The `Gathering` of a sweep, with the content of the file of an interrupted run.
 
     Raises
     ------
     RequestError
-        As `Gathering.start`.
+        As `Gathering.start` does.
     """
-    assert sweep.gather is not None  # there is something to gather
+    assert sweep.gather is not None  # the caller checked it
     gathering = Gathering(sweep.gather, sweep.results, path, sweep.fingerprint())
     gathering.start(resume=resume, force=force)
     return gathering
@@ -114,7 +115,7 @@ def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Ga
 
 @contextlib.contextmanager
 def kept(gathering: Gathering | None) -> Iterator[None]:
-    """Write what was gathered if what is done within does not come to its end."""
+    """Write the file if the block of the context manager does not complete."""
     try:
         yield
     except BaseException:

@@ -1,4 +1,4 @@
-"""A block of scenarios: consecutive ones, as columns."""
+"""A block of consecutive scenarios as columns."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 class Block(NamedTuple):
-    """Scenarios `start` to `start + rows`: columns by option, broadcasting to `shape`.
+    """Scenarios `start` to `start + rows` - 1: columns by option, which broadcast to `shape`.
 
-    `kinds` are the types that values of columns of objects have in any block, None apart.
+    `kinds` has, for each column of objects, the types of its values in any block, without None.
     """
 
     start: int
@@ -30,7 +30,7 @@ class Block(NamedTuple):
         return math.prod(self.shape)
 
     def flat(self, name: str) -> NDArray[Any]:
-        """A column with a value for every scenario, in order."""
+        """A column with one value for every scenario, in order."""
         return np.broadcast_to(self.columns[name], self.shape).reshape(-1)
 
     def request_values(self, row: int) -> dict[str, Any]:

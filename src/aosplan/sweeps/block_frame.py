@@ -33,18 +33,18 @@ USUAL = (
     "flight_length_m",
     "flight_time_s",
 )
-"""Results that are written unless others are asked for."""
+"""Results that are written by default."""
 
 
 def input_column(name: str) -> str:
-    """Column of an option: its own name, unless a result has that name."""
+    """Name of the column of an option: its own name, unless a result has the same name."""
     return f"request_{name}" if name in RESULTS else name
 
 
 def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
-    """Results by name: the usual ones, ``all``, or a list with commas.
+    """Results by name: the default ones, ``all``, or a list with commas.
 
-    Sweeps that look for something (`finds`) have the detection among the usual ones and all.
+    For sweeps that search for a target (`finds`), the default and ``all`` include the detection.
 
     Raises
     ------
@@ -66,18 +66,18 @@ def chosen_results(text: str | None, *, finds: bool = False) -> tuple[str, ...]:
 def solve_block(
     block: Block, names: Sequence[str], results: Sequence[str], folder: str = ""
 ) -> pl.DataFrame:
-    """The scenarios of a block as a frame, in order.
+    """Solve the scenarios of a block; the frame has one row per scenario, in order.
 
     Parameters
     ----------
     block
         The scenarios.
     names
-        Inputs to show, of the block's columns.
+        Options to include, which are columns of the block.
     results
-        Results to show, of `RESULTS` and `DETECTION`.
+        Results to include, which are names in `RESULTS` and `DETECTION`.
     folder
-        Where the scenarios' file names are looked for first.
+        Folder in which the scenarios' file names are looked for first.
     """
     pl = polars()
     numbers = {name: np.full(block.rows, np.nan) for name in results}
@@ -124,7 +124,7 @@ def solve_block(
 
 
 def forget_files() -> None:
-    """Forget what was read of files: they may change while this process lives."""
+    """Clear what was read from files, because they may change while this process runs."""
     forget_scenes()
     uniform_scene.cache_clear()
 
@@ -141,7 +141,7 @@ def _status(pl: Any, status: NDArray[np.uint8]) -> Any:
 
 
 def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
-    """Reasons by their places among the texts; nothing where there is none."""
+    """Reasons from their indices in `texts`; null if there is none."""
     if not texts:
         return pl.repeat(None, len(reason), dtype=pl.String, eager=True).alias("reason")
     told = pl.Series("reason", [*texts, None], dtype=pl.String)
@@ -149,7 +149,7 @@ def _reason(pl: Any, reason: NDArray[np.int32], texts: list[str]) -> Any:
 
 
 def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
-    """Parts of a block whose rows give the same options, and where they lie; None: everywhere."""
+    """Split a block into parts whose rows give the same options, with their indices; None for all."""
     holes = {
         name: np.array([value is None for value in column.flat])
         for name, column in block.columns.items()
@@ -157,11 +157,11 @@ def _alike(block: Block) -> Iterator[tuple[Block, NDArray[np.intp] | None]]:
     }
     holes = {name: hole for name, hole in holes.items() if hole.any()}
     if not holes:
-        # A column of numbers that has holes in other blocks is one of objects in this one too.
+        # A column of numbers that has gaps in other blocks has the type object in this block, too.
         columns = {name: _narrowed(column) for name, column in block.columns.items()}
         yield block._replace(columns=columns), None
         return
-    # Only tables have holes, and their blocks have one axis.
+    # Only tables have gaps, and their blocks have one axis.
     patterns, places = np.unique(np.stack(list(holes.values())), axis=1, return_inverse=True)
     for index, pattern in enumerate(patterns.T):
         rows = np.flatnonzero(places.reshape(-1) == index)

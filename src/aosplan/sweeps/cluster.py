@@ -1,11 +1,11 @@
 """Parts of a sweep solved by the workers of a Dask cluster.
 
-A task carries the scenarios of one block and writes one part, under its final name only when it is
-whole, into a folder that the workers and this machine share.  A task that the cluster runs twice
-writes the same bytes twice.  The scheduler sees only tasks under way, a few for each thread.
+A task contains the scenarios of one block and writes one part into a folder that the workers and
+this machine share.  The file gets its final name only when it is complete.  If the cluster runs a
+task twice, the same bytes are written twice.  Only a few tasks per thread are submitted at a time.
 
-Whatever would change a byte, or would never end, ends the run with one error: other versions, files
-that a worker does not see, no workers, a scheduler that is gone.
+Anything that would change a byte or would never end stops the run with one error: different
+versions, files that a worker does not see, no workers, a scheduler that does not respond.
 """
 
 from __future__ import annotations
@@ -44,40 +44,40 @@ if TYPE_CHECKING:
 ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s/:]+):\d{1,5}")
 
 CONNECT_S = 10.0
-"""How long a scheduler may take to answer at first."""
+"""Time limit for the first answer of a scheduler."""
 
 ANSWER_S = 60.0
-"""How long a scheduler may take to answer later, when it is busy."""
+"""Time limit for later answers of a scheduler, which may be busy."""
 
 FETCH_S = 1.0
-"""How long a finished task is waited for before the cluster is looked at again."""
+"""Time to wait for a finished task before the cluster is checked again."""
 
 NO_WORKERS_S = 60.0
-"""How long a sweep goes on without a worker."""
+"""Time that a sweep continues without a worker."""
 
 TASKS_A_THREAD = 3
-"""Tasks under way for each thread of the cluster: one runs, the others wait beside it."""
+"""Tasks per thread of the cluster: one is running, the others are waiting."""
 
 PACKAGES = ("aosplan", "numpy", "polars", "scipy")
-"""Packages on whose versions the bytes of a part depend."""
+"""Packages whose versions the bytes of a part depend on."""
 
 RESUME = "finished parts are kept; --resume continues the sweep"
 
 
 class Task(NamedTuple):
-    """What a worker is told: one block, and where its part goes.
+    """A task for a worker: one block, and where its part is written.
 
     Attributes
     ----------
     sweep
-        The sweep, with the scenarios of the block alone.
+        The sweep with only the scenarios of the block.
     part, path
-        Place and file of the part.
+        Index and file name of the part.
     folder
-        Where the part lies until it is whole; made for this run, so that a task of an earlier one
+        Folder of the incomplete part.  It is new for each run, so that tasks of an earlier run
         cannot write to it.
     files
-        Files of the scenarios, and their sizes.
+        Files of the scenarios, with their sizes.
     """
 
     sweep: Sweep
@@ -88,24 +88,24 @@ class Task(NamedTuple):
 
 
 def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> Generator[Part]:
-    """Have parts written by a cluster, and hand them out as they come.
+    """Have parts written by a cluster, and yield them as they are completed.
 
     Parameters
     ----------
     address
-        Of the scheduler.
+        Address of the scheduler.
     sweep, parts
-        What is solved, and where it goes: a folder that the workers see under the same name.
+        The sweep, and its parts in a folder that the workers see under the same name.
     left
-        Places of the parts to write.
+        Indices of the parts to write.
 
     Raises
     ------
     RequestError
-        If the address is none, or a file of the scenarios is not found by its full name.
+        If the address is not valid, or a file of the scenarios cannot be found by its full name.
     SurroundingsError
-        If the cluster cannot go on: no scheduler, no workers, other versions, nothing shared,
-        a worker that cannot write.
+        If the cluster cannot continue: no scheduler, no workers, different versions, no shared
+        folder, or a worker that cannot write.
     MissingExtraError
         If Dask is not installed.
     """
@@ -132,18 +132,18 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
 
 
 def alone(scenarios: Crossing | Table, index: int) -> Single:
-    """The scenarios of one block."""
+    """The scenarios of one block, without the others."""
     block = scenarios.block(index)
     return Single(block.columns, only=block)
 
 
 def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
-    """Files that the scenarios name, and their sizes, so that workers can be asked for them.
+    """Files that the scenarios use, with their sizes, so that workers can check them.
 
     Raises
     ------
     RequestError
-        If a file is found in the current folder alone, which workers do not share.
+        If a file is only found in the current folder, which workers do not share.
     """
     files: set[str] = set()
     for named in named_files(sweep.scenarios.values, sweep.folder):
@@ -166,7 +166,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     Raises
     ------
     SurroundingsError
-        If this worker cannot write it, or would write other bytes than others.
+        If this worker cannot write it, or has other versions than this machine.
     """
     if (here := own_versions()) != versions:
         raise SurroundingsError(_difference(_place(), here, versions), _SAME_VERSIONS)
@@ -191,7 +191,9 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
 
 @lru_cache(maxsize=16)
 def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
-    """Look at files anew, once for each run: a worker may know them as they were for another."""
+    """Check the files and clear what was read before, once for each run, because they may have
+    changed.
+    """
     forget_files()
     for file, size in files:
         if not os.path.isfile(file) or os.path.getsize(file) != size:
@@ -202,7 +204,7 @@ def _begin(_folder: str, files: tuple[tuple[str, int], ...]) -> None:
 
 
 def _place() -> str:
-    """The worker itself, by its address."""
+    """Name of this worker, with its address."""
     try:
         return f"worker {dask().get_worker().address}"
     except ValueError:
@@ -210,12 +212,12 @@ def _place() -> str:
 
 
 def own_versions() -> dict[str, str]:
-    """Versions on which the bytes of a part depend."""
+    """Versions that the bytes of a part depend on."""
     return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
 
 
 def _difference(place: str, there: dict[str, str], here: dict[str, str]) -> str:
-    """In words, where versions differ."""
+    """Message about the first difference of versions."""
     name = next(name for name in here if there.get(name) != here[name])
     found = f"has {name} {there[name]}" if there.get(name) else f"has no {name}"
     return f"{place} {found}, this machine {here[name]}"
@@ -228,7 +230,7 @@ _SAME_VERSIONS = "all machines of a cluster need the same versions: pip install 
 
 
 def dask() -> Any:
-    """Dask's library for clusters.
+    """Dask's library for clusters (distributed).
 
     Raises
     ------
@@ -242,7 +244,7 @@ def dask() -> Any:
 
 @contextlib.contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    """A client of a scheduler; its library keeps silent, what it says is said in an error."""
+    """A client of a scheduler; messages of the library are suppressed and replaced by one error."""
     if not ADDRESS.fullmatch(address):
         raise RequestError(
             f"--scheduler '{address}' is not an address", "such as 10.0.0.5:8786 or tcp://head:8786"
@@ -253,9 +255,10 @@ def _connected(address: str) -> Iterator[Any]:
     given = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
-        # A failed client complains again when it is collected, so the scheduler is asked first.
+        # A client that failed prints another error when it is deleted, so the scheduler is tested
+        # first.
         asyncio.run(_ask(address))
-        # Blocks of a table may be large, and other versions are an error.
+        # Large blocks of a table would cause warnings, and different versions are an error anyway.
         with (
             config.set({"distributed.admin.large-graph-warning-threshold": "1GiB"}),
             warnings.catch_warnings(action="ignore"),
@@ -271,7 +274,7 @@ def _connected(address: str) -> Iterator[Any]:
 
 
 async def _ask(address: str) -> None:
-    """Refuse what is no scheduler."""
+    """Refuse an address that does not answer as a scheduler."""
     library = dask()
     arguments = library.Security().get_connection_args("client")
     try:
@@ -291,7 +294,7 @@ async def _ask(address: str) -> None:
 
 
 def check_versions(client: Any) -> None:
-    """Refuse a cluster that would write other bytes, or none."""
+    """Refuse a cluster whose workers would write other bytes, or none."""
     here = own_versions()
     found = client.get_versions(packages=list(PACKAGES))
     places = {"the scheduler": found["scheduler"]}
@@ -304,7 +307,7 @@ def check_versions(client: Any) -> None:
 
 
 def _written(client: Any, tasks: Iterator[Task], count: int) -> Iterator[Part]:
-    """That many parts as they are written; a few tasks for each thread are under way."""
+    """Yield `count` parts as they are written; a few tasks per thread are submitted at a time."""
     versions = own_versions()
     run = uuid.uuid4().hex
     running: dict[Any, int] = {}
@@ -334,12 +337,12 @@ def _written(client: Any, tasks: Iterator[Task], count: int) -> Iterator[Part]:
             yield part
             count -= 1
     finally:
-        with contextlib.suppress(Exception):  # the scheduler may have gone
+        with contextlib.suppress(Exception):  # the scheduler may be gone
             client.cancel(list(running), force=True)
 
 
 class _Crew:
-    """The threads of a cluster, counted every second."""
+    """The threads of a cluster, counted at most once per second."""
 
     def __init__(self, client: Any) -> None:
         self.client = client
@@ -348,12 +351,12 @@ class _Crew:
         self.last_seen_s = time.monotonic()
 
     def threads(self) -> int:
-        """How many there are.
+        """Number of threads.
 
         Raises
         ------
         SurroundingsError
-            If there is no scheduler, or for long no worker.
+            If the scheduler is gone, or there has been no worker for too long.
         """
         now_s = time.monotonic()
         if now_s < self.counted_s + 1.0:
@@ -378,14 +381,14 @@ def _lost() -> SurroundingsError:
 
 
 def result_of(future: Any, index: int) -> Part | None:
-    """What became of a task; nothing as yet where its worker died with it, and it is done again."""
+    """The part of a finished task; None if it is not available yet, because the task is run again."""
     try:
         part: Part = future.result(timeout=FETCH_S)
     except Exception as found:  # noqa: BLE001 (whatever a task can raise, told below)
         error = found
     else:
         return part
-    if future.status != "error":  # not the task's own, but of the way to it
+    if future.status != "error":  # the connection failed, not the task
         if isinstance(error, TimeoutError):
             return None
         raise _lost()

@@ -1,6 +1,7 @@
-"""What is told apart of a sweep: its inputs' values, in a few groups, and what is best.
+"""Groups of a sweep's summary: the values of its inputs, and the column that is optimised.
 
-Known before anything is solved, from what is swept alone, so that parts can be summarised apart.
+They depend on the scenarios alone and are known before anything is solved, so that parts can be
+summarised independently.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import Table
 
 MOST_GROUPS = 20
-"""Values of an input that are told apart; numbers beyond go into `BINS` of about as many values."""
+"""Largest number of single values of an input; more numbers are grouped into `BINS` of equal size."""
 
 BINS = 10
 
@@ -31,14 +32,14 @@ OBJECTIVES = {
     "visibility": ("visibility_expected", True),
     "contrast": ("visibility_contrast", True),
 }
-"""Column of what a plan optimises, and whether the most of it is the best."""
+"""Column of each quantity that a plan optimises, and whether a larger value is better."""
 
 
 class Groups(NamedTuple):
-    """Values of one input that are told apart: numbers by where they begin, and words.
+    """Groups of the values of one input: numbers and text.
 
-    `numbers` are single values or, for a bin, the first and the last value in it, in rising order;
-    `words` all else, None among them, in the order of the sweep.
+    `numbers` are single values, or the first and last value of a bin, in increasing order.  `words`
+    are all other values, including None, in the order of the sweep.
     """
 
     name: str
@@ -47,11 +48,11 @@ class Groups(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Number of groups, those that hold what is not told apart included."""
+        """Number of groups, including one for values that are in no other group."""
         return len(self.numbers) + len(self.words) + 1
 
     def labels(self) -> list[dict[str, Any]]:
-        """What each group is, for a document."""
+        """Description of each group, for a document."""
         numbers = [
             {"value": low} if low == high else {"first": low, "last": high}
             for low, high in self.numbers
@@ -59,7 +60,7 @@ class Groups(NamedTuple):
         return [*numbers, *({"value": word} for word in self.words), {"others": True}]
 
     def places(self, values: NDArray[Any]) -> NDArray[np.intp]:
-        """Group of each of an array of values."""
+        """Index of the group of each value."""
         lows = [low for low, _ in self.numbers]
         if values.dtype != object:
             return np.searchsorted(lows, values, "right") - 1
@@ -72,7 +73,7 @@ class Groups(NamedTuple):
 
 
 class Grouping(NamedTuple):
-    """What a summary tells apart: the inputs with several values, and the column that is best."""
+    """Groups of a summary: inputs with several values, and the column of the objective."""
 
     objective: str
     most: bool
@@ -81,20 +82,20 @@ class Grouping(NamedTuple):
 
     @property
     def needed(self) -> tuple[str, ...]:
-        """Results that the summary takes, beside those that are written."""
+        """Results that the summary needs in addition to those that are written."""
         return (self.objective,)
 
 
 def grouping(scenarios: Crossing | Table, best: str | None = None) -> Grouping:
-    """The grouping of a sweep's summary.
+    """The groups of a sweep's summary.
 
     Parameters
     ----------
     scenarios
-        What is swept.
+        The scenarios.
     best
-        Column that is best where it is most, or after a minus least; by default what the sweep
-        optimises, or the number of samples where that differs from row to row.
+        Column to maximise, or to minimise if it starts with a minus.  By default, it is what the
+        sweep optimises, or the number of samples if that differs between rows.
     """
     wanted = best or ""
     objective, most = wanted.lstrip("-"), not wanted.startswith("-")
@@ -131,7 +132,7 @@ def _is_number(value: Any) -> bool:
 
 
 def scenario(scenarios: Crossing | Table, row: int) -> dict[str, Any]:
-    """The inputs of one row, from 0, as a request names them."""
+    """The inputs of one row, counted from 0, by their names in a request."""
     sizes = [len(values) for values in scenarios.values.values()]
     crossed = isinstance(scenarios, Crossing)
     places = map(int, np.unravel_index(row, sizes)) if crossed else [row] * len(sizes)

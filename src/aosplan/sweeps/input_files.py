@@ -1,4 +1,4 @@
-"""Files that the scenarios of a sweep name: on what is in them the results depend."""
+"""Files that the scenarios of a sweep use, because the results depend on their content."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Named(NamedTuple):
-    """A value of an option, where it was found, and the files that it stands for."""
+    """A value of an option, the path that was found for it, and the files that it refers to."""
 
     option: str
     value: str
@@ -29,19 +29,19 @@ class Named(NamedTuple):
 
 
 def is_file_option(name: str) -> bool:
-    """Whether values of an option may be names of files."""
+    """Whether values of an option may be file names."""
     return any(mark in BY_NAME[name].metavar for mark in ("FILE", "."))
 
 
 def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Named]:
-    """The values of a sweep that stand for files which are there.
+    """The values of a sweep that refer to existing files.
 
     Parameters
     ----------
     values
         Values by option.
     folder
-        Where they are looked for first.
+        Folder in which they are looked for first.
     """
     for name, column in values.items():
         if not is_file_option(name):
@@ -50,7 +50,7 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
             found = located(value, folder)
             try:
                 stood_for = cloud_files(found) or (found,)
-            except RequestError:  # a folder or pattern without any, as its rows will say
+            except RequestError:  # a folder or pattern without files, which is reported in the rows
                 continue
             there = tuple(file for file in stood_for if os.path.isfile(file))
             if there:
@@ -58,11 +58,11 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
 
 
 def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str, str, str]]:
-    """Option, value and SHA-256 of every file that can be read; the parameters of `named_files`."""
+    """Option, value and SHA-256 of every readable file; parameters as for `named_files`."""
     sums = []
     for named in named_files(values, folder):
         for file in named.files:
-            with contextlib.suppress(OSError):  # as its rows will say
+            with contextlib.suppress(OSError):  # is reported in the rows
                 known = os.stat(file)
                 digest = _checksum(file, known.st_size, known.st_mtime_ns)
                 sums.append((named.option, named.value, digest))

@@ -1,7 +1,8 @@
-"""A result that is a folder of Parquet files, a part each.
+"""A result that is a folder of Parquet files, one per part.
 
-The folder takes its name when all of it is there.  Nothing else lies in it, so that programs can be
-given the folder; its journal stays beside it, so that a later run finds what was damaged.
+The folder gets its final name when it is complete.  It contains nothing else, so that other
+programs can read the folder.  Its journal stays beside it, so that a later run can find damaged
+parts.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ OF_A_SWEEP = re.compile(r"part-\d{5,}\.parquet(\.[0-9a-f]{32}\.tmp)?|writing-[0-
 
 
 def is_folder(out: str) -> bool:
-    """Whether a result is a folder: one is there, or the path ends like one."""
-    # A slash ends a folder's name on every system, also where backslashes separate the parts.
+    """Whether a result is a folder, because it exists as one or its path ends with a separator."""
+    # A path may end with a slash on every system, even if backslashes are the usual separator.
     return out.endswith(("/", os.sep)) or os.path.isdir(out)
 
 
 def check_folder(out: str, *, resume: bool, force: bool) -> None:
-    """Refuse a folder that cannot be written, or holds what no sweep wrote.
+    """Refuse a folder that cannot be written, or contains files that no sweep wrote.
 
     Raises
     ------
     RequestError
-        If it may not be replaced, or there is no folder to make it in.
+        If it may not be replaced, or its parent folder does not exist.
     """
     place = os.path.abspath(out)
     above = os.path.dirname(place)
@@ -61,7 +62,7 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
 
 
 class Partitions(Parts):
-    """The parts of a sweep whose result they are."""
+    """The parts of a sweep that are themselves the result."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
         super().__init__(os.path.realpath(out), sweep)
@@ -71,22 +72,22 @@ class Partitions(Parts):
         self.digits = max(5, len(str(self.count - 1)))
 
     def start(self, *, resume: bool, force: bool) -> None:
-        """Make the folder, or take up what lies in it or in the result."""
+        """Create the folder, or continue with the parts in it or in the result."""
         if resume and not os.path.isdir(self.folder) and os.path.isdir(self.out):
             self.folder = self.out if os.listdir(self.out) else self.folder
         super().start(resume=resume, force=force)
 
     def path(self, index: int) -> str:
-        """File of a part."""
+        """Path of the file of a part."""
         return os.path.join(self.folder, f"part-{index:0{self.digits}d}.parquet")
 
     def join(self, sweep: Sweep, count: int) -> str:  # noqa: ARG002 (nothing is to be joined)
-        """The folder, with all parts and nothing else.
+        """Check that the folder has all parts and nothing else, and return it.
 
         Raises
         ------
         SurroundingsError
-            If a part has gone since it was written.
+            If a part was removed after it was written.
         """
         names = {os.path.basename(self.path(index)) for index in range(self.count)}
         found = {entry.name: entry for entry in os.scandir(self.folder)}
@@ -104,7 +105,8 @@ class Partitions(Parts):
         return self.folder
 
     def put(self, whole: str, *, resume: bool, force: bool) -> None:
-        """Give the folder its name; what had it goes afterwards, for that takes a while.
+        """Rename the folder to its final name; an earlier result is removed afterwards, which takes
+        time.
 
         Raises
         ------

@@ -1,7 +1,8 @@
-"""Parts of a sweep's result in a folder, and a journal of those that are whole.
+"""Parts of a sweep's result in a folder, and a journal of the complete ones.
 
-A part has its name only when it is whole and on the disk, and its line in the journal, with the
-checksum of its file, after that.  So whatever ends a run, what is done can be told from what is not.
+A part gets its final name only when it is complete and on the disk.  Its line in the journal, with
+the checksum of its file, is written after that.  For any interruption, a later run can therefore
+tell which parts are complete.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ if TYPE_CHECKING:
 JOURNAL = "journal.jsonl"
 
 BEGUN = ".tmp"
-"""Ending of a file that is not yet whole."""
+"""Extension of incomplete files."""
 
 
 class Part(NamedTuple):
-    """A part that is whole: its place, the rows it has, what its file holds, what was gathered."""
+    """A complete part: index, number of rows, size and checksum of its file, and its summary."""
 
     part: int
     rows: int
@@ -46,31 +47,31 @@ class Part(NamedTuple):
     gathered: Gathered | None = None
 
     def note(self) -> dict[str, Any]:
-        """Its line in a journal."""
+        """The line of the part in the journal."""
         return {name: value for name, value in self._asdict().items() if name != "gathered"}
 
 
 class Parts:
-    """The folder of a sweep's parts, and its journal of those that are whole."""
+    """The folder of a sweep's parts, and the journal of the complete ones."""
 
     def __init__(self, out: str, sweep: Sweep) -> None:
-        # A link stays, and what it points to is replaced.
+        # If the result is a link, the link is kept and its target is replaced.
         self.out = os.path.realpath(out) if os.path.islink(out) else out
         self.folder = f"{self.out}.parts"
         self.journal = os.path.join(self.folder, JOURNAL)
         self.suffix = os.path.splitext(out)[1].lower()
-        # The best rows of the parts are compared once more, so they keep their types.
+        # Parquet keeps the types, which are needed when the best rows of the parts are compared.
         self.part_suffix = self.suffix if sweep.best is None else ".parquet"
         self.fingerprint = sweep.fingerprint()
         self.done: dict[int, Part] = {}
 
     def start(self, *, resume: bool, force: bool) -> None:
-        """Make the folder, or take up what lies in it.
+        """Create the folder, or continue with the parts in it.
 
         Raises
         ------
         RequestError
-            If there are parts that are not to be resumed, or belong to another sweep.
+            If it has parts that are not to be resumed, or that belong to another sweep.
         """
         if os.path.isdir(self.folder):
             if resume:
@@ -87,12 +88,12 @@ class Parts:
 
     @contextlib.contextmanager
     def alone(self) -> Iterator[None]:
-        """Around a run: no other one to the same result, at the same time.
+        """Hold a lock during a run, so that no other process writes the same result.
 
         Raises
         ------
         RequestError
-            If another process is at it.
+            If another process holds the lock.
         """
         lock = f"{self.out}.lock"
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
@@ -104,7 +105,7 @@ class Parts:
             try:
                 yield
             finally:
-                # Windows does not remove a file that is open.
+                # Windows cannot remove an open file.
                 if sys.platform == "win32":
                     os.close(handle)
                     handle = -1
@@ -129,18 +130,18 @@ class Parts:
             try:
                 part = Part(**note)
                 whole = _is_whole(self.path(part.part), part)
-            except (TypeError, ValueError):  # no line of a journal
+            except (TypeError, ValueError):  # not a line of a journal
                 continue
             if whole:
                 self.done[part.part] = part
         self.note_all()
 
     def path(self, index: int) -> str:
-        """File of a part."""
+        """Path of the file of a part."""
         return os.path.join(self.folder, f"{index:08d}{self.part_suffix}")
 
     def add(self, part: Part) -> None:
-        """Note that a part is whole."""
+        """Add a complete part to the journal."""
         with open(self.journal, "a", encoding="utf-8") as file:
             file.write(json.dumps(part.note()) + "\n")
             file.flush()
@@ -148,14 +149,14 @@ class Parts:
         self.done[part.part] = part._replace(gathered=None)
 
     def note_all(self) -> None:
-        """Write the journal anew: the parts that are whole, in order."""
+        """Write the journal again, with the complete parts in order."""
         notes = [{"fingerprint": self.fingerprint}]
         notes += [part.note() for _, part in sorted(self.done.items())]
         text = "".join(json.dumps(note) + "\n" for note in notes)
         write_durably(text.encode(), self.journal)
 
     def join(self, sweep: Sweep, count: int) -> str:
-        """Join all parts into one file beside the result; its temporary name."""
+        """Join all parts into one temporary file beside the result; return its path."""
         whole = os.path.join(self.folder, f"whole{self.suffix}")
         paths = [self.path(index) for index in range(count)]
         if sweep.best is not None:
@@ -166,40 +167,40 @@ class Parts:
             _join_parquet(paths, whole)
         else:
             _join_text(paths, whole, header=self.suffix == ".csv")
-        # The parts go when the result has its name, so it has to be on the disk.
+        # The parts are removed after the result is renamed, so it has to be on the disk.
         with open(whole, "r+b") as file:
             os.fsync(file.fileno())
         return whole
 
     def put(self, whole: str, *, resume: bool, force: bool) -> None:  # noqa: ARG002
-        """Give the result its name.
+        """Rename the result to its final name.
 
         Raises
         ------
         RequestError
-            If something has taken it meanwhile that may not be replaced.
+            If another file got this name in the meantime and may not be replaced.
         """
         check_output(self.out, force=force)
         os.replace(whole, self.out)
 
     def remove(self) -> None:
-        """Remove what only the run needs: here the folder."""
+        """Remove what only the run needs, which is the folder here."""
         shutil.rmtree(self.folder)
 
     def drop_begun(self) -> None:
-        """Remove what processes that have been ended had begun to write."""
+        """Remove incomplete files of processes that were terminated."""
         for name in os.listdir(self.folder):
             if name.endswith(BEGUN):
                 with contextlib.suppress(OSError):
                     os.unlink(os.path.join(self.folder, name))
 
     def discard(self) -> None:
-        """Remove the folder of a run that has done nothing."""
+        """Remove the folder of a run that has written nothing."""
         shutil.rmtree(self.folder)
 
 
 def _is_first(handle: int, lock: str) -> bool:
-    """Whether no other process holds a lock, which is this one's from now on."""
+    """Whether this process got the lock, because no other process holds it."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -214,14 +215,16 @@ def _is_first(handle: int, lock: str) -> bool:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks
+    except OSError:  # the file system has no locks
         return True
-    # A run that has just ended takes its lock's name away.
+    # Another run may have removed the file of the lock before this process locked it.
     return os.path.exists(lock) and os.path.samestat(os.fstat(handle), os.stat(lock))
 
 
 def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tuple[int, str]:
-    """Write a frame in the format of the path's ending, as `write_durably`; its bytes and SHA-256."""
+    """Write a frame in the format of the path's extension by `write_durably`; return size and
+    SHA-256.
+    """
     content = io.BytesIO()
     if path.endswith(".parquet"):
         frame.write_parquet(content, compression="lz4")
@@ -235,7 +238,7 @@ def write_frame(frame: pl.DataFrame, path: str, folder: str | None = None) -> tu
 
 
 def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
-    """A frame in which no name of a file begins as a formula of a spreadsheet does."""
+    """A frame in which no name starts with a character that a spreadsheet takes for a formula."""
     pl = polars()
     names = [
         name
@@ -252,19 +255,19 @@ def _guarded(frame: pl.DataFrame) -> pl.DataFrame:
 
 
 def write_durably(content: bytes | memoryview, path: str, folder: str | None = None) -> None:
-    """Write a file; the name appears when it is whole and on the disk.
+    """Write a file so that it gets its final name only when it is complete and on the disk.
 
     Parameters
     ----------
     content, path
-        What, and where.
+        The content, and the path of the file.
     folder
-        Where it lies until it is whole, on the same disk; beside `path` unless given.
+        Folder of the incomplete file, on the same disk; by default that of `path`.
 
     Raises
     ------
     OSError
-        If it cannot be written; nothing is left.
+        If the file cannot be written; no incomplete file remains.
     """
     name = f"{os.path.basename(path)}.{uuid.uuid4().hex}{BEGUN}"
     temporary = os.path.join(os.path.dirname(path) if folder is None else folder, name)
@@ -283,7 +286,7 @@ def write_durably(content: bytes | memoryview, path: str, folder: str | None = N
 
 
 def _notes(journal: str) -> list[dict[str, Any]]:
-    """The lines of a journal; one that was cut short with its run is passed over."""
+    """The lines of a journal; an incomplete last line is ignored."""
     notes = []
     try:
         with open(journal, encoding="utf-8", errors="replace") as file:
@@ -296,7 +299,7 @@ def _notes(journal: str) -> list[dict[str, Any]]:
 
 
 def _is_whole(path: str, part: Part) -> bool:
-    """Whether a part's file is as it was written."""
+    """Whether the file of a part has its original size and checksum."""
     if not os.path.isfile(path) or os.path.getsize(path) != part.bytes:
         return False
     with open(path, "rb") as file:
@@ -308,7 +311,7 @@ def _join_parquet(paths: list[str], whole: str) -> None:
         os.replace(paths[0], whole)
         return
     pl = polars()
-    # The row groups of the result are the parts.
+    # Each part becomes a row group of the result.
     pl.scan_parquet(paths, glob=False).sink_parquet(whole, compression="lz4", maintain_order=True)
 
 

@@ -1,8 +1,8 @@
-"""Scenarios solved one at a time: whatever `aosplan.sweeps.vectorized.solve` leaves.
+"""Scenarios that are solved one at a time, because `aosplan.sweeps.vectorized.solve` cannot.
 
-Those over the same scene from the same altitude are taken one after the other, whatever their
-order, and share what the models make of it: views of voxels, correlograms, predictions.  Each is
-only solved for its grid, and for the length and the time of its flight.
+Scenarios with the same scene and altitude are solved one after the other, independently of their
+order.  They share the results of models: views of voxels, correlograms, predictions.  Only the
+grid, and length and time of the flight are computed for each.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ NOT_OF_CLEAR_VIEWS = (
     "disparity_normalized",
     "disparity_pixels",
 )
-"""Results that a scene in which nothing is hidden does not have."""
+"""Results that do not exist for a scene without occluders."""
 
 RESULTS = (
     "altitude_m",
@@ -73,19 +73,19 @@ RESULTS = (
 """Numbers of a plan's JSON document, by place and name."""
 
 DETECTION = ("detection_probability", "detection_unseen")
-"""Results of scenarios that look for something."""
+"""Results of scenarios that search for a target."""
 
 SCENE = (*(option.name for option in OPTIONS if option.panel == "Scene"), "model")
-"""Options that decide what is read of a scene."""
+"""Options that determine how a scene is read."""
 
 GEOMETRY = (
     *(option.name for option in OPTIONS if option.panel in ("Altitude", "Scene", "Camera")),
     *("model", "view", "rays", "hold_error", "drone"),
 )
-"""Options that decide what models see; scenarios with the same of them are solved together."""
+"""Options that determine the model; scenarios with equal values of them are solved together."""
 
 MOST_SCENES = 16
-"""Scenes kept; voxels may be large."""
+"""Number of scenes that are stored; voxels may need much memory."""
 
 _scenes: dict[tuple[Any, ...], LoadedScene] = {}
 
@@ -101,16 +101,16 @@ class Outcome(NamedTuple):
 def solve_rows(
     block: Block, rows: NDArray[np.intp], folder: str, results: Sequence[str] = RESULTS
 ) -> list[Outcome]:
-    """What becomes of some scenarios of a block, in their order.
+    """Solve some scenarios of a block; the outcomes are in their order.
 
     Parameters
     ----------
     block, rows
-        The scenarios, and which of them.
+        The block, and indices of the scenarios in it.
     folder
-        Where their file names are looked for first.
+        Folder in which file names are looked for first.
     results
-        Results that are wanted.
+        Results to compute.
     """
     values = [block.request_values(row) for row in rows.tolist()]
     alike: dict[tuple[Any, ...], list[int]] = {}
@@ -118,7 +118,7 @@ def solve_rows(
         alike.setdefault(tuple(each.get(name) for name in GEOMETRY), []).append(place)
     outcomes: dict[int, Outcome] = {}
     for places in alike.values():
-        memo = Memo()  # not for long: views take memory
+        memo = Memo()  # a new memo per group, because views need memory
         for place in places:
             outcomes[place] = solve_row(values[place], folder, results, memo)
     return [outcomes[place] for place in range(len(values))]
@@ -130,7 +130,7 @@ def solve_row(
     results: Sequence[str] = RESULTS,
     memo: Memo | None = None,
 ) -> Outcome:
-    """What becomes of one scenario; one that cannot be met is no error."""
+    """Solve one scenario; a scenario without a solution is an outcome, not an error."""
     try:
         inputs = resolve_inputs(
             PlanRequest(**values), folder=folder, load=partial(scene_for, folder=folder)
@@ -152,10 +152,10 @@ def solve_row(
 
 
 def scene_for(request: PlanRequest, folder: str) -> LoadedScene:
-    """The scene of a request, read once for all rows that have it."""
+    """The scene of a request, read once for all rows that have the same scene."""
     key = (folder, *(getattr(request, name) for name in SCENE))
     found = _scenes.get(key)
-    if found is None:  # threads of a worker may both read it
+    if found is None:  # two threads may read the same scene
         if len(_scenes) >= MOST_SCENES:
             _scenes.clear()
         found = load_scene(request, folder=folder)
@@ -172,12 +172,12 @@ def scene_for(request: PlanRequest, folder: str) -> LoadedScene:
 
 
 def forget_scenes() -> None:
-    """Forget the scenes that were read."""
+    """Clear the stored scenes."""
     _scenes.clear()
 
 
 def _results(solved: SolvedPlan, length_m: float, time_s: float) -> dict[str, float]:
-    """The numbers of a solved plan by the names of `RESULTS`; nan where it has none."""
+    """The numbers of a solved plan by the names of `RESULTS`; nan if a number does not exist."""
     inputs, solution, rule = solved.inputs, solved.solution, solved.coverage
     pattern, baseline, shown = solution.pattern, solution.baseline_m, solution.prediction
     camera, altitude = inputs.camera, inputs.altitude_m
@@ -245,7 +245,7 @@ def _flight(solved: SolvedPlan) -> tuple[float, float]:
 
 
 def _is_plain(inputs: PlanInputs) -> bool:
-    """Whether a flight is its pattern alone, with a stop at every site."""
+    """Whether a flight only consists of the pattern, with a stop at every site."""
     flight = inputs.flight
     extras = (
         inputs.area,
@@ -261,5 +261,5 @@ def _is_plain(inputs: PlanInputs) -> bool:
 
 @lru_cache(maxsize=4096)
 def _path(pattern: Sites) -> Path:
-    """The legs of a pattern that is flown with a stop at every site, in still air."""
+    """The legs of a pattern that is flown with a stop at every site, without wind."""
     return path_of(pattern)

@@ -1,9 +1,9 @@
-"""A sweep to a file, part by part: resumable, and the same bytes however it was run.
+"""A sweep that is written to a file part by part; it can be resumed without changing the result.
 
-Each block of scenarios becomes a part (`aosplan.sweeps.parts`).  When all are there they are joined,
-or are the result themselves (`aosplan.sweeps.parquet_folder`).  They depend on nothing but the sweep, so
-neither interruptions nor workers, of this machine or of a cluster (`aosplan.sweeps.cluster`), change
-the result.
+Each block of scenarios becomes a part (`aosplan.sweeps.parts`).  When all parts are complete, they
+are joined, or they are themselves the result (`aosplan.sweeps.parquet_folder`).  The parts depend
+only on the sweep.  Neither interruptions nor the number of workers, on this machine or on a cluster
+(`aosplan.sweeps.cluster`), change the result.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from aosplan.sweeps.sweep import Sweep
 
 MOST_WINDOWS_WORKERS = 61
-"""Windows waits for at most 63 handles, and a pool of processes needs two of its own."""
+"""Windows can wait for 63 handles at most, and a pool of processes needs two of them."""
 
 
 def run(
@@ -47,30 +47,30 @@ def run(
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> tuple[int, Gathering | None]:
-    """Solve every scenario and write what is kept; how many rows, and what was gathered.
+    """Solve every scenario and write the rows to keep; return their number, and the summary.
 
     Parameters
     ----------
     sweep
-        What to solve.
+        The sweep to solve.
     out
-        The result, a path that ends in one of `SUFFIXES`, or a folder
+        Path of the result, which ends in one of `SUFFIXES` or is a folder
         (`aosplan.sweeps.parquet_folder.is_folder`).
     resume, force
-        Whether to go on with an interrupted run, or to overwrite what is there.
+        Whether to continue an interrupted run; whether to overwrite an existing result.
     workers
-        Processes; with one, this one.
+        Number of processes; 1 uses only the current process.
     scheduler
-        Address of a Dask cluster that solves in place of this machine.
+        Address of a Dask cluster that solves instead of this machine.
     progress
-        Called with the number of scenarios done since the last call.
+        Function that is called with the number of scenarios done since the last call.
 
     Raises
     ------
     RequestError
-        If `Parts.start` refuses, or a scenario's file is wrong.
+        If `Parts.start` refuses, or a file of a scenario is not valid.
     SurroundingsError
-        If something cannot be written, or a worker dies; what is done stays, for `resume`.
+        If something cannot be written, or a worker dies; complete parts remain for `resume`.
     """
     parts = Partitions(out, sweep) if is_folder(out) else Parts(out, sweep)
     with parts.alone():
@@ -139,22 +139,21 @@ def gather(
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
 ) -> Gathering:
-    """Solve every scenario and keep no row, only what is gathered on the way.
+    """Solve every scenario without writing rows; return the summary.
 
     Parameters
     ----------
     sweep
-        What to solve; it says what to gather.
+        The sweep to solve, with its `gather`.
     path
-        File that keeps what was gathered where this is interrupted, or takes long; the caller
-        removes it.
+        File for the summary if the run is interrupted or takes long; the caller has to remove it.
     resume, force, workers, progress
-        As for `run`.
+        As in `run`.
 
     Raises
     ------
     RequestError
-        If `Gathering.start` refuses, or a scenario's file is wrong.
+        If `Gathering.start` refuses, or a file of a scenario is not valid.
     """
     gathering = start_gathering(sweep, path, resume=resume, force=force)
     advance = progress or (lambda _: None)
@@ -170,7 +169,7 @@ def gather(
 def _solved(
     sweep: Sweep, parts: Parts | None, left: Iterable[int], workers: int
 ) -> Generator[Part]:
-    """Solve parts on this machine, write them unless None, and hand them out as they come."""
+    """Solve parts on this machine, write them if `parts` is given, and yield them when complete."""
     _end_waits()
 
     def path(index: int) -> str | None:
@@ -182,14 +181,14 @@ def _solved(
         return
     waiting = iter(left)
     others = set(active_children())
-    # Forked processes would share the locks of the columnar library's threads.
+    # Forked processes would inherit locks of polars' threads.
     context = get_context("spawn")
     with (
         contextlib.ExitStack() as afterwards,
         ProcessPoolExecutor(workers_of(workers), context, _take, (sweep,)) as pool,
     ):
         try:
-            with _interrupted_later():  # a half-started process would complain
+            with _interrupted_later():  # an exception in a half-started process would be printed
                 running = {
                     pool.submit(_part, index, path(index)) for index in islice(waiting, 2 * workers)
                 }
@@ -206,7 +205,7 @@ def _solved(
                 afterwards.callback(parts.drop_begun)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
-                process.terminate()  # what it is at is not yet a part
+                process.terminate()  # its part is incomplete
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
                     "a worker process died, perhaps for lack of memory",
@@ -216,19 +215,19 @@ def _solved(
 
 
 def workers_of(asked: int) -> int:
-    """The processes that a pool has: as many as were asked for, on Windows at most 61."""
+    """Number of processes of a pool: the requested number, on Windows at most 61."""
     return min(asked, MOST_WINDOWS_WORKERS) if sys.platform == "win32" else asked
 
 
 def _end_waits() -> None:
     if sys.platform != "win32":
-        # The columnar library's handler lets waits go on after Ctrl-C; they have to end.
+        # The signal handler of polars restarts interrupted system calls; Ctrl-C has to end them.
         signal.siginterrupt(signal.SIGINT, True)
 
 
 @contextlib.contextmanager
 def _interrupted_later() -> Iterator[None]:
-    """Put Ctrl-C off until the end of the block."""
+    """Defer Ctrl-C until the end of the block of the context manager."""
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if not heeded or current_thread() is not main_thread():
         yield
@@ -247,16 +246,16 @@ _sweep: Sweep | None = None
 
 
 def _take(sweep: Sweep) -> None:
-    """Keep the sweep of a worker process, which is sent once; Ctrl-C is the first process's."""
+    """Store the sweep in a worker process, once; Ctrl-C is left to the first process."""
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
     Thread(target=_end_with_parent, daemon=True).start()
-    polars()  # brings a handler of its own
+    polars()  # installs a signal handler, so it is imported first
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that started it has ended, even if that was killed."""
+    """End this process when its parent process has ended, even if that was killed."""
     parent = parent_process()
     if parent is not None:
         parent.join()
@@ -264,5 +263,5 @@ def _end_with_parent() -> None:
 
 
 def _part(index: int, path: str | None) -> Part:
-    assert _sweep is not None  # every worker takes it at its start
+    assert _sweep is not None  # set when the worker started
     return solve_part(_sweep, index, path)

@@ -1,7 +1,8 @@
-"""What is swept: a crossing of lists and ranges, or a table with a scenario a row.
+"""Scenarios of a sweep: all combinations of lists and ranges, or the rows of a table.
 
-Both hand out blocks: columns of parsed option values that broadcast against each other.  A
-crossing's columns keep an axis each, so what depends on few of them is computed few times.
+Both provide blocks, which are columns of parsed option values that broadcast against each other.
+Each column of a crossing has its own axis, so a quantity that depends on few options is computed
+few times.
 """
 
 from __future__ import annotations
@@ -29,31 +30,31 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ROWS_A_BLOCK = 1 << 18
-"""Scenarios evaluated, and written, at a time: some tens of megabytes."""
+"""Number of scenarios that are evaluated and written at once: some tens of megabytes."""
 
 ROWS_ALONE = 1 << 10
-"""Of those that are solved one by one: what an interruption loses, and what workers share."""
+"""The same for scenarios solved one by one: work lost by an interruption, or given to a worker."""
 
 SPREADSHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 
 MOST_HEADER = 1 << 16
-"""Bytes that the header of a CSV may have; all options take a fiftieth of it."""
+"""Longest header of a CSV file [bytes]; a header with all options is a fiftieth of it."""
 
 ROOM_OCTETS, THREAD_OCTETS = 1_250_000_000, 50_000_000
-"""Addresses that the columnar library reserves for a block, and for each of its threads."""
+"""Address space that polars reserves for a block, and for each of its threads [bytes]."""
 
 PLAIN_CELLS = 2_000_000
-"""A Parquet file may always have so many cells,"""
+"""Number of cells that any Parquet file may have."""
 
 CELLS_A_BYTE = 100
-"""and a larger one so many for each of its bytes."""
+"""Number of cells per byte that a larger Parquet file may have."""
 
 MOST_VALUES = 10_000_000
-"""Values that one range or list may have."""
+"""Largest number of values of a range or list."""
 
 
 def _parsed(name: str, value: Any, place: str) -> Any:
-    """A value of an option, as `plan` reads it; what only a search within a time takes is refused."""
+    """A value of an option, parsed as by `plan`; values for a search within a time are refused."""
     found = BY_NAME[name].parse(value, place)
     if (
         name == "within"
@@ -69,14 +70,14 @@ def _parsed(name: str, value: Any, place: str) -> Any:
 
 
 _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
-"""Values that ask for a search within a time."""
+"""Options and values that request a search within a time."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """Every combination of the axes' values, the last axis fastest.
+    """All combinations of the values of the axes, where the last axis varies fastest.
 
-    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
     """
 
     values: dict[str, NDArray[Any]]
@@ -94,7 +95,9 @@ class Crossing:
 
     @cached_property
     def _steps(self) -> list[int]:
-        """How much of each axis a block has: one of the leading ones, a cut of one, all of the rest."""
+        """Number of values of each axis in a block: 1 on leading axes, part of one axis, then all
+        values.
+        """
         steps, room = [], _room(self.alone)
         for axis in reversed(self.values.values()):
             steps.append(min(len(axis), room))
@@ -103,7 +106,7 @@ class Crossing:
 
     @cached_property
     def _cuts(self) -> tuple[int, ...]:
-        """How many blocks lie along each axis."""
+        """Number of blocks along each axis."""
         sizes = [len(axis) for axis in self.values.values()]
         return tuple(-(-size // step) for size, step in zip(sizes, self._steps, strict=True))
 
@@ -113,7 +116,7 @@ class Crossing:
         return math.prod(self._cuts)
 
     def block(self, index: int) -> Block:
-        """A block by its place in order; together they are all scenarios, once and in order."""
+        """The block with an index; together, blocks contain all scenarios once and in order."""
         columns, shape, start = {}, [], 0
         for axis, (name, values) in enumerate(self.values.items()):
             index_along = index // math.prod(self._cuts[axis + 1 :]) % self._cuts[axis]
@@ -133,9 +136,10 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Table:
-    """A scenario a row: columns of the same length, None where a row leaves an option out.
+    """One scenario per row: columns of equal length, with None for options that a row does not
+    give.
 
-    The larger the share of those that are solved `alone`, the smaller are the blocks.
+    Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
     """
 
     values: dict[str, NDArray[Any]]
@@ -157,7 +161,7 @@ class Table:
         return -(-self.rows // _room(self.alone))
 
     def block(self, index: int) -> Block:
-        """A block by its place in order."""
+        """The block with an index."""
         room = _room(self.alone)
         start = index * room
         part = slice(start, min(start + room, self.rows))
@@ -171,17 +175,17 @@ class Table:
 
 @dataclass(frozen=True)
 class Single(Table):
-    """One block of scenarios, in its place among others that are not there."""
+    """A single block of scenarios, without the other blocks."""
 
     only: Block = field(kw_only=True)
 
     def block(self, index: int) -> Block:  # noqa: ARG002 (there is one)
-        """The block."""
+        """The only block."""
         return self.only
 
 
 def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
-    """Types of the values of columns of objects, None apart."""
+    """Types of the values of columns of objects, without None."""
     return {
         name: frozenset(map(type, column.flat)) - {type(None)}
         for name, column in columns.items()
@@ -190,22 +194,23 @@ def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
 
 
 def _room(alone: float) -> int:
-    """Scenarios that a block may have, by the share of those that are solved one by one."""
+    """Number of scenarios of a block, by the share of those that are solved one by one."""
     room = ROWS_A_BLOCK if alone * ROWS_A_BLOCK <= ROWS_ALONE else round(ROWS_ALONE / alone)
     return min(room, ROWS_A_BLOCK)
 
 
 def read_crossing(path: str) -> Crossing:
-    """The crossing of a TOML or JSON file: its table ``sweep``, in the order written.
+    """Read the crossing in a TOML or JSON file: its table ``sweep``, in the order of the file.
 
-    A value, a list of values, a range ``{ start, stop, count, spacing = "linear" or "log" }`` or
-    the values of a file, one a line, ``{ file = "altitudes.txt" }``.
+    Each entry is a value, a list of values, a range
+    ``{ start, stop, count, spacing = "linear" or "log" }``, or a file with one value per line,
+    ``{ file = "altitudes.txt" }``.
 
     Raises
     ------
     RequestError
-        If a name is unknown, a value wrong, or an axis has no values; the message names the
-        place.
+        If a name is unknown, a value is not valid, or an axis has no values; the message names
+        the place.
     """
     table = read_table(path)
     sweep = table.get("sweep")
@@ -215,16 +220,16 @@ def read_crossing(path: str) -> Crossing:
 
 
 def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> Crossing:
-    """The crossing of options by name, as `read_crossing`.
+    """The crossing of options by name, in the format of `read_crossing`.
 
     Parameters
     ----------
     sweep
         The values of each option.
     where
-        What messages begin with.
+        Prefix of messages.
     folder
-        Where files of values and of scenes are looked for.
+        Folder in which files of values and of scenes are looked for.
     """
     if not sweep:
         raise RequestError(f"{where}[sweep] is empty, so there are no scenarios")
@@ -241,7 +246,7 @@ def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> 
 
 
 def read_scenarios(path: str) -> Crossing | Table:
-    """What a file sweeps: a table of scenarios (``.csv``, ``.parquet``), or a crossing."""
+    """Read the scenarios of a file: a table (``.csv``, ``.parquet``), or a crossing."""
     suffix = os.path.splitext(path)[1].lower()
     if suffix in SPREADSHEETS:
         raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
@@ -249,18 +254,19 @@ def read_scenarios(path: str) -> Crossing | Table:
 
 
 def read_rows(path: str) -> Table:
-    """The scenarios of a CSV or Parquet file, a row each; an empty cell leaves an option out.
+    """Read the scenarios of a CSV or Parquet file, one per row; an empty cell means no value.
 
     Raises
     ------
     RequestError
-        If a column is no option, or a cell no value of it; the message names row and column.
+        If a column is not an option, or a cell is not a value of it; the message names row and
+        column.
     """
     pl = polars()
     as_text = path.lower().endswith(".csv")
     _check_start(path, as_text=as_text)
     with decoding("table of scenarios", path):
-        # A name with brackets is no pattern of other names.
+        # Brackets in a file name must not be taken for a pattern.
         if as_text:
             wide = read_start(path, 2) in (b"\xff\xfe", b"\xfe\xff")
             source = io.BytesIO(text_of(read_bytes(path), path).encode()) if wide else path
@@ -276,7 +282,7 @@ def read_rows(path: str) -> Table:
 
 
 def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
-    """About how many of the scenarios are beyond what is solved as whole columns."""
+    """Approximate share of the scenarios that cannot be solved as whole columns."""
     from aosplan.sweeps.vectorized.inputs import known_share
 
     shares = (known_share(name, column, folder) for name, column in values.items())
@@ -284,7 +290,7 @@ def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:
 
 
 def _check_start(path: str, *, as_text: bool) -> None:
-    """Refuse what is no table by its first bytes: before a library reads all of it."""
+    """Check the first bytes and refuse files that are not tables, before a library reads them."""
     start = read_start(path, MOST_HEADER)
     if start.startswith(b"PK\x03\x04"):
         raise RequestError(f"'{path}' is a spreadsheet", "save its table as CSV or Parquet")
@@ -297,7 +303,7 @@ def _check_start(path: str, *, as_text: bool) -> None:
         raise RequestError(f"'{path}': its header is longer than {MOST_HEADER} bytes")
     header = next(csv.reader([line]), [])
     while len(header) > 1 and not header[-1].strip():
-        header.pop()  # of a trailing comma; a column that is not empty is refused later
+        header.pop()  # an empty column after a trailing comma
     for other, title in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and other in line:
             raise RequestError(
@@ -308,7 +314,7 @@ def _check_start(path: str, *, as_text: bool) -> None:
 
 
 def _without_blanks(frame: Any) -> Any:
-    """A table without the rows and trailing columns that spreadsheets leave: those without a value."""
+    """A table without the empty rows and trailing columns that spreadsheets add."""
     pl = polars()
     blank = pl.all().is_null() | (pl.all().str.strip_chars() == "")
     frame = frame.filter(~pl.all_horizontal(blank))
@@ -321,7 +327,7 @@ def _without_blanks(frame: Any) -> Any:
 
 
 def _check_size(frame: Any, path: str) -> None:
-    """Refuse a Parquet file that declares more than its size can hold: runs of one value are short."""
+    """Refuse a Parquet file with too many cells for its size, because runs of one value are short."""
     columns = len(frame.collect_schema())
     rows = frame.select(polars().len()).collect().item()
     stored = os.path.getsize(path)
@@ -333,7 +339,7 @@ def _check_size(frame: Any, path: str) -> None:
 
 
 def _check_names(names: Sequence[str], path: str) -> None:
-    """Refuse columns that are no options, or are there twice."""
+    """Refuse columns that are not options, or that occur twice."""
     for place, name in enumerate(names):
         if name not in BY_NAME:
             hint = nearest_hint(name, BY_NAME) or "`aosplan plan --help` lists them, with hyphens"
@@ -345,9 +351,9 @@ def _check_names(names: Sequence[str], path: str) -> None:
 
 
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
-    """A column's values, each distinct one parsed once."""
+    """The parsed values of a column; each distinct value is parsed once."""
     series = frame.get_column(name)
-    if series.dtype.is_nested():  # lists, such as a place; as a CSV has them
+    if series.dtype.is_nested():  # lists, such as a location, are written as in a CSV file
         series = series.map_elements(_cell, return_dtype=polars().String)
     distinct = series.unique(maintain_order=True)
     parsed: list[Any] = []
@@ -406,14 +412,14 @@ def _range(given: Mapping[str, Any], place: str, folder: str) -> list[Any]:
 
 
 def polars() -> Any:
-    """The columnar library.
+    """The library polars.
 
     Raises
     ------
     MissingExtraError
         If it is not installed.
     SurroundingsError
-        If a limit leaves too little memory for it: it would end the process without an error.
+        If a memory limit is too low for it, which would end the process without a message.
     """
     if "polars" not in sys.modules:
         _check_room()
@@ -423,14 +429,14 @@ def polars() -> Any:
 
 
 def _check_room() -> None:
-    """Refuse to begin under a limit (``ulimit -v``) of which too little is left."""
+    """Refuse to start if a memory limit (``ulimit -v``) leaves too little address space."""
     try:
         import resource
 
         limit = resource.getrlimit(resource.RLIMIT_AS)[0]
         with open("/proc/self/statm", encoding="ascii") as file:
             used = int(file.read().split()[0]) * resource.getpagesize()
-    except (ImportError, AttributeError, OSError):  # not on Linux
+    except (ImportError, AttributeError, OSError):  # not available outside Linux
         return
     needed = ROOM_OCTETS + THREAD_OCTETS * (os.cpu_count() or 1)
     if limit != resource.RLIM_INFINITY and limit - used < needed:
@@ -449,7 +455,7 @@ def _lines(path: str) -> list[str]:
 
 
 def column_of(values: Sequence[Any]) -> NDArray[Any]:
-    """Values as an array: floats and whole numbers as such, anything else as objects."""
+    """Values as an array: floats and integers as numbers, everything else as objects."""
     if all(type(value) is int for value in values):
         return np.array(values, dtype=np.int64)
     if all(isinstance(value, float) for value in values):

@@ -1,4 +1,4 @@
-"""One part of a sweep: a block of scenarios to a file of rows."""
+"""Solving one part of a sweep: from a block of scenarios to a file of rows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = None) -> Part:
-    """Solve a block and write what is kept of it, in `folder` until it is whole; None: nowhere."""
+    """Solve a block and write its rows to `path` (None: write nothing), by way of `folder`."""
     frame, gathered = sweep.part(index)
     size, checksum = (0, "") if path is None else write_frame(frame, path, folder)
     return Part(index, frame.height, size, checksum, gathered)

@@ -1,4 +1,4 @@
-"""What became of the scenarios of a block: the first word on each of them stands."""
+"""Status of the scenarios of a block; once set, a status is never changed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 STATUSES = ("ok", "infeasible", "invalid")
-"""What became of a scenario: a plan, no plan that meets the target, or a wrong request."""
+"""Statuses: solved, without a plan that meets the target, and not a valid request."""
 
 OK, INFEASIBLE, INVALID = range(3)
 
 DEFERRED = 3
-"""Not decided here: to be solved by itself."""
+"""Status of a scenario that has to be solved by itself."""
 
 
 class RowStatuses:
@@ -26,11 +26,11 @@ class RowStatuses:
     Attributes
     ----------
     status
-        Of the block's shape: a place in `STATUSES`, or `DEFERRED`.
+        Shape of the block: index in `STATUSES`, or `DEFERRED`.
     reason
-        Of the block's shape: place of the reason in `texts`, -1 for none.
+        Shape of the block: index of the reason in `texts`, -1 without one.
     texts
-        Reasons, each once where scenarios have it in common.
+        Reasons; several scenarios may share one.
     """
 
     def __init__(self, shape: tuple[int, ...]) -> None:
@@ -39,24 +39,24 @@ class RowStatuses:
         self.texts: list[str] = []
 
     def defer(self, where: Any) -> None:
-        """Leave scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
+        """Mark scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
         if np.any(where):
             self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
 
     def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
-        """Refuse scenarios that nothing has been said of.
+        """Refuse scenarios that have no other status yet.
 
         Parameters
         ----------
         status
             `INFEASIBLE` or `INVALID`.
         where
-            Which ones; broadcasts to the block's shape.
+            Mask of the scenarios, which broadcasts to the block's shape.
         text
-            The reason, from the values of a scenario.
+            Function that returns the reason from the values of a scenario.
         values
-            Columns that broadcast to the block's shape; where scenarios share all of them, the
-            reason is written once.
+            Columns that broadcast to the block's shape.  Scenarios with the same values share one
+            reason.
         """
         if not np.any(where):
             return

@@ -1,9 +1,10 @@
-"""What came out of a sweep, gathered while it runs, without storing a row.
+"""Summary of the results of a sweep, computed while it runs, without storing rows.
 
-Each part of a sweep is summarised alone, and summaries are added.  Addition is exact, so neither
-the order nor the size of the parts changes a digit: counts are whole numbers, and so are sums, in
-units of the smallest float (`exact_sum`); an extreme is a value and the first row that has it; medians
-are counted out over fixed bins, as in HdrHistogram: they are named approximate, and are within `MEDIAN_ERROR`.
+Each part is summarised by itself, and the summaries are added.  The addition is exact, so the
+result does not depend on the order and size of the parts.  Counts are integers.  Sums are also
+integers, in units of the smallest float (`exact_sum`).  An extreme is a value and the first row
+that has it.  Medians are computed from counts in fixed bins, as in HdrHistogram; they are called
+approximate and have a relative error of at most `MEDIAN_ERROR`.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import Crossing, Table
 
 MOST_REASONS = 100
-"""Kinds of reasons that are told apart: the first of the alphabet."""
+"""Largest number of kinds of reasons; the first ones in alphabetical order are kept."""
 
 BITS = 8
-"""Leading bits of a number's fraction that its bin keeps."""
+"""Number of leading bits of a float's fraction that its bin keeps."""
 
 MOST_BINS = 1 << 14
-"""Bins that are counted where they lie; if they lie farther apart, only those that are filled."""
+"""Largest range of bins that is counted as an array; otherwise only the occupied bins are counted."""
 
 MEDIAN_ERROR = 2.0 ** -(BITS + 1)
-"""Relative error of an approximate median; whole numbers below 512 are exact."""
+"""Relative error of an approximate median; integers below 512 are exact."""
 
 _SMALLEST = 1074
-"""Every float is a whole number of 2 ** -1074."""
+"""Every float is a multiple of 2 ** -1074."""
 
 _NUMBER = re.compile(r"(?<![\w.'-])-?\d+(\.\d+)?(e[+-]?\d+)?(?![\w'])")
 
@@ -54,7 +55,7 @@ Extreme = tuple[float, int]
 
 
 class Column(NamedTuple):
-    """A result over the rows that are kept: how many have it, their sum, and its extremes."""
+    """A result over the kept rows: number of rows that have it, sum, and extremes."""
 
     known: int = 0
     total: int = 0
@@ -62,7 +63,7 @@ class Column(NamedTuple):
     most: Extreme | None = None
 
     def __add__(self, other: object) -> Column:
-        """Over the rows of both."""
+        """The column over the rows of both."""
         assert isinstance(other, Column)
         return Column(
             self.known + other.known,
@@ -82,7 +83,7 @@ def _downwards(extreme: Extreme) -> tuple[float, int]:
 
 
 class Group(NamedTuple):
-    """Scenarios with one value of an input: all, those kept, those met; the best, and its bins."""
+    """Scenarios with one value of an input: counts (all, kept, solved), best value, and its bins."""
 
     scenarios: int = 0
     rows: int = 0
@@ -91,7 +92,7 @@ class Group(NamedTuple):
     bins: Mapping[int, int] = {}
 
     def joined(self, other: Group, *, most: bool) -> Group:
-        """Over the scenarios of both."""
+        """The group over the scenarios of both."""
         found = [best for best in (self.best, other.best) if best is not None]
         return Group(
             self.scenarios + other.scenarios,
@@ -107,24 +108,24 @@ def _added(first: Mapping[Any, int], second: Mapping[Any, int]) -> dict[Any, int
 
 
 class Reason(NamedTuple):
-    """A kind of reason: how many scenarios have it, and the first of them."""
+    """A kind of reason: number of scenarios, and the first of them."""
 
     scenarios: int
     row: int
     text: str
 
     def __add__(self, other: object) -> Reason:
-        """Over the scenarios of both."""
+        """The reason over the scenarios of both."""
         assert isinstance(other, Reason)
         first = min(self, other, key=lambda reason: reason.row)
         return Reason(self.scenarios + other.scenarios, first.row, first.text)
 
 
 class Summary(NamedTuple):
-    """What is known of some scenarios.
+    """Summary of some scenarios.
 
-    `rows` are those that the sweep's condition keeps; `statuses` and `reasons`, by status and kind, count
-    all scenarios, and `columns` and `groups` are of the rows that are kept.
+    `rows` is the number of rows that meet the sweep's condition.  `statuses` and `reasons` count
+    all scenarios, by status and by kind of reason.  `columns` and `groups` are for the kept rows.
     """
 
     scenarios: int
@@ -135,7 +136,7 @@ class Summary(NamedTuple):
     groups: tuple[tuple[Group, ...], ...]
 
     def joined(self, other: Summary, *, most: bool) -> Summary:
-        """Of the scenarios of both."""
+        """The summary of the scenarios of both."""
         reasons = dict(self.reasons)
         for kind, reason in other.reasons.items():
             reasons[kind] = reasons[kind] + reason if kind in reasons else reason
@@ -143,7 +144,8 @@ class Summary(NamedTuple):
             self.scenarios + other.scenarios,
             self.rows + other.rows,
             _added(self.statuses, other.statuses),
-            # A kind that is left out once has as many before it ever after, so none is half counted.
+            # A kind that was dropped once stays dropped, because `MOST_REASONS` kinds come before
+            # it.
             dict(sorted(reasons.items())[:MOST_REASONS]),
             {name: self.columns[name] + other.columns[name] for name in self.columns},
             tuple(
@@ -160,7 +162,7 @@ class Summary(NamedTuple):
 
     @classmethod
     def of_state(cls, state: list[Any]) -> Summary:
-        """The summary that `state` was made of."""
+        """The inverse of `state`."""
         scenarios, rows, statuses, reasons, columns, groups = state
         return cls(
             scenarios,
@@ -178,7 +180,7 @@ class Summary(NamedTuple):
 
 
 def empty(grouping: Grouping, results: Sequence[str]) -> Summary:
-    """The summary of nothing, to which others are added."""
+    """The summary of no scenarios, to which others are added."""
     groups = tuple((Group(),) * groups.size for groups in grouping.groups)
     return Summary(0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, Column()), groups)
 
@@ -195,13 +197,13 @@ def summarised(
     Parameters
     ----------
     grouping
-        What to tell apart.
+        Groups of the summary.
     results
         Results to summarise, columns of the frame.
     block, frame
-        The scenarios, and a row for each of them.
+        The scenarios, and one row for each of them.
     kept
-        Rows that the sweep's condition keeps.
+        Indices of the rows that meet the sweep's condition.
     """
     status = frame.get_column("status").to_physical().to_numpy()
     counts = np.bincount(status, minlength=len(STATUSES)).tolist()
@@ -242,25 +244,25 @@ def _column(values: NDArray[Any], rows: NDArray[np.intp], start: int) -> Column:
 
 
 def exact_sum(values: NDArray[Any]) -> int:
-    """The exact sum of an array, as a whole number of 2 ** -1074.
+    """The exact sum of an array, in units of 2 ** -1074.
 
     Parameters
     ----------
     values
-        Finite, below 1e280 in size; at least one.
+        At least one finite number; absolute values below 1e280.
 
     Notes
     -----
-    Of each number the leading bits are taken at which sums of them all are exact, then of what is
-    left, until nothing is: Rump, Ogita and Oishi, "Accurate floating-point summation part I",
-    SIAM J. Sci. Comput. 31 (2008), algorithm 3.2 (ExtractVector).
+    The leading bits of all numbers are summed without rounding error, then those of the remainders,
+    until the remainders are zero: Rump, Ogita and Oishi, "Accurate floating-point summation part
+    I", SIAM J. Sci. Comput. 31 (2008), algorithm 3.2 (ExtractVector).
     """
     if values.dtype.kind in "iu":
-        # Within a part, whole numbers below 2 ** 53 add up to less than 2 ** 63 in halves.
+        # The two halves of integers below 2 ** 53 have sums below 2 ** 63 within a part.
         high, low = values >> 32, values & 0xFFFFFFFF
         return ((int(high.sum()) << 32) + int(low.sum())) << _SMALLEST
     total, rest = 0, values
-    # What is left of each number is at most half a unit in the last place of `around`.
+    # The remainder of each number is at most half a unit in the last place of `around`.
     room = 2.0 ** (len(values) + 1).bit_length()
     around = room * 2.0 ** math.frexp(max(float(values.max()), -float(values.min())))[1]
     while rest.any():
@@ -277,7 +279,7 @@ def _whole(value: float) -> int:
 
 
 class _Rated(NamedTuple):
-    """Values of the objective, their rows, and their bins by place among `distinct` ones."""
+    """Values of the objective, their rows, and indices of their bins in `distinct`."""
 
     values: NDArray[np.float64]
     rows: NDArray[np.intp]
@@ -307,7 +309,7 @@ def _grouped(
     *,
     most: bool,
 ) -> tuple[Group, ...]:
-    """One block by the values of one input."""
+    """The groups of one input, for one block."""
     places = np.broadcast_to(groups.places(block.columns[groups.name]), block.shape).reshape(-1)
     everything = np.bincount(places, minlength=groups.size)
     counts = [
@@ -322,7 +324,7 @@ def _grouped(
     size = len(rated.distinct)
     table = np.bincount(own * size + rated.bins, minlength=groups.size * size)
     table = table.reshape(groups.size, size)
-    # Bins rise with their numbers, so the best is in the last of them.
+    # Bins are ordered like their values, so the best value is in the last or first occupied bin.
     last = size - 1 - (table[:, ::-1] > 0).argmax(axis=1) if most else (table > 0).argmax(axis=1)
     nearest = np.flatnonzero(rated.bins == last[own])
     best = np.full(groups.size, -math.inf if most else math.inf)
@@ -337,14 +339,14 @@ def _grouped(
 
 
 def bins_of(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Bin of each number, rising with it: its sign, its exponent and `BITS` of its fraction."""
+    """Bin of each number, in the same order: its sign, exponent and first `BITS` of its fraction."""
     bits = (values + 0.0).view(np.int64)
     magnitude = (bits & np.int64(2**63 - 1)) >> (52 - BITS)
     return np.where(bits < 0, -magnitude, magnitude)
 
 
 def value_of(at: int, *, whole: bool) -> float:
-    """The number in the middle of a bin; of whole numbers the whole one before it."""
+    """The middle of a bin; for whole numbers, rounded down."""
     edges = np.array([abs(at), abs(at) + 1], dtype=np.int64) << (52 - BITS)
     low, high = edges.view(np.float64).tolist()
     middle = math.copysign(low + (high - low) / 2.0, at) if at else 0.0
@@ -366,7 +368,7 @@ def _reasons(frame: pl.DataFrame, start: int) -> dict[tuple[str, str], Reason]:
 def summary_document(
     summary: Summary, grouping: Grouping, scenarios: Crossing | Table
 ) -> dict[str, Any]:
-    """A summary as plain values, rows counted from 1 and named by their inputs."""
+    """A summary as plain values, with rows counted from 1 and described by their inputs."""
 
     def named(row: int) -> dict[str, Any]:
         return {"row": row + 1, "request": scenario(scenarios, row)}
@@ -424,12 +426,12 @@ def _shown(groups: Groups, parts: Sequence[Group], grouping: Grouping) -> Iterab
 
 
 def _own(name: str, value: float | None) -> float | None:
-    """A value in the result's own type: columns with gaps hold whole numbers as floats."""
+    """A value in the type of its result, because columns with gaps store integers as floats."""
     return int(value) if value is not None and name in WHOLE else value
 
 
 def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
-    """The middle value, of an even number the lower one."""
+    """The median; of an even number of values, the lower of the two middle ones."""
     left = (sum(bins.values()) + 1) // 2
     for at, count in sorted(bins.items()):
         left -= count
@@ -439,29 +441,29 @@ def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
 
 
 class Gathered(NamedTuple):
-    """What is gathered from some parts."""
+    """The summary and the drawn sample of some parts."""
 
     summary: Summary
     draw: Draw
 
     def state(self) -> list[Any]:
-        """The same as plain values, for a file."""
+        """Both as plain values, for a file."""
         return [self.summary.state(), self.draw.state()]
 
     @classmethod
     def of_state(cls, state: list[Any]) -> Gathered:
-        """What `state` was made of."""
+        """The inverse of `state`."""
         return cls(Summary.of_state(state[0]), Draw.of_state(state[1]))
 
 
 class Gather(NamedTuple):
-    """What is to be gathered: a summary, and a sample of rows to simulate, if any."""
+    """What to compute for a sweep: a summary, and a sample of rows to simulate, if requested."""
 
     grouping: Grouping
     drawing: Drawing | None = None
 
     def nothing(self, results: Sequence[str]) -> Gathered:
-        """What is gathered from no part."""
+        """The result for no part."""
         return Gathered(empty(self.grouping, results), Draw())
 
     def of(
@@ -471,14 +473,16 @@ class Gather(NamedTuple):
         frame: pl.DataFrame,
         kept: NDArray[np.intp],
     ) -> Gathered:
-        """What is gathered from one part: a block, a row for each of its scenarios, those kept."""
+        """The result for one part: a block, one row for each of its scenarios, and indices of kept
+        rows.
+        """
         return Gathered(
             summarised(self.grouping, results, block, frame, kept),
             Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
         )
 
     def joined(self, first: Gathered, second: Gathered) -> Gathered:
-        """What is gathered from the parts of both."""
+        """The result for the parts of both."""
         rows = 0 if self.drawing is None else self.drawing.rows
         return Gathered(
             first.summary.joined(second.summary, most=self.grouping.most),

@@ -1,4 +1,4 @@
-"""What a sweep is: scenarios, their file of results, and what is asked of it."""
+"""A sweep: its scenarios, its results, and conditions for the rows to keep."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
-"""Endings of a result."""
+"""Extensions of result files."""
 
 OF_SEVERAL_ROWS = re.compile(
     r"\b(?:over\b|(?:array_agg|avg|corr|count|covar\w*|dense_rank|first|first_value|group_concat|"
@@ -32,14 +32,15 @@ OF_SEVERAL_ROWS = re.compile(
     r"sum|total|var\w*)\s*\()",
     re.IGNORECASE,
 )
-"""Words of the columnar library's SQL that look at other rows too."""
+"""Keywords of polars' SQL whose result depends on other rows."""
 
 
 class Sweep(NamedTuple):
-    """What is swept and what is kept of it.
+    """The scenarios of a sweep, and the rows to keep.
 
-    `where` is an SQL condition on the columns of the result; `best` a column, the largest value of which is kept for each
-    group of rows with the same values of `per`; a minus before it keeps the smallest.
+    `where` is an SQL condition on the columns of the result.  `best` is a column; in each group of
+    rows with the same values of `per`, the row with the largest value is kept, or with the smallest
+    value if the name starts with a minus.
     """
 
     scenarios: Crossing | Table
@@ -56,7 +57,7 @@ class Sweep(NamedTuple):
         return [*map(input_column, self.scenarios.names), *self.results, "status", "reason"]
 
     def fingerprint(self) -> str:
-        """A text that differs where any row might."""
+        """A checksum that differs if any row might differ."""
         versions = __version__, np.__version__, polars().__version__
         digest = hashlib.sha256(repr((versions, self[1:])).encode())
         for name, values in self.scenarios.values.items():
@@ -67,7 +68,7 @@ class Sweep(NamedTuple):
         return digest.hexdigest()
 
     def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
-        """What is kept of one block, and what is gathered from it."""
+        """The rows to keep of one block, and its summary."""
         block = self.scenarios.block(index)
         needed = () if self.gather is None else self.gather.grouping.needed
         results = tuple(dict.fromkeys((*self.results, *needed)))
@@ -80,18 +81,18 @@ class Sweep(NamedTuple):
         return self.best_of(shown if len(rows) == frame.height else shown[rows]), gathered
 
     def kept(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The rows of a frame that the conditions keep, in order."""
+        """The rows of a frame that meet the conditions, in order."""
         return self.best_of(self._filtered(frame))
 
     def _rows(self, frame: pl.DataFrame) -> NDArray[np.intp]:
-        """Places of the rows for which the condition holds."""
+        """Indices of the rows that meet the condition."""
         if self.where is None:
             return np.arange(frame.height)
         rows = self._filtered(frame.with_row_index("_row")).get_column("_row").to_numpy()
         return rows.astype(np.intp)
 
     def _filtered(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The rows for which the condition holds, in order."""
+        """The rows that meet the condition, in order."""
         if self.where is None:
             return frame
         pl = polars()
@@ -111,7 +112,7 @@ class Sweep(NamedTuple):
             ) from None
 
     def best_of(self, frame: pl.DataFrame) -> pl.DataFrame:
-        """The best row of each group, in the order of the rows; of several equal ones the first."""
+        """The best row of each group, in the order of the rows; of several equal rows, the first."""
         if self.best is None:
             return frame
         pl = polars()
@@ -128,20 +129,21 @@ class Sweep(NamedTuple):
 
 
 def _of_several_rows(where: str) -> str:
-    """The first word of a condition whose answer would change with the rows of a part, or nothing."""
+    """The first keyword of a condition that depends on the other rows of a part; empty if none."""
     code = re.sub(r"'(?:[^']|'')*'|\"(?:[^\"]|\"\")*\"", "''", where)
     found = OF_SEVERAL_ROWS.search(code)
     return "" if found is None else found[0].rstrip("( \t\n").upper()
 
 
 def check(sweep: Sweep) -> None:
-    """Refuse conditions on columns that the result does not have, and look at files anew.
+    """Refuse conditions on columns that the result does not have, and clear what was read from
+    files.
 
     Raises
     ------
     RequestError
-        If `best` or `per` names an unknown column, `best` one of words, or `where` is no
-        condition.
+        If `best` or `per` names an unknown column, `best` names a text column, or `where` is not
+        a valid condition.
     """
     named = [("--best", sweep.best.lstrip("-"))] if sweep.best else []
     for option, name in named + [("--per", name) for name in sweep.per]:
@@ -161,7 +163,7 @@ def check(sweep: Sweep) -> None:
 
 
 def solve_first(sweep: Sweep) -> pl.DataFrame:
-    """The first scenario alone, for its columns."""
+    """Solve only the first scenario, to find the columns of the result."""
     block = sweep.scenarios.block(0)
     columns = {
         name: column[tuple(slice(1) for _ in column.shape)]

@@ -1,4 +1,4 @@
-"""The JSON document that `aosplan sweep --json` prints, for its schema."""
+"""Schema of the JSON document that `aosplan sweep --json` prints."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from aosplan.simulation.simulation_schema import (
 from aosplan.validation import Finite, OpenDocument
 
 Row = Annotated[int, Field(ge=1)]
-"""Place of a scenario in the sweep, from 1."""
+"""Index of a scenario in the sweep, from 1."""
 
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class ScenarioDocument(OpenDocument):
-    """A scenario by its place; `request` is what `aosplan plan` takes to solve it again."""
+    """A scenario by its index; `request` has the options of `aosplan plan` that solve it again."""
 
     row: Row
     request: dict[str, Any]
 
 
 class ExtremeDocument(ScenarioDocument):
-    """The least or the most of a result, and the first scenario that has it."""
+    """The smallest or largest value of a result, and the first scenario that has it."""
 
     value: int | Finite
 
 
 class ResultDocument(OpenDocument):
-    """A result over the rows that are met and kept; the mean is correctly rounded."""
+    """A result over the kept rows with a plan; the mean is correctly rounded."""
 
     count: int
     mean: Finite | None
@@ -42,13 +42,13 @@ class ResultDocument(OpenDocument):
 
 
 class FirstDocument(ScenarioDocument):
-    """The first scenario with a kind of reason, and its own words."""
+    """The first scenario with a kind of reason, with the full text of the reason."""
 
     reason: str
 
 
 class ReasonDocument(OpenDocument):
-    """Why scenarios are not met: one sentence, # for its numbers."""
+    """Why scenarios have no plan: one sentence, with # instead of its numbers."""
 
     status: Literal["infeasible", "invalid"]
     reason: str
@@ -57,10 +57,10 @@ class ReasonDocument(OpenDocument):
 
 
 class GroupDocument(OpenDocument):
-    """Scenarios with one `value` of an input, with numbers from `first` to `last`, or the others.
+    """Scenarios with one `value` of an input, with numbers from `first` to `last`, or all others.
 
-    `rows` are those of the `scenarios` that are kept, `met` those of them with a plan, `met_share`
-    their share.
+    `rows` is the number of kept rows, `met` the number of those with a plan, and `met_share` the
+    share of these.
     """
 
     value: Any = None
@@ -83,7 +83,7 @@ class InputDocument(OpenDocument):
 
 
 class ObjectiveDocument(OpenDocument):
-    """The result of which each input's best values are shown, and how near medians are to it."""
+    """The result whose best values are shown for each input, and the error of its medians."""
 
     column: str
     best: Literal["least", "most"]
@@ -91,7 +91,9 @@ class ObjectiveDocument(OpenDocument):
 
 
 class StatusesDocument(OpenDocument):
-    """How many of all scenarios have a plan, none that meets the target, or a wrong request."""
+    """Numbers of scenarios with a plan, without one that meets the target, and with a wrong
+    request.
+    """
 
     ok: int
     infeasible: int
@@ -99,10 +101,11 @@ class StatusesDocument(OpenDocument):
 
 
 class ComparisonsDocument(OpenDocument):
-    """A quantity as simulated less as predicted.
+    """A quantity: simulated minus predicted value.
 
-    `beyond` are the standard errors by which they differ more than the experiment's own error;
-    `chance` is that of as many.  Null where nothing scatters.
+    `beyond` is the difference in excess of the experiment's systematic error, in standard errors.
+    `chance` is the probability of such a difference or a larger one.  Null if there is no
+    variation.
     """
 
     quantity: Literal["density", "expected", "normalized"]
@@ -113,19 +116,19 @@ class ComparisonsDocument(OpenDocument):
 
 
 class PlacedComparisonDocument(ComparisonsDocument):
-    """The same, of a row."""
+    """A comparison for one row."""
 
     row: Row
 
 
 class WorstDocument(PlacedComparisonDocument):
-    """The comparison that chance explains least; `chance_of_worst` is Šidák's, of them all."""
+    """The least probable comparison; `chance_of_worst` is its probability among all (Šidák)."""
 
     chance_of_worst: Share
 
 
 class CheckedRowDocument(ScenarioDocument):
-    """A row beside its simulation, or the reason why there is none."""
+    """A row with its simulation, or the reason why it was not simulated."""
 
     strata: list[str]
     seed: int
@@ -143,10 +146,11 @@ class CheckedRowDocument(ScenarioDocument):
 
 
 class VerificationDocument(OpenDocument):
-    """A sample of rows beside their simulations.
+    """A sample of rows with their simulations.
 
-    If all agree, the worst comparison exceeds `expected_worst` standard errors by even chances,
-    and `critical` with the chance `level`; they agree where its chance is not below that.
+    If all rows agree, the worst comparison exceeds `expected_worst` standard errors with
+    probability one half, and `critical` with probability `level`.  Rows are reported to agree if
+    its probability is at least `level`.
     """
 
     seed: int
@@ -164,10 +168,10 @@ class VerificationDocument(OpenDocument):
 
 
 class SweepDocument(OpenDocument):
-    """What `aosplan sweep --json` prints.
+    """The document that `aosplan sweep --json` prints.
 
-    `statuses` and `reasons` are of all scenarios, `results` and `inputs` of the rows that `where`
-    keeps; `fixed` inputs have one value.
+    `statuses` and `reasons` are for all scenarios; `results` and `inputs` are for the rows that
+    meet `where`.  `fixed` inputs have a single value.
     """
 
     schema_: Literal[1] = Field(alias="schema")

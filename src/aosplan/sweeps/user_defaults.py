@@ -1,7 +1,7 @@
-"""The user's own defaults below every scenario, as `aosplan plan` takes them below a request file.
+"""The user's own defaults for scenarios, applied as `aosplan plan` applies them to a request file.
 
-What a scenario says wins, and drops what it contradicts: a ``gsd`` the altitude of the defaults, a
-``drone`` their camera and speeds.
+A scenario overrides the defaults, and also removes those that it contradicts.  For example, a
+``gsd`` removes the default altitude, and a ``drone`` removes the default camera and speeds.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DECIDING = ("grid", "trigger")
-"""Options whose value decides what goes with them; of others it is enough that they are given."""
+"""Options whose value determines which others apply; for other options, being given is enough."""
 
 
 def with_defaults(
     scenarios: Crossing | Table, own: Mapping[str, Any], where: str, folder: str = ""
 ) -> Crossing | Table:
-    """The scenarios, each with those of the user's own defaults that it leaves room for.
+    """The scenarios with the user's own defaults, as far as each scenario does not contradict them.
 
     Parameters
     ----------
     scenarios
-        What is swept.
+        The scenarios.
     own, where
-        Options by name, and the file that they are from.
+        Defaults by option, and the file that they come from.
     folder
-        Where the scenarios' file names are looked for first.
+        Folder in which file names of the scenarios are looked for first.
 
     Raises
     ------
     RequestError
-        If the defaults contradict each other, or one goes with some values of a crossing alone.
+        If the defaults contradict each other, or if one applies to only some values of a crossing.
     """
     if isinstance(scenarios, Table):
         filled = _filled(scenarios.values, own, where)
@@ -66,14 +66,14 @@ def with_defaults(
 def _filled(
     values: Mapping[str, NDArray[Any]], own: Mapping[str, Any], where: str
 ) -> dict[str, NDArray[Any]]:
-    """Columns of a table, with the defaults in rows that leave them out."""
+    """Columns of a table, with the defaults in rows that give no value."""
     given = {
         name: np.array([value is not None for value in column.flat])
         for name, column in values.items()
         if column.dtype == object
     }
     rows = len(next(iter(values.values())))
-    # Rows that give the same options, and the same values of those that decide, are alike.
+    # Rows are alike if they give the same options, and the same values of those in `DECIDING`.
     alike = np.zeros(rows, dtype=np.int64)
     for name, hole in given.items():
         kinds = list(dict.fromkeys(values[name].flat)) if name in DECIDING else []

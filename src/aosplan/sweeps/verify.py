@@ -1,16 +1,16 @@
-"""A sample of a sweep's rows, flown over simulated forests.
+"""Verification of a sweep: a sample of its rows is simulated.
 
-**The sample** is drawn while the sweep runs, from the rows that are met and kept: for each input
-with several values a row with the least of it, one with the most, and one for each of its words;
-then rows at random until there are enough.  Each row has a random priority of its own, so the
-sample depends on nothing but the sweep and the seed.
+**Sample.**  It is drawn while the sweep runs, from the kept rows with a plan.  For each input with
+several values, it has a row with the smallest value, one with the largest, and one for each text
+value.  The remaining rows are chosen at random.  Each row has a random priority that depends only
+on its index and the seed, so the sample depends only on the sweep and the seed.
 
-**The judgement** is of the worst of many comparisons, which chance alone makes large.  A comparison is the
-difference of a prediction and its simulation, less the experiment's own, stated error, over the
-standard error; its chance is that of as large a one in Student's distribution with as many degrees
-of freedom as the experiment has samples, less one.  The worst of n has the chance
-1 - (1 - chance)ⁿ (Šidák 1967, an upper bound where comparisons depend on each other), and rows
-disagree where that is below `LEVEL`.
+**Test.**  The worst of many comparisons is tested, which may be large by chance.  A comparison is
+the difference between a prediction and its simulation, minus the experiment's systematic error,
+divided by the standard error.  Its chance is the probability of a value at least as large in
+Student's distribution, with one degree of freedom less than the experiment has samples.  The worst
+of n comparisons has the chance 1 - (1 - chance)ⁿ (Šidák 1967; an upper bound if comparisons depend
+on each other).  The rows disagree if this is below `LEVEL`.
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ if TYPE_CHECKING:
     from aosplan.sweeps.scenarios import Crossing, Table
 
 ROWS = 20
-"""Rows of a sample, unless told otherwise."""
+"""Default number of rows of a sample."""
 
 MOST_ROWS = 10_000
-"""More rows than these are not simulated."""
+"""Largest number of rows that is simulated."""
 
 LEVEL = 0.01
-"""Chance of the worst comparison below which it is no chance."""
+"""Chance of the worst comparison below which rows disagree."""
 
 LARGEST_SEED = 2**63 - 1
 
 Drawn = tuple[float, int, int]
-"""A row of a sample: how far from an extreme, its priority, and its place in the sweep."""
+"""A row of a sample: distance from the extreme, priority, and index in the sweep."""
 
 
 class Drawing(NamedTuple):
-    """How many rows to draw, from which seed, and the inputs whose extremes are to be among them."""
+    """How many rows to draw, the random seed, and the inputs whose extremes are to be included."""
 
     rows: int
     seed: int
@@ -63,13 +63,13 @@ class Drawing(NamedTuple):
 
 
 class Draw(NamedTuple):
-    """What is drawn from some scenarios: rows at random, and the first choice of each stratum."""
+    """Rows drawn from some scenarios: random rows, and the best row for each stratum."""
 
     random: tuple[tuple[int, int], ...] = ()
     strata: Mapping[str, Drawn] = {}
 
     def joined(self, other: Draw, *, rows: int) -> Draw:
-        """What is drawn from the scenarios of both."""
+        """The rows drawn from the scenarios of both."""
         strata = dict(self.strata)
         for name, drawn in other.strata.items():
             strata[name] = min(drawn, strata.get(name, drawn))
@@ -81,13 +81,13 @@ class Draw(NamedTuple):
 
     @classmethod
     def of_state(cls, state: list[Any]) -> Draw:
-        """The draw that `state` was made of."""
+        """The inverse of `state`."""
         random, strata = state
         return cls(tuple(map(tuple, random)), {name: tuple(each) for name, each in strata.items()})
 
 
 def drawn(drawing: Drawing, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]) -> Draw:
-    """What is drawn from one block, of a row for each scenario in `frame`."""
+    """Draw rows from one block, for which `frame` has one row per scenario."""
     status = frame.get_column("status").to_physical().to_numpy()
     met = kept[status[kept] == 0]
     if not len(met):
@@ -124,7 +124,7 @@ def strata_of(groups: Iterable[Groups]) -> list[str]:
 
 
 def _strata(groups: Groups, values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
-    """How far each row is from each of an input's strata; infinite where it is not of its kind."""
+    """Distance of each row from each stratum of an input; infinite if the value is of another type."""
     places = groups.places(values)
     if groups.numbers:
         numbers = places < len(groups.numbers)
@@ -137,12 +137,12 @@ def _strata(groups: Groups, values: NDArray[Any]) -> Iterator[NDArray[np.float64
 
 
 def priorities_of(rows: NDArray[np.int64], seed: int) -> NDArray[np.int64]:
-    """Random numbers from 0 to 2⁶³ - 1, one for each row of a sweep and seed.
+    """Random numbers from 0 to 2⁶³ - 1, determined by the row of a sweep and the seed.
 
     Notes
     -----
-    Twice the finalizer of SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom number
-    generators", OOPSLA 2014.
+    The finalizer of SplitMix64, applied twice: Steele, Lea and Flood, "Fast splittable pseudorandom
+    number generators", OOPSLA 2014.
     """
     mixed = _mix(np.array([seed], dtype=np.uint64)) + rows.astype(np.uint64)
     return (_mix(_mix(mixed)) >> np.uint64(1)).astype(np.int64)
@@ -156,14 +156,14 @@ def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 class Chosen(NamedTuple):
-    """A row that is to be simulated, and the strata that it was drawn for; none: at random."""
+    """A row to simulate, and the strata for which it was drawn; none if it was drawn at random."""
 
     row: int
     strata: tuple[str, ...]
 
 
 def sample(draw: Draw, drawing: Drawing) -> list[Chosen]:
-    """The rows of a draw in order: one for each stratum as far as they go, the rest at random."""
+    """The rows of a draw in order: first one for each stratum, then random rows."""
     rows = drawing.rows
     chosen: dict[int, list[str]] = {}
     for name in filter(draw.strata.__contains__, strata_of(drawing.groups)):
@@ -177,10 +177,10 @@ def sample(draw: Draw, drawing: Drawing) -> list[Chosen]:
 
 
 class Comparison(NamedTuple):
-    """One prediction beside its simulation.
+    """Comparison of one prediction with its simulation.
 
-    `beyond` are the standard errors by which they differ more than the experiment itself may;
-    `chance` is that of as many.
+    `beyond` is the difference in excess of the experiment's systematic error, in standard errors.
+    `chance` is the probability of such a difference or a larger one.
     """
 
     row: int
@@ -192,7 +192,7 @@ class Comparison(NamedTuple):
 
 
 class Check(NamedTuple):
-    """A row's simulation, or why there is none."""
+    """The simulation of a row, or the reason why there is none."""
 
     chosen: Chosen
     request: dict[str, Any]
@@ -201,7 +201,7 @@ class Check(NamedTuple):
     reason: str
 
     def comparisons(self) -> Iterator[Comparison]:
-        """Of each quantity that the simulation can tell."""
+        """Comparisons of all quantities that the simulation can estimate."""
         if self.simulation is None:
             return
         from aosplan.simulation.compare import QUANTITIES
@@ -212,10 +212,10 @@ class Check(NamedTuple):
             if not (math.isfinite(value) and math.isfinite(error)):
                 continue
             difference = value - float(getattr(predicted, name))
-            # Rounding is no difference, and neither is what voxels do.
+            # Differences due to rounding and to voxels are not counted.
             excess = max(abs(difference) - self.simulation.tolerance[name] - 1e-9, 0.0)
             if error == 0.0 and excess == 0.0:
-                continue  # nothing is hidden, or everything
+                continue  # nothing is hidden, or everything is
             beyond = excess / error if error else math.inf
             yield Comparison(
                 self.chosen.row,
@@ -228,28 +228,29 @@ class Check(NamedTuple):
 
 
 def chance_of(standard_errors: float, samples: int) -> float:
-    """Chance of as many standard errors, or more, on either side, by Student's distribution."""
+    """Two-sided probability of a difference in standard errors, by Student's distribution."""
     from scipy.special import stdtr
 
     return 2.0 * float(stdtr(max(samples - 1, 1), -standard_errors))
 
 
 def chance_of_worst(chance: float, comparisons: int) -> float:
-    """Chance that the worst of several independent comparisons has at most a chance (Šidák)."""
+    """Probability that the smallest chance of several independent comparisons is at most `chance`."""
     if chance >= 1.0:
         return 1.0
     return -math.expm1(comparisons * math.log1p(-chance))
 
 
 def worst_expected(comparisons: int, chance: float = 0.5) -> float:
-    """Standard errors that the worst of several comparisons exceeds by a chance, if all agree.
+    """Standard errors that the worst of several comparisons exceeds with a given chance, if all
+    agree.
 
     Parameters
     ----------
     comparisons
-        At least one.
+        Number of comparisons, at least one.
     chance
-        By default a half: the median of the worst.
+        Probability; the default of one half gives the median of the worst.
     """
     from statistics import NormalDist
 
@@ -258,7 +259,7 @@ def worst_expected(comparisons: int, chance: float = 0.5) -> float:
 
 
 class Verification(NamedTuple):
-    """A sample of rows, each beside its simulation, and what was drawn in vain."""
+    """A sample of rows with their simulations, and rows that could not be simulated."""
 
     seed: int
     precision: float
@@ -267,24 +268,24 @@ class Verification(NamedTuple):
 
     @property
     def comparisons(self) -> list[Comparison]:
-        """Of all rows, in order."""
+        """Comparisons of all rows, in order."""
         return [each for check in self.checks for each in check.comparisons()]
 
     @property
     def worst(self) -> Comparison | None:
-        """The comparison that chance explains least."""
+        """The comparison with the smallest chance."""
         return min(
             self.comparisons, key=lambda each: (each.chance, -each.standard_errors), default=None
         )
 
     @property
     def agree(self) -> bool | None:
-        """Whether chance explains the worst; None where nothing was compared."""
+        """Whether the worst comparison can be due to chance; None if nothing was compared."""
         worst = self.worst
         return worst and chance_of_worst(worst.chance, len(self.comparisons)) >= LEVEL
 
     def document(self) -> dict[str, Any]:
-        """The verification as plain values, rows counted from 1 and named by their inputs."""
+        """The verification as plain values, with rows counted from 1 and described by their inputs."""
         found, worst = self.comparisons, self.worst
         largest = max(found, key=lambda each: abs(each.difference), default=None)
         return {
@@ -307,7 +308,7 @@ class Verification(NamedTuple):
 def _comparison(found: Comparison) -> dict[str, Any]:
     values = found._asdict() | {"row": found.row + 1}
     return {
-        name: None if value == math.inf else value  # nothing scattered, so there is no unit
+        name: None if value == math.inf else value  # without variation there is no standard error
         for name, value in values.items()
     }
 
@@ -344,18 +345,18 @@ def verify(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Verification:
-    """Simulate the rows of a draw, and hold their predictions against what is seen.
+    """Simulate the rows of a draw and compare the results with their predictions.
 
     Parameters
     ----------
     scenarios, draw, drawing
-        What was swept, and what was drawn of it.
+        The scenarios, the drawn rows, and the settings of the draw.
     settings
-        How to simulate; every row has a seed of its own, the settings' and its place.
+        Settings of the simulation; the seed of a row is computed from their seed and its index.
     folder
-        Where the scenarios' file names are looked for first.
+        Folder in which file names of the scenarios are looked for first.
     progress
-        Called with rows done and rows in all.
+        Function that is called with the number of rows done and the total.
     """
     rows = sample(draw, drawing)
     checks = []
@@ -383,7 +384,7 @@ def _checked(scenarios: Crossing | Table, chosen: Chosen, settings: Settings, fo
 
 
 def _view(request: PlanRequest, planned: Plan) -> ViewKind:
-    """The view asked for, or perspective, as one flies, where some ground is seen by all samples."""
+    """The requested view; by default perspective if all samples see some common ground."""
     if request.view is not None:
         return cast("ViewKind", request.view)
     return "perspective" if min(planned.common_footprint_m) > 0.0 else "telecentric"

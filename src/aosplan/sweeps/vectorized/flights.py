@@ -1,4 +1,4 @@
-"""Shapes of grids, and lengths and times of the flights over them, for whole columns."""
+"""Layouts of grids, and lengths and times of the flights over them, for whole columns."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class _Layout(NamedTuple):
 
 
 class Layouts(NamedTuple):
-    """Grids by scenario: samples, rows, columns, extents in baselines; and the legs of each.
+    """Grids by scenario: samples, rows, columns, extents in baselines, and the legs of each.
 
-    `places` has the place of each scenario's legs.
+    `places` has the index of each scenario's legs.
     """
 
     samples: NDArray[np.int64]
@@ -48,7 +48,7 @@ def _layout(grid: str, samples: int) -> _Layout:
 
 
 def layouts(wanted: Any, grid: Any) -> Layouts:
-    """The smallest grids with so many samples, each distinct one made once."""
+    """The smallest grids with the given numbers of samples; each distinct grid is computed once."""
     kinds, kind_places = np.unique(grid.astype(str), return_inverse=True)
     counts, count_places = np.unique(wanted, return_inverse=True)
     pairs, places = np.unique(

@@ -1,4 +1,4 @@
-"""Frames of lattice grids for whole columns of numbers of samples."""
+"""Frames of lattice grids, for whole columns of sample counts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def frame(grid: str, index: Counts) -> tuple[Counts, Counts]:
-    """Rows and columns of the frame at a place of a kind's sequence (`aosplan.grid.patterns.frame_at`)."""
+    """Rows and columns of the frame at an index of a kind's sequence
+    (`aosplan.grid.patterns.frame_at`).
+    """
     if grid == "line":
         return np.ones_like(index), index
     if grid == "square":
@@ -22,7 +24,7 @@ def frame(grid: str, index: Counts) -> tuple[Counts, Counts]:
 
 
 def index_of(grid: str, samples: Counts) -> Counts:
-    """Place of the first frame that takes so many samples."""
+    """Index of the first frame that holds this many samples."""
     if grid == "line":
         return samples.copy()
     side = np.floor(np.sqrt(samples.astype(float))).astype(np.int64)

@@ -1,4 +1,4 @@
-"""What the options of a block stand for, as columns: camera, altitude, scene, target, flight."""
+"""Inputs of a block from its options, as columns: camera, altitude, scene, target, flight."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Columns = Mapping[str, NDArray[Any]]
 
 GRIDS = ("trimmed", "rectangle", "square", "line")
-"""Grids that columns know."""
+"""Grids that can be solved as columns."""
 
 VALUES: dict[str, tuple[Any, ...]] = {
     "model": ("uniform",),
@@ -44,7 +44,7 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "hold_error": (0.0,),
     "drone": tuple(DRONES),
 }
-"""Options of which columns know these values alone."""
+"""Options for which only these values can be solved as columns."""
 
 UNDERSTOOD = {
     "altitude",
@@ -88,14 +88,14 @@ UNDERSTOOD = {
     "altitude_frame",
     *VALUES,
 }
-"""Options that columns understand, or that change no result here."""
+"""Options that can be solved as columns, or do not change the results here."""
 
 MOST_COUNTED = 1 << 53
-"""More samples than this are all the same: too many."""
+"""Numbers of samples above this are not distinguished, because all are too many."""
 
 
 def understood(block: Block) -> NDArray[np.bool_] | None:
-    """Where columns understand all options of a block; None where they do so nowhere.
+    """Mask of the scenarios whose options can all be solved as columns; None if there are none.
 
     The mask broadcasts to the block's shape.
     """
@@ -103,11 +103,11 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     if not set(given) <= UNDERSTOOD:
         return None
     if "occluder_size" in given and given.keys().isdisjoint(("density", "integrated_density")):
-        return None  # scenes by name have their own
+        return None  # presets and scene files have their own occluder size
     checked = {
         name: value
         for name, value in block.request_values(0).items()
-        # Values of these may be wrong, in some rows only.
+        # These options may have wrong values in some rows only.
         if name not in ("max_samples", "heading", *VALUES)
     }
     if "fov" in checked:
@@ -115,7 +115,7 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     try:
         PlanRequest(**checked)
     except RequestError:
-        return None  # options that contradict each other, or one that is missing
+        return None  # options that contradict each other, or a missing option
     mask: NDArray[np.bool_] = np.True_  # type: ignore[assignment]  # broadcasts as any array
     for name in VALUES.keys() & given.keys():
         mask = mask & _among(given[name], VALUES[name])
@@ -125,14 +125,14 @@ def understood(block: Block) -> NDArray[np.bool_] | None:
     if "fov" in given:
         mask = mask & (given["fov"] < 180.0)
     if "autopilot" in given and "drone" in given:
-        return None  # they may contradict each other, in some rows only
+        return None  # they may contradict each other in some rows only
     if "autopilot" in given or "drone" in given:
         mask = mask & _held(given)
     return mask if mask.any() else None
 
 
 def _held(given: Columns) -> NDArray[np.bool_]:
-    """Where the autopilot stops for as long as the hold."""
+    """Mask of the scenarios whose autopilot stops for the whole hold."""
     pilots = given.get("autopilot")
     if pilots is None:
         pilots = np.array([_autopilot(name) for name in given["drone"].flat], dtype=object)
@@ -156,7 +156,7 @@ def _is_held(autopilot: str | None, hold_s: float) -> bool:
 
 
 def known_share(name: str, column: NDArray[Any], folder: str) -> float:
-    """Share of an option's values that columns know; whether options fit together is not asked."""
+    """Share of an option's values that can be solved as columns, regardless of other options."""
     if name not in UNDERSTOOD:
         return 0.0
     if name == "scene":
@@ -175,11 +175,11 @@ def _among(column: NDArray[Any], values: tuple[Any, ...]) -> NDArray[np.bool_]:
 
 
 def by_value(function: Callable[[Any], Any], dtype: Any, values: NDArray[Any]) -> NDArray[Any]:
-    """A function of one value, evaluated once for each distinct value of an array.
+    """Evaluate a function of one value once for each distinct value of an array.
 
-    Where it gives several numbers, they are along a last axis of the result.
+    If the function returns several numbers, they are along the last axis of the result.
     """
-    if values.dtype == object:  # text and numbers may be mixed, which do not sort
+    if values.dtype == object:  # text and numbers may be mixed, which cannot be sorted
         numbered = {value: place for place, value in enumerate(dict.fromkeys(values.flat))}
         distinct = list(numbered)
         places = np.array([numbered[value] for value in values.flat])
@@ -191,7 +191,7 @@ def by_value(function: Callable[[Any], Any], dtype: Any, values: NDArray[Any]) -
 
 
 def column(given: Columns, name: str) -> NDArray[Any]:
-    """The column of an option, or its default."""
+    """The column of an option, or its default value."""
     if name in given:
         return given[name]
     value = DEFAULTS[name]
@@ -199,7 +199,7 @@ def column(given: Columns, name: str) -> NDArray[Any]:
 
 
 class CameraColumns(NamedTuple):
-    """Cameras; `known` where there is one of that name."""
+    """Cameras; `known` is true if there is a camera of this name."""
 
     focal_length_px: Any
     focal_length_mm: Any
@@ -230,12 +230,12 @@ def camera_columns(given: Columns, folder: str) -> CameraColumns:
 
 
 def _carried(drone: str) -> str:
-    """The camera of a drone; empty if none is known, as a row without a camera is refused."""
+    """The camera of a drone; empty if it is unknown, in which case the row is refused."""
     return (DRONES[drone].camera if drone in DRONES else None) or ""
 
 
 def _camera(name: str, folder: str) -> tuple[float, ...]:
-    """Numbers of a camera, and whether there is one of that name."""
+    """Numbers of a camera, and whether a camera with this name exists."""
     try:
         camera = find_camera(located(name, folder))
     except RequestError:
@@ -250,7 +250,7 @@ def _camera(name: str, folder: str) -> tuple[float, ...]:
 
 
 def altitude_columns(given: Columns, camera: CameraColumns) -> Any:
-    """Altitudes above the focal plane [m], given or solved from the wanted resolution."""
+    """Altitudes above the focal plane [m], given or computed from the requested resolution."""
     if "altitude" in given:
         return given["altitude"]
     if "gsd" in given:
@@ -259,10 +259,10 @@ def altitude_columns(given: Columns, camera: CameraColumns) -> Any:
 
 
 class SceneColumns(NamedTuple):
-    """What of uniform scenes stands above the focal plane, heights counted from there.
+    """The parts of uniform scenes above the focal plane, with heights above it.
 
-    `canopy_top_m` alone counts from the ground.  `clear` where nothing is hidden, `empty` where
-    nothing stands at all, `known` where it is such a scene.
+    `canopy_top_m` is above the ground.  `clear` is true if nothing is hidden, `empty` if there are
+    no occluders at all, and `known` if the scene is uniform.
     """
 
     density: Any
@@ -278,7 +278,7 @@ class SceneColumns(NamedTuple):
 
 
 def scene_columns(given: Columns, folder: str) -> SceneColumns:
-    """The scenes of a block, as `aosplan.scenes.scene.UniformScene.above` cuts them."""
+    """The scenes of a block, cut as by `aosplan.scenes.scene.UniformScene.above`."""
     by_slice = "density" in given
     known: Any = np.True_
     if by_slice or "integrated_density" in given:
@@ -320,7 +320,7 @@ def scene_columns(given: Columns, folder: str) -> SceneColumns:
 def _shares(
     slices: Any, whole: Any, left: Any, thickness: Any, size: Any, cut: Any = None
 ) -> tuple[Any, Any]:
-    """p and 1 - p of what is left of volumes, from the density of a slice or of the whole."""
+    """p and 1 - p of the remaining parts of volumes, from the density of a slice or of the whole."""
     if whole is not None and cut is not None:
         lowered = -np.expm1(np.log1p(-whole) * left / thickness)
         whole = np.where(cut & (whole < 1.0), lowered, whole)
@@ -338,7 +338,7 @@ def _shares(
 
 @lru_cache(maxsize=1000)
 def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
-    """Numbers of a uniform scene, preset or file, and whether the name is one."""
+    """Numbers of a uniform scene from a preset or file, and whether there is one."""
     found: Any = find_preset_scene(name)
     if found is None and os.path.splitext(name)[1].lower() in (".toml", ".json"):
         try:
@@ -358,10 +358,10 @@ def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
 
 
 class Target(NamedTuple):
-    """What is to be reached.
+    """The targets.
 
-    `most` is the largest shortfall 1 - V̂ that does, with the solver's tolerance; `fewest` the
-    samples that would do if all were independent, 0 where no number of them does.
+    `most` is the largest acceptable shortfall 1 - V̂, including the solver's tolerance.  `fewest`
+    is the number of samples that is enough if all are independent, or 0 if no number is enough.
     """
 
     symbol: str
@@ -371,7 +371,7 @@ class Target(NamedTuple):
 
 
 def target_columns(given: Columns, scene: SceneColumns) -> Target:
-    """The targets of a block, counted as exactly as `aosplan.solver.problem.Requirement` does."""
+    """The targets of a block, computed as exactly as by `aosplan.solver.problem.Requirement`."""
     if "visibility" not in given:
         shares = column(given, "vhat")
         counted = by_value(_counted, np.float64, shares)
@@ -387,10 +387,10 @@ def target_columns(given: Columns, scene: SceneColumns) -> Target:
 
 @lru_cache(maxsize=100_000)
 def _counted(share: float | str) -> tuple[float, float, int]:
-    """A target, what it leaves, and the samples that it takes."""
+    """A target, its shortfall, and the number of samples that it needs."""
     target = Requirement("normalized", _exact(share))
     fewest = target.fewest_independent(None)  # type: ignore[arg-type]  # whatever the model
-    assert fewest is not None  # a normalised target below 1 is always met
+    assert fewest is not None  # a normalised target below 1 can always be met
     return (*_values(target.target), min(fewest, MOST_COUNTED))
 
 
@@ -403,14 +403,14 @@ def _values(target: Any) -> tuple[float, float]:
 
 
 class _Nadir(NamedTuple):
-    """What a requirement asks of a model."""
+    """The properties of a model that a requirement uses."""
 
     density: float
     transparency: float
 
 
 def _fewest_by_density(shares: Any, allowed: Any, p: Any, t: Any) -> NDArray[np.int64]:
-    """⌈p T / (1 - V - p²)⌉; where rounding might decide it, in exact arithmetic."""
+    """⌈p T / (1 - V - p²)⌉; in exact arithmetic if rounding could change the result."""
     shares, allowed, p, t = np.broadcast_arrays(shares, allowed, p, t)
     left = allowed - p * p
     count = p * t / left

@@ -1,9 +1,9 @@
-"""Samples and baselines of whole columns where neighbours share no occluder: V̂ = 1 - 1/N.
+"""Samples and baselines of whole columns, if neighbours share no occluder: V̂ = 1 - 1/N.
 
-The answers of `aosplan.solver.solve_monotone` for the uniform model and the fewest samples, and its
-refusals.  Every quantity is an array over just the axes on which it depends.  Where a bound on the
-extent of the grid binds, or a baseline below that of the rule is given, the model counts slices
-(`aosplan.models.uniform`): such scenarios are left to be solved by themselves.
+These are the answers and the refusals of `aosplan.solver.solve_monotone` for the uniform model and
+the fewest samples.  Every quantity is an array over only the axes on which it depends.  If a limit
+of the grid's extent applies, or a baseline below that of the rule is given, the model uses slices
+(`aosplan.models.uniform`), and the scenario is deferred to be solved by itself.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 
 class Asked(NamedTuple):
-    """What is asked of scenarios, columns that broadcast to a block's shape; None: not bounded.
+    """The requirements of scenarios, as columns that broadcast to a block's shape; None: no limit.
 
-    `sound` where there is something to solve.  `ground_m` is the largest extent of the grid along x
-    and y that leaves ground which all samples see.
+    `sound` is true if there is something to solve.  `ground_m` is the largest extent of the grid
+    along x and y for which all samples still see common ground.
     """
 
     sound: Any
@@ -52,19 +52,19 @@ class Asked(NamedTuple):
 
     @property
     def fixed(self) -> bool:
-        """Whether nothing is left to solve for."""
+        """Whether both baseline and number of samples are given."""
         return self.baseline_m is not None and self.samples is not None
 
     def value(self, shortfall: Any) -> Any:
-        """What a shortfall makes of the quantity that is asked for."""
+        """The quantity of the target for a shortfall."""
         predicted = Prediction(self.density, self.transparency, shortfall)
         return predicted.normalized if self.target.symbol == "V̂" else predicted.expected
 
 
 class Answer(NamedTuple):
-    """Samples, baselines and shortfalls; where a scenario was refused or left they mean nothing.
+    """Samples, baselines and shortfalls; not valid for scenarios that were refused or deferred.
 
-    `required` is nan where no number of samples does.
+    `required` is nan if no number of samples is enough.
     """
 
     samples: Any
@@ -74,7 +74,7 @@ class Answer(NamedTuple):
 
 
 def answer(asked: Asked, statuses: RowStatuses) -> Answer:
-    """The answers to what is asked; what cannot be met is refused as the solver does."""
+    """The answers for some requirements; those that cannot be met are refused as by the solver."""
     symbol, value, _, fewest = asked.target
     if not asked.fixed:
         _refuse_hopeless(asked, statuses)
@@ -112,7 +112,7 @@ def answer(asked: Asked, statuses: RowStatuses) -> Answer:
 def _defer_bound(
     asked: Asked, samples: Any, sides: Any, baseline_m: Any, statuses: RowStatuses
 ) -> None:
-    """Leave scenarios whose neighbours share occluders, or whose grid is wider than a bound."""
+    """Defer scenarios whose neighbours share occluders, or whose grid exceeds a limit."""
     several = asked.sound & (samples > 1)
     if asked.baseline_m is not None:
         statuses.defer(several & (baseline_m < asked.unit_m))
@@ -124,7 +124,7 @@ def _defer_bound(
 
 
 def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
-    """Refuse targets that no number of samples reaches, or more than one plan may have."""
+    """Refuse targets that no number of samples reaches, or that need more than one plan may have."""
     symbol, value, _, fewest = asked.target
     t, p = asked.transparency, asked.density
     statuses.refuse(
@@ -152,13 +152,13 @@ def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
 
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts, Counts]:
-    """Samples of the smallest patterns with so many, and their sides along x and y in baselines."""
+    """Samples of the smallest patterns with this many, and their sides along x and y in baselines."""
     rows, columns = grids.frame(grid, grids.index_of(grid, samples))
     return samples if grid == "trimmed" else rows * columns, columns - 1, rows - 1
 
 
 def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
-    """A function of a kind of grid and of samples, for kinds by scenario."""
+    """Evaluate a function of grid and samples, for grids that may differ between scenarios."""
     shape = np.broadcast_shapes(np.shape(grid), np.shape(samples))
     result: Any = None
     for kind in sorted(set(grid.flat)):
@@ -172,7 +172,7 @@ def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
 
 
 def _largest(grid: str, most: Any) -> tuple[Any, Any]:
-    """Samples of the largest pattern of a kind with at most so many, and its place."""
+    """Samples of the largest pattern of a kind with at most this many, and its index."""
     index = grids.index_of(grid, most)
     rows, columns = grids.frame(grid, index)
     index = index - ((rows * columns > most) & (grid != "trimmed"))

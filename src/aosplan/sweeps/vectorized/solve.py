@@ -1,10 +1,10 @@
 """Uniform scenarios solved as whole columns.
 
-A block of scenarios is a handful of array operations, and every quantity is an array over just the
-axes on which it depends.  The steps are those of `aosplan.planning.planner`, in its order: what is wrong
-(`aosplan.sweeps.status`), what options stand for (`aosplan.sweeps.vectorized.inputs`), how many samples how
-far apart (`aosplan.sweeps.vectorized.samples`), and the flight over them (`aosplan.sweeps.vectorized.flights`).  What
-columns do not know is left to `aosplan.sweeps.row_solver`.
+A block of scenarios needs a few array operations.  Every quantity is an array over only the axes on
+which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
+(`aosplan.sweeps.status`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
+(`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).  Scenarios
+that cannot be solved as columns are left to `aosplan.sweeps.row_solver`.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ if TYPE_CHECKING:
 
 
 class Solved(NamedTuple):
-    """Results of a block by name, each broadcasting to its shape, and what became of each scenario.
+    """Results of a block by name, each broadcasting to its shape, and the status of each scenario.
 
-    Where a scenario was refused or left, its results mean nothing.
+    The results of scenarios that were refused or deferred are not valid.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -62,17 +62,17 @@ class Solved(NamedTuple):
 
     @property
     def holds(self) -> NDArray[np.bool_]:
-        """Where the results are a plan's."""
+        """Mask of the scenarios whose results are valid."""
         return np.asarray(self.statuses.status == OK)
 
     @property
     def left(self) -> NDArray[np.bool_]:
-        """Where a scenario is to be solved by itself."""
+        """Mask of the scenarios that have to be solved by themselves."""
         return np.asarray(self.statuses.status == DEFERRED)
 
 
 class _Rule(NamedTuple):
-    """The coverage rule: the height of the occluder that decides it, and its baseline."""
+    """Result of the coverage rule: the height of the occluder that determines it, and the baseline."""
 
     height_m: Any
     unit_m: Any
@@ -81,16 +81,16 @@ class _Rule(NamedTuple):
 def solve_columns(
     block: Block, folder: str = "", results: Sequence[str] = RESULTS
 ) -> Solved | None:
-    """Solve what columns can of a block; None where its options are beyond them.
+    """Solve the scenarios of a block as columns; None if its options do not allow it.
 
     Parameters
     ----------
     block
         The scenarios.
     folder
-        Where the scenarios' file names are looked for first.
+        Folder in which file names of the scenarios are looked for first.
     results
-        Results that are wanted; what none of them needs is not computed.
+        Results to compute; quantities that none of them needs are skipped.
     """
     mask = understood(block)
     if mask is None:
@@ -151,7 +151,7 @@ def solve_columns(
 
 
 def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, Any]:
-    """Largest extents of a grid along x and y that leave a pixel of common ground."""
+    """Largest extents of a grid along x and y for which one pixel of common ground remains."""
     lifted = given.get("allow_no_common_ground", np.array(False))
     pixel = altitude / camera.focal_length_px
 
@@ -166,7 +166,7 @@ def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, 
 def _refuse_altitudes(
     given: Columns, scene: SceneColumns, altitude: Any, statuses: RowStatuses
 ) -> None:
-    """Refuse altitudes within the canopy, or nearer to it than the clearance."""
+    """Refuse altitudes within the canopy, or closer to it than the clearance."""
     clearance = column(given, "clearance")
     top = scene.canopy_top_m - column(given, "focal_height")
     dense, is_given = ~scene.empty, "altitude" in given
@@ -195,7 +195,7 @@ def _rule(given: Columns, scene: SceneColumns, altitude: Any, focal: Any) -> _Ru
 
 
 def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: RowStatuses) -> None:
-    """Refuse scenes that let no ray through, and such as stand on the focal plane."""
+    """Refuse scenes that transmit nothing, and scenes with occluders on the focal plane."""
     statuses.refuse(
         INVALID,
         ~scene.clear & ((scene.transparency == 0.0) | (scene.density >= 1.0)),
@@ -211,7 +211,7 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: R
 
 
 def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
-    """Numbers of samples, but 1 where all scenarios that have one were refused: it may be large."""
+    """Numbers of samples, replaced by 1 for refused scenarios, where they may be very large."""
     if not statuses.texts:
         return samples
     sound = statuses.status == OK
@@ -221,7 +221,7 @@ def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
 
 
 def _with_clear_views(given: Columns, clear: Any, found: Answer) -> Answer:
-    """Answers with one sample, or as many as were asked for, where nothing is hidden."""
+    """Answers with one sample, or the requested number, for scenarios in which nothing is hidden."""
     wanted = given.get("samples", np.int64(1))
     samples = np.where(clear, wanted, found.samples)
     return Answer(
