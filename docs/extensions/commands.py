@@ -34,6 +34,7 @@ DOMAINS = {
     q.word: "",
     q.latitude_longitude: "latitude and longitude in degrees, north and east positive",
     parsers.target_share: "from 0 to below 1, or a percentage",
+    parsers.field_of_view: "above 0, below 180",
     parsers.altitude: "above 0, or a range such as `40..80`",
     parsers.file_waypoints: "a whole number from 2",
     parsers.heading_or_auto: "any number, `best`, or `auto`",

@@ -236,7 +236,7 @@ def test_a_camera_in_numbers_leaves_no_preset_behind(values):
 
 @pytest.mark.parametrize("fov", [180, 180.0001, 360])
 def test_a_field_of_view_stays_below_180(fov):
-    assert "--fov" in refusal(altitude=40, **(FOV | {"fov": fov})).message
+    assert "fov" in refusal(altitude=40, **(FOV | {"fov": fov})).message
 
 
 def test_a_visibility_leaves_no_vhat_behind():

@@ -1,7 +1,8 @@
-"""The aircraft of a request: autopilot, camera trigger and payload, checked against each other.
+"""The aircraft of a request: drone, autopilot, camera trigger and payload, and what they decide.
 
-The rules are those of the autopilots' own sources: PX4's MavlinkMissionManager takes no terrain
-frame; PX4 and ArduCopter fly through a waypoint whose hold is zero; ArduPilot stores whole seconds.
+The limits of autopilots are taken from their sources.  PX4's MavlinkMissionManager rejects terrain
+frames.  PX4 and ArduCopter fly through a waypoint whose hold is zero, and ArduPilot stores whole
+seconds.
 """
 
 from __future__ import annotations
@@ -12,35 +13,52 @@ from aosplan.errors import RequestError
 from aosplan.mission.mission import check_hold
 
 if TYPE_CHECKING:
-    from typing import Protocol
+    from collections.abc import Mapping
 
-    class _Aircraft(Protocol):
-        """The options of a request that this module reads."""
-
-        @property
-        def drone(self) -> str | None: ...
-        @property
-        def autopilot(self) -> str | None: ...
-        @property
-        def camera(self) -> str | None: ...
-        @property
-        def camera_control(self) -> str | None: ...
-        @property
-        def payload(self) -> str | None: ...
-        @property
-        def trigger(self) -> str: ...
-        @property
-        def hold(self) -> float: ...
-        @property
-        def altitude_frame(self) -> str: ...
-
+    from aosplan.flight.drones import DronePreset
 
 WIRED = ("aos-", "flir-", "gopro-", "sony-")
 """Cameras that autopilots trigger by their own outputs, by the first letters of their presets."""
 
 
-def settled(request: _Aircraft) -> dict[str, Any]:
-    """The options that the drone and the camera decide, where they were not given.
+def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that are not given, from the drone and its payload: camera, speeds and limits.
+
+    Raises
+    ------
+    RequestError
+        If there is no such drone, or no camera is known for it.
+    """
+    drone = _drone_of(values)
+    payload = values["payload"]
+    if drone is None:
+        found: dict[str, Any] = {"camera": payload and camera_of_payload(payload)}
+    else:
+        from aosplan.flight.drones import trusted_min
+
+        found = {
+            "speed": drone.speed_mps,
+            "transit_speed": drone.speed_mps,
+            "acceleration": drone.acceleration_mps2,
+            "climb": drone.climb_mps,
+            "airspeed": drone.airspeed_mps,
+            "photo_interval": drone.photo_interval_s,
+            "flight_time": trusted_min(drone),
+            "camera": (payload and camera_of_payload(payload)) or drone.camera,
+        }
+    if values["focal_length"] is not None or values["fov"] is not None:
+        found["camera"] = None
+    elif drone is not None and (values["camera"] or found["camera"]) is None:
+        raise RequestError(
+            f"no camera is known for the drone {values['drone']}",
+            "give its --camera NAME|FILE (aosplan cameras lists presets), or --fov DEG or "
+            "--focal-length MM with the size of the image",
+        )
+    return {name: value for name, value in found.items() if values[name] is None}
+
+
+def decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The autopilot of the drone, and how it controls the camera.
 
     Raises
     ------
@@ -48,37 +66,43 @@ def settled(request: _Aircraft) -> dict[str, Any]:
         If the drone, the autopilot, the camera or the payload contradict each other.
     """
     found: dict[str, Any] = {}
-    autopilot = request.autopilot
-    if request.drone is not None:
-        from aosplan.flight.find import find_drone
-
-        own = find_drone(request.drone).autopilot
-        if autopilot not in (None, own):
+    autopilot, control = values["autopilot"], values["camera_control"]
+    drone = _drone_of(values)
+    if drone is not None:
+        if autopilot not in (None, drone.autopilot):
             raise RequestError(
-                f"--autopilot {autopilot} contradicts --drone {request.drone}, which "
-                f"{_titled(own)} flies",
+                f"--autopilot {autopilot} contradicts --drone {values['drone']}, which "
+                f"{_titled(drone.autopilot)} flies",
                 "leave --autopilot out, or give another --drone",
             )
-        if own in ("px4", "ardupilot"):
-            autopilot = found["autopilot"] = own
+        if drone.autopilot in ("px4", "ardupilot"):
+            autopilot = found["autopilot"] = drone.autopilot
     if autopilot == "px4":
-        found["camera_control"] = request.camera_control or (
-            "outputs" if (request.camera or "").startswith(WIRED) else "mavlink"
+        found["camera_control"] = control or (
+            "outputs" if (values["camera"] or "").startswith(WIRED) else "mavlink"
         )
-        if request.altitude_frame == "terrain":
+        if values["altitude_frame"] == "terrain":
             raise RequestError(
                 "--altitude-frame terrain with PX4, which refuses missions with heights above terrain",
                 "give --altitude-frame takeoff, with --terrain DEM.tif for ground that is not level",
             )
-    elif request.camera_control is not None:
+    elif control is not None:
         raise RequestError(
-            f"--camera-control {request.camera_control} without PX4",
+            f"--camera-control {control} without PX4",
             "give --autopilot px4, or leave it out: the other autopilots decide it by their settings",
         )
-    if request.trigger == "stop":
-        check_hold(autopilot, request.hold)
-    _check_payload(request)
+    if values["trigger"] == "stop":
+        check_hold(autopilot, values["hold"])
+    _check_payload(values["payload"], values["camera"] or "")
     return found
+
+
+def _drone_of(values: Mapping[str, Any]) -> DronePreset | None:
+    if values["drone"] is None:
+        return None
+    from aosplan.flight.find import find_drone
+
+    return find_drone(values["drone"])
 
 
 def camera_of_payload(payload: str) -> str | None:
@@ -89,9 +113,8 @@ def camera_of_payload(payload: str) -> str | None:
     return next((name for name in named if name in CAMERAS), None)
 
 
-def _check_payload(request: _Aircraft) -> None:
-    """Refuse a payload of DJI's beside a camera of another payload of DJI's."""
-    camera, payload = request.camera or "", request.payload
+def _check_payload(payload: str | None, camera: str) -> None:
+    """Refuse a DJI payload together with a camera that belongs to another DJI payload."""
     if payload is not None and camera.startswith("dji-") and not fits(camera, payload):
         raise RequestError(
             f"--payload {payload} contradicts --camera {camera}, the camera of another payload",

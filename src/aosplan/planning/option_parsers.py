@@ -61,6 +61,14 @@ direction = partial(q.number, unit="deg")
 heading_or_best = q.or_best(direction)
 
 
+def field_of_view(value: Any, name: str) -> float:
+    """An angle between 0 and 180 degrees."""
+    found = positive(value, name)
+    if found >= 180.0:
+        raise RequestError(f"{name} {q.shown(value)} is not below 180 degrees")
+    return found
+
+
 def target_share(value: Any, name: str) -> float | str:
     """A target below 1, kept as it was written where a float would change it."""
     exact = q.exact_share(value, name)

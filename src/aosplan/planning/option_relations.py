@@ -9,9 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.models.signatures import SIGNATURES
 from aosplan.planning.option_parsers import PERSON
 from aosplan.planning.options import BY_NAME, DEFAULTS, FIND_OPTIONS, READING
+from aosplan.solver import refusals
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -47,7 +49,7 @@ OPEN = "best"
 
 
 class Need(NamedTuple):
-    """Options that mean something only beside another one, or beside one of its values.
+    """Options that need one of several partners, or one value of the partner.
 
     Attributes
     ----------
@@ -55,23 +57,23 @@ class Need(NamedTuple):
         The options.
     partners
         Any one of these is enough.
-    value
-        Value that the partner must have; None for any.
     shown
         The partner as messages name it.
-    remedy
-        The partner as hints name it.
+    hint
+        The remedy.
+    value
+        Value that the partner must have; None: any value.
     waits
-        Whether a user's own default is left out while its partner is missing.  Other defaults
+        Whether a user's own default is ignored while its partner is missing.  Other defaults
         without their partner are refused.
     """
 
     options: tuple[str, ...]
     partners: tuple[str, ...]
-    value: str | None
     shown: str
-    remedy: str
-    waits: bool
+    hint: str
+    value: str | None = None
+    waits: bool = False
 
     def is_met(self, values: Mapping[str, Any]) -> bool:
         """Whether a partner is among the options that are given."""
@@ -82,33 +84,101 @@ class Need(NamedTuple):
         )
 
 
-_TRIGGER = "--trigger distance"
-_ORIGIN = "--origin LAT,LON"
-
 NEEDS = (
-    Need(("max_blur", "exposure_time"), ("trigger",), "distance", _TRIGGER, _TRIGGER, waits=True),
-    Need(("wind_from",), ("wind_speed",), None, "--wind-speed", "--wind-speed", waits=False),
-    Need(("wind_speed",), ("wind_from",), None, "--wind-from", "--wind-from", waits=False),
-    Need(("takeoff", "terrain"), ("origin", "area"), None, _ORIGIN, _ORIGIN, waits=True),
+    Need(FIND_OPTIONS[1:], ("find",), "--find", "give --find person, or --find WxL in metres"),
     Need(
-        ("terrain_units", "terrain_tolerance"),
-        ("terrain",),
-        None,
-        "--terrain",
-        "--terrain",
+        ("crown_diameter", "leaf_area_index", "volume_height", "volume_base"),
+        ("density", "integrated_density", "stems_per_hectare"),
+        "a density or --stems-per-hectare",
+        "give --density D, --integrated-density P or --stems-per-hectare N as well, or a "
+        "--scene alone",
+    ),
+    Need(
+        ("sensor_width", "sensor_height", "image_width", "image_height"),
+        ("focal_length", "fov"),
+        "--focal-length or --fov",
+        "give --focal-length MM or --fov DEG as well, or a --camera",
+    ),
+    Need(
+        ("max_blur", "exposure_time"),
+        ("trigger",),
+        "--trigger distance",
+        "give --trigger distance too",
+        value="distance",
+        waits=True,
+    ),
+    Need(("wind_from",), ("wind_speed",), "--wind-speed", "give --wind-speed too"),
+    Need(("wind_speed",), ("wind_from",), "--wind-from", "give --wind-from too"),
+    Need(
+        ("takeoff", "terrain"),
+        ("origin", "area"),
+        "--origin LAT,LON",
+        "give --origin LAT,LON too",
         waits=True,
     ),
     Need(
-        ("clear", "no_fly", "buffer", "max_sites"),
-        ("area",),
-        None,
-        "--area",
-        "--area FILE",
-        waits=False,
+        ("terrain_units", "terrain_tolerance"),
+        ("terrain",),
+        "--terrain",
+        "give --terrain too",
+        waits=True,
     ),
-    Need(("buffer",), ("no_fly",), None, "--no-fly", "--no-fly FILE", waits=False),
+    Need(("clear", "no_fly", "buffer", "max_sites"), ("area",), "--area", "give --area FILE too"),
+    Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
 )
-"""Options that need another one."""
+"""Options that mean something only together with another one."""
+
+
+class Description(NamedTuple):
+    """Options that describe one thing together.
+
+    Attributes
+    ----------
+    leading
+        The thing is described if one of these is given.
+    parts
+        All of these are needed then.
+    subject
+        The thing as messages name it.
+    hint
+        The remedy.
+    """
+
+    leading: tuple[str, ...]
+    parts: tuple[str, ...]
+    subject: str
+    hint: str
+
+
+_CAMERA_HINT = "--fov or --focal-length, --sensor-width; --image-width and --image-height"
+
+DESCRIPTIONS = (
+    Description(("target_pixels",), ("target_size",), "--target-pixels", ""),
+    Description(("target_size",), ("target_pixels",), "--target-size", ""),
+    Description(
+        ("density", "integrated_density"),
+        ("occluder_size", "volume_height"),
+        "a uniform scene",
+        "give --density D --occluder-size M --volume-height M, or --scene NAME",
+    ),
+    Description(
+        ("stems_per_hectare",),
+        ("crown_diameter", "leaf_area_index", "volume_height"),
+        "an inventory",
+        "give --stems-per-hectare N --crown-diameter M --leaf-area-index L --volume-height M, or "
+        "--scene NAME",
+    ),
+    Description(
+        ("focal_length",),
+        ("sensor_width", "image_width", "image_height"),
+        "a camera on the command line",
+        _CAMERA_HINT,
+    ),
+    Description(
+        ("fov",), ("image_width", "image_height"), "a camera on the command line", _CAMERA_HINT
+    ),
+)
+"""Options that are given together or not at all."""
 
 OF_LANES = ("lanes", "lane_pitch")
 """Options of lanes."""
@@ -136,9 +206,6 @@ BEST = ("visibility", "contrast", "detection")
 
 LEFT_OPEN = ("grid", "heading", "trigger")
 """Options that a search leaves open."""
-
-DEFAULT_SIGNATURE = "thermal-dawn"
-"""Signature of a target for which no other is given."""
 
 OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
 """Options that describe a signature by numbers, all of them together."""
@@ -169,14 +236,101 @@ def check_alternatives(values: Mapping[str, Any]) -> None:
                     )
 
 
-def check_needs(values: Mapping[str, Any]) -> None:
-    """Refuse options whose partner is missing."""
+def check_partners(values: Mapping[str, Any]) -> None:
+    """Refuse options that lack another one that they need."""
+    if not given_flags(values, ("altitude", "gsd", "target_size", "target_pixels")):
+        raise RequestError(
+            "no altitude is given",
+            "give --altitude M, or --gsd M, or --target-size M with --target-pixels K",
+        )
+    for described in DESCRIPTIONS:
+        if given_flags(values, described.leading):
+            missing = [name for name in described.parts if values[name] is None]
+            if missing:
+                raise RequestError(
+                    f"{described.subject} needs {BY_NAME[missing[0]].flag}", described.hint
+                )
     for need in NEEDS:
         unpaired = given_flags(values, need.options)
         if unpaired and not need.is_met(values):
-            raise RequestError(
-                f"{' and '.join(unpaired)} without {need.shown}", f"give {need.remedy} too"
-            )
+            raise RequestError(f"{' and '.join(unpaired)} without {need.shown}", need.hint)
+    own = given_flags(values, OWN_SIGNATURE)
+    if own and values["signature"] is not None:
+        raise RequestError(
+            f"--signature and {' and '.join(own)} say the same thing twice", "keep one of them"
+        )
+    if own and len(own) < len(OWN_SIGNATURE):
+        missing = [BY_NAME[name].flag for name in OWN_SIGNATURE if values[name] is None]
+        raise RequestError(
+            f"{' and '.join(own)} without {' and '.join(missing)}",
+            "a signature has a contrast, an offset of the canopy and a share of whole crowns; "
+            "or take --signature " + ", ".join(SIGNATURES),
+        )
+
+
+def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the options that are not given and that the given options need."""
+    numbers = given_flags(values, ("density", "integrated_density", "stems_per_hectare"))
+    own_camera = given_flags(values, ("focal_length", "fov"))
+    needed = ["volume_base"] if numbers else ["scene"]
+    needed += ["speed", "acceleration", "climb"]
+    if not own_camera:
+        needed.append("camera")
+    if values["find"] is not None:
+        needed.append("false_alarms")
+        if not given_flags(values, OWN_SIGNATURE):
+            needed.append("signature")
+    if not is_search(values):
+        needed += LANE_OPTIONS.get(values["grid"], ())
+    if values["area"] is not None:
+        needed.append("max_sites")
+    if values["no_fly"] is not None:
+        needed.append("buffer")
+    if values["trigger"] == "distance":
+        needed += ["max_blur", "exposure_time"]
+    if values["wind_speed"]:
+        needed.append("airspeed")
+    if values["terrain"]:
+        needed.append("terrain_tolerance")
+    found = {name: DEFAULTS[name] for name in needed if values[name] is None}
+    if values["transit_speed"] is None:
+        found["transit_speed"] = max(DEFAULTS["speed"], values["speed"] or 0.0)
+    return found
+
+
+def check_grid(values: Mapping[str, Any]) -> None:
+    """Refuse options that do not fit the kind of grid, or the number of its samples."""
+    grid, samples, most = values["grid"], values["samples"], values["max_samples"]
+    over_area, pitch = values["area"] is not None, values["lane_pitch"]
+    if samples and most and samples > most:
+        raise RequestError(refusals.samples_beyond_bound(samples, most))
+    if grid == "spiral" and values["trigger"] == "distance":
+        raise RequestError(
+            "--grid spiral with --trigger distance: a spiral has no straight lines to fly through",
+            "give --grid lanes or line, or --trigger stop",
+        )
+    least = NARROWEST_TURNS if grid == "spiral" else 1.0
+    if isinstance(pitch, float) and pitch < least:
+        raise RequestError(
+            f"--lane-pitch {pitch:g} is below {least:g}"
+            + (", the narrowest turns of a spiral" if grid == "spiral" else "")
+        )
+    taken = LANE_OPTIONS.get(grid, ())
+    unexpected = given_flags(values, [name for name in OF_LANES if name not in taken])
+    if grid == "line" and over_area:  # its pitch is the distance between lines
+        unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
+    if unexpected:
+        raise RequestError(
+            f"{' and '.join(unexpected)} with --grid {grid}", "they go with --grid lanes"
+        )
+    if values["heading"] == "auto" and not over_area:
+        raise RequestError("--heading auto needs --area", "give a number of degrees")
+    if values["line_length"] is not None and over_area:
+        raise RequestError("--line-length and --area contradict each other", "keep one")
+    if grid == "spiral" and over_area:
+        raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
+    if values["line_length"] is not None and grid != "line":
+        raise RequestError(f"--line-length with --grid {grid}", "it goes with --grid line")
 
 
 def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
@@ -270,50 +424,6 @@ def check_search(values: Mapping[str, Any]) -> None:
         raise RequestError(
             f"--grid spiral with {which}: spirals are not searched", "leave --grid out"
         )
-
-
-def completed_target(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the options that go with ``--find``.
-
-    Parameters
-    ----------
-    values
-        Options by name; None counts as not given.
-
-    Returns
-    -------
-    dict
-        The options that are left, with their defaults.
-
-    Raises
-    ------
-    RequestError
-        If they are given without ``--find``, or contradict each other.
-    """
-    given = {name: BY_NAME[name].flag for name in FIND_OPTIONS[1:] if values[name] is not None}
-    if values["find"] is None:
-        if given:
-            raise RequestError(
-                f"{' and '.join(given.values())} without --find",
-                "give --find person, or --find WxL in metres",
-            )
-        return {}
-    own = [given[name] for name in OWN_SIGNATURE if name in given]
-    if own and "signature" in given:
-        raise RequestError(
-            f"--signature and {' and '.join(own)} say the same thing twice", "keep one of them"
-        )
-    if own and len(own) < len(OWN_SIGNATURE):
-        missing = [BY_NAME[name].flag for name in OWN_SIGNATURE if name not in given]
-        raise RequestError(
-            f"{' and '.join(own)} without {' and '.join(missing)}",
-            "a signature has a contrast, an offset of the canopy and a share of whole crowns; "
-            "or take --signature " + ", ".join(SIGNATURES),
-        )
-    found: dict[str, Any] = {"false_alarms": values["false_alarms"] or DEFAULTS["false_alarms"]}
-    if not own:
-        found["signature"] = values["signature"] or DEFAULT_SIGNATURE
-    return found
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
