@@ -2,7 +2,8 @@
 
 - `aosplan.planning.request`: the request; `aosplan.planning.options`: its options, their defaults and
   their help; `aosplan.planning.option_parsers`: how their values are read.
-- `aosplan.planning.option_relations`: which options exclude each other, and which need another.
+- `aosplan.planning.option_relations`: which options exclude each other, which need another, and
+  defaults that depend on others; `aosplan.planning.aircraft`: what the drone decides.
 - `aosplan.planning.request_file`: requests and saved plans from files.
 - `aosplan.planning.user_defaults`: the user's own defaults.
 - `aosplan.planning.loaded_scene`: the scene of a request, read from its file or made of numbers.

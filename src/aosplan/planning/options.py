@@ -112,7 +112,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("find", parse.target_name, "text", "person|WxL",
          "Target to find: a lying person, or W x L metres."),
         ("signature", q.one_of(SIGNATURES), "text", "NAME",
-         f"Assumed signature: {', '.join(SIGNATURES)}."),
+         f"Assumed signature, for --find: {', '.join(SIGNATURES)}.  [default]"),
         ("contrast", parse.contrast, "number", "C",
          "Target minus ground, in spreads of the canopy."),
         ("canopy_offset", parse.radiance, "number", "M", "Canopy minus ground, in the same unit."),
