@@ -130,10 +130,9 @@ def test_home_is_the_take_off_and_the_climb_reaches_the_highest_site():
     (template, waylines) = documents_of(written(mission, "kmz")).values()
     # Its height is above the ellipsoid, and the element optional.
     assert texts(template, "takeOffRefPoint") == []
-    (template, _) = documents_of(
-        written(grid(ground_m=ground, **place, takeoff_ellipsoid_m=234.5), "kmz")
-    ).values()
-    assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,234.50"]
+    ellipsoidal = grid(ground_m=ground, **place, height_datum="ellipsoid")
+    (template, _) = documents_of(written(ellipsoidal, "kmz")).values()
+    assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,190.00"]
     assert texts(waylines, "takeOffSecurityHeight") == ["83.00"]
     assert texts(waylines, "globalRTHHeight") == ["83.00"]
 

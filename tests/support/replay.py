@@ -131,11 +131,16 @@ def fly_parrot(content, ground, takeoff, climb):
     return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
 
 
-def fly_litchi(content, ground, takeoff, climb):
-    """Litchi: straight up to the first waypoint's height and there; home at its last one's."""
+def fly_litchi(content, ground, takeoff, transit):
+    """Litchi: straight up to the first waypoint's height and there; home at its last one's.
+
+    The file has no speed for these ways, which Litchi and DJI's app are set to: `transit`.
+    """
     rows = list(csv.DictReader(io.StringIO(content.decode(), newline="")))
     x, y = ground.place(*takeoff)
-    points, on = [Point(x, y, 0.0, 0.0, stop=True), Point(x, y, climb, 0.0, stop=True)], False
+    climb = float(rows[0]["altitude(m)"])
+    points = [Point(x, y, 0.0, transit, stop=True), Point(x, y, climb, transit, stop=True)]
+    on = False
     for row in rows:
         place = float(row["latitude"]), float(row["longitude"])
         up, hold, photos = float(row["altitude(m)"]), 0.0, 0
@@ -154,9 +159,8 @@ def fly_litchi(content, ground, takeoff, climb):
                 photos + begins, None if on and not begins else max(spacing, 0.0),
             )
         )  # fmt: skip
-    # The first speed is that of the way there.
-    points[1] = points[1]._replace(speed=points[2].speed)
-    points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
+    points[-1] = points[-1]._replace(speed=transit)
+    points.append(Point(x, y, points[-1].up, transit, stop=True))
     return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
 
 
@@ -228,6 +232,15 @@ def flown(points):
             due += spacing
         gone = length - (due - spacing)
     return Flown(points, photos)
+
+
+def between(points, first, last):
+    """The points from the first at one place to the first at another one."""
+    start, stop = (
+        next(k for k, point in enumerate(points) if math.dist(point[:3], place[:3]) < 1e-3)
+        for place in (first, last)
+    )
+    return points[start : stop + 1]
 
 
 def duration_s(points, *, acceleration, climb):

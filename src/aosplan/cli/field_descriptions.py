@@ -192,7 +192,7 @@ FIELD_DESCRIPTIONS = {
     "transit_return_m": "Height above the take-off on the way back from any waypoint.",
     "climb_m": "Height above the take-off on the way to the first waypoint.",
     "return_m": "Height above the take-off on the way back from any waypoint.",
-    "takeoff_ellipsoid_m": "Height of the ground at the take-off above the WGS 84 ellipsoid, if known.",
+    "height_datum": "What heights of the ground count from: the vertical datum that the terrain file names, or `ellipsoid`.",
     "acceleration_mps2": "Acceleration.",
     "climb_mps": "Vertical speed.",
     "run_in_m": "Distance before the first photo of a line in which the drone reaches its speed.",

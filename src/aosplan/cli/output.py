@@ -122,7 +122,7 @@ def write_outputs(
             if name in contents:
                 raise RequestError(f"output '{name}' would be written twice", "name them apart")
         contents |= needed
-        hints += notes(flown[0], form)
+        hints += notes(flown, form)
         if len(needed) > 1:
             first, *_, last = needed
             hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")

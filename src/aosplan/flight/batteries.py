@@ -41,19 +41,21 @@ class Flight(NamedTuple):
 class Home(NamedTuple):
     """The take-off point: metres east, north and up, in the axes of the track.
 
-    `ways_up_m` has the height of the horizontal transit to each waypoint, in the same axes.  If it
-    is None, the transit is at the height of the waypoint.
+    `ways_up_m` has the height of the horizontal transit to each waypoint, in the same axes, and
+    `returns_up_m` the height of the transit back from it.  If they are None, the transit is at the
+    height of the waypoint.
     """
 
     east_m: float
     north_m: float
     up_m: float
     ways_up_m: Sequence[float] | None = None
+    returns_up_m: Sequence[float] | None = None
 
     def way_up_m(self, track: Track, place: int, *, back: bool = False) -> float:
-        """Height of the horizontal transit to a waypoint, or of the transit back, the same for all."""
-        ways = track.up_m if self.ways_up_m is None else self.ways_up_m
-        return max(ways) if back and self.ways_up_m is not None else ways[place]
+        """Height of the horizontal transit to a waypoint, or back from it."""
+        ways = self.returns_up_m if back else self.ways_up_m
+        return track.up_m[place] if ways is None else ways[place]
 
     def level_m(self, track: Track, place: int) -> float:
         """Horizontal distance between the take-off point and a waypoint."""

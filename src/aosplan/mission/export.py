@@ -16,7 +16,7 @@ from aosplan.plugins import plugin, plugins
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Sequence
 
     from aosplan.mission.format import Format
     from aosplan.mission.mission import Mission
@@ -161,10 +161,17 @@ def size_of(chosen: Format) -> Callable[[Mission], int]:
     return count
 
 
-def notes(mission: Mission, chosen: Format) -> list[str]:
-    """Assumptions that a format makes about a mission, one sentence each."""
-    said: Callable[[Mission], list[str]] | None = getattr(_module(chosen.name), "notes", None)
-    return said(mission) if said else []
+def notes(missions: Sequence[Mission], chosen: Format) -> list[str]:
+    """Assumptions that a format makes about the missions of a plan, one sentence each."""
+    write_notes: Callable[[Sequence[Mission]], list[str]] | None = getattr(
+        _module(chosen.name), "notes", None
+    )
+    found = write_notes(missions) if write_notes else []
+    drone, flown = missions[0].settings.drone, missions[0].settings.mission_formats
+    if chosen.flown_by and flown is not None and chosen.name not in flown:
+        known = f"; it flies {' and '.join(flown)}" if flown else ""
+        found.insert(0, f"it is not known whether the drone {drone} flies this format{known}")
+    return [f"{chosen.title}: {note}" for note in found]
 
 
 def _module(name: str) -> Any:

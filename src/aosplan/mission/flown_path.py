@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from aosplan.mission.mission import Mission
 
-HIGHER_M = 0.5
-"""A transit that is less than this above its waypoint is flown at the height of the waypoint."""
+LEVEL_M = 0.01
+"""Heights that differ by less than this are the same."""
 
 BEND_M = 0.1
 """Points along a line are left out if the height is within this distance of a straight line."""
@@ -60,12 +60,24 @@ def flown_path(mission: Mission) -> list[PathPoint]:
     points = _without_short_legs(points)
     above = mission.above_takeoff_m()
     transit, climb_m, return_m = mission.transit_mps, mission.climb_m(), mission.return_m()
-    if climb_m > above[0] + HIGHER_M:
+    climb_m, return_m = way_height_m(above[0], climb_m), way_height_m(above[-1], return_m)
+    if climb_m > above[0]:
         points.insert(0, _above(points[0], climb_m, transit))
-    if return_m > above[-1] + HIGHER_M:
+    if return_m > above[-1]:
         points[-1] = points[-1]._replace(speed_mps=transit)
         points.append(_above(points[-1], return_m, transit))
     return points
+
+
+def way_height_m(waypoint_m: float, least_m: float) -> float:
+    """Height of the level way to a waypoint, or from it.
+
+    It is the waypoint's own height where that is enough, and otherwise at least the shortest leg
+    above it.
+    """
+    if least_m <= waypoint_m + LEVEL_M:
+        return waypoint_m
+    return max(least_m, waypoint_m + LEAST_LEG_M)
 
 
 def path_size(mission: Mission) -> int:

@@ -5,15 +5,16 @@ Numbers of commands and frames are those of MAVLink's common message set.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.mission.flown_path import flown_path
+from aosplan.mission.flown_path import LEVEL_M, flown_path
 from aosplan.mission.format import Limits
 from aosplan.mission.mission import check_hold
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from aosplan.mission.mission import Mission
 
@@ -43,6 +44,10 @@ PX4 = Limits(
     waypoints=(1, 500),
     source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
 )
+
+
+RETURN_HEIGHTS = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
+"""The parameter that holds the least height of a return, by autopilot."""
 
 
 class Command(NamedTuple):
@@ -104,12 +109,39 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
             yield _plain(
                 BY_DISTANCE, settings.spacing_m if point.switch else 0.0, 0.0, float(point.switch)
             )
-        if settings.trigger == "distance" and point.speed_mps != speed:
+        if point.speed_mps != speed:
             speed = point.speed_mps
             yield _plain(SPEED, 1.0, speed, -1.0)
     if speed != mission.transit_mps:
         yield _plain(SPEED, 1.0, mission.transit_mps, -1.0)
     yield _plain(RETURN)
+
+
+def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
+    """What the files hold of absolute heights, and what only the autopilot's parameters say."""
+    settings = missions[0].settings
+    if settings.takeoff_ground_m is None:
+        home = "the height of home above sea level is not known and written as 0"
+    else:
+        home = (
+            f"the height of home is written as {settings.takeoff_ground_m:.1f} m, above "
+            f"{settings.height_datum or 'the datum of the terrain file'}, where the file means sea level"
+        )
+    found = [f"{home}; the autopilot measures it at take-off, and all other heights are above it"]
+    found += return_notes(missions, f"the parameter {RETURN_HEIGHTS[autopilot]}")
+    return found
+
+
+def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
+    """What a return needs that the file does not hold: a way home may be higher than a waypoint."""
+    return_m = max(mission.return_m() for mission in missions)
+    lowest_m = min(min(mission.above_takeoff_m()) for mission in missions)
+    if return_m <= lowest_m + LEVEL_M:
+        return []
+    return [
+        "the file has no height for a return before its end, which may have to be higher than the "
+        f"drone then is: set {setting} to {math.ceil(return_m)} m or more"
+    ]
 
 
 def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, float, float]:

@@ -138,18 +138,16 @@ class FlightSettings(NamedTuple):
       flies on, and the camera takes a photo every `spacing_m`.
     - Latitude, longitude and height above sea level of the take-off point are None if they are not
       known.
-      `takeoff_ellipsoid_m` is its height above the WGS 84 ellipsoid, if the terrain file has such
-      heights.
+    - `height_datum`: the vertical datum of the ground heights, if the terrain file names it
+      (``ellipsoid``: the WGS 84 ellipsoid).
     - `altitude_frame`: heights are above the take-off point, or with ``terrain`` above the ground
-      that
-      the autopilot knows.
+      that the autopilot knows.
     - `most_waypoints`: number of waypoints that the drone accepts in one file, if it is known;
       `file_waypoints`: the number that the user gives.
     - `mission_formats`: formats that the drone flies, if they are known.
     - `transit_mps`: speed to, from and between lines; None: the speed between photos.
     - `transit_climb_m`, `transit_return_m`: heights above the take-off point on the way to the
-      first
-      waypoint and on the way back from any waypoint; None: the height of the highest waypoint.
+      first waypoint and on the way back from any waypoint; None: the height of the highest waypoint.
     - `camera_control`: how PX4 triggers the camera, with the commands of MAVLink's camera protocol
       (``mavlink``) or with its own outputs.
     """
@@ -169,7 +167,7 @@ class FlightSettings(NamedTuple):
     altitude_frame: str = "takeoff"
     most_waypoints: int | None = None
     camera_control: str | None = None
-    takeoff_ellipsoid_m: float | None = None
+    height_datum: str | None = None
     file_waypoints: int | None = None
     mission_formats: tuple[str, ...] | None = None
     transit_mps: float | None = None

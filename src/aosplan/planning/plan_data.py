@@ -224,9 +224,7 @@ class PlanData:
             takeoff_latitude=latitude,
             takeoff_longitude=longitude,
             takeoff_ground_m=self.route.takeoff_ground_m,
-            takeoff_ellipsoid_m=(
-                self.route.takeoff_ground_m if self.route.datum == "ellipsoid" else None
-            ),
+            height_datum=self.route.datum,
             most_waypoints=drone.most_waypoints if drone else None,
             file_waypoints=flight.file_waypoints,
             mission_formats=drone.mission_formats if drone else None,

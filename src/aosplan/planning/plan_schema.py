@@ -167,7 +167,7 @@ class FlightDocument(OpenDocument):
     takeoff_latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
     takeoff_longitude: Annotated[float, Field(ge=-180, le=180)] | None = None
     takeoff_ground_m: Finite | None = None
-    takeoff_ellipsoid_m: Finite | None = None
+    height_datum: str | None = None
     transit_mps: Annotated[Finite, Field(gt=0)] | None = None
     transit_climb_m: Finite | None = None
     transit_return_m: Finite | None = None

@@ -18,6 +18,7 @@ from aosplan.flight.photo_trigger import Bound, Ground, Sites, blur_speed_mps, r
 from aosplan.flight.track import Track
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.messages import Limit
+from aosplan.mission.flown_path import way_height_m
 from aosplan.mission.mission import LEAST_CLIMB_M, Waypoints, placed
 
 if TYPE_CHECKING:
@@ -344,7 +345,8 @@ def _safe_ways(
     """The take-off with the heights of the ways to each waypoint, and the lowest ground below each.
 
     A way is flown on the level of its waypoint, or `least_m` above the highest ground on it, and
-    `LEAST_CLIMB_M` above the take-off at least.
+    `LEAST_CLIMB_M` above the take-off at least.  The way back from any waypoint is on the highest of
+    these levels.
     """
     if terrain is None:
         lowest = highest = [takeoff.up_m] * len(track.up_m)
@@ -355,10 +357,12 @@ def _safe_ways(
         start = takeoff.east_m, takeoff.north_m
         lowest, highest = ways_ground_m(terrain, origin, start, track.east_m, track.north_m)
     ways = [
-        max(up, ground + least_m, takeoff.up_m + LEAST_CLIMB_M)
+        way_height_m(up, max(ground + least_m, takeoff.up_m + LEAST_CLIMB_M))
         for up, ground in zip(track.up_m, highest, strict=True)
     ]
-    return takeoff._replace(ways_up_m=ways), lowest
+    safe = max(ways)
+    returns = [way_height_m(up, safe) for up in track.up_m]
+    return takeoff._replace(ways_up_m=ways, returns_up_m=returns), lowest
 
 
 def _highest_way_m(flights: Sequence[Flight], takeoff: Home, lowest: Sequence[float]) -> float:

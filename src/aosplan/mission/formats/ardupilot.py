@@ -9,9 +9,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from aosplan.mission.format import Format
-from aosplan.mission.mavlink import ABSOLUTE, ARDUPILOT, WAYPOINT, Command, commands
+from aosplan.mission.mavlink import (
+    ABSOLUTE,
+    ARDUPILOT,
+    WAYPOINT,
+    Command,
+    commands,
+    mavlink_notes,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aosplan.mission.mission import Mission
 
 FORMAT = Format(
@@ -28,6 +37,11 @@ FORMAT = Format(
 def size(mission: Mission) -> int:
     """Number of commands of the file, including the home position."""
     return 1 + sum(1 for _ in commands(mission, "ardupilot"))
+
+
+def notes(missions: Sequence[Mission]) -> list[str]:
+    """Assumptions of the file, one sentence each."""
+    return mavlink_notes(missions, "ardupilot")
 
 
 def render(mission: Mission) -> bytes:

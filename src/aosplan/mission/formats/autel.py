@@ -53,6 +53,9 @@ def render(mission: Mission) -> bytes:
     return wpml.render(mission, _AUTEL)
 
 
+notes = wpml.notes
+
+
 def _machine(mission: Mission) -> wpml.Machine:
     name = str(mission.settings.drone)
     if name not in DRONES:

@@ -39,6 +39,13 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
     return {name: (mark, column) for name, (mark, column) in known.items() if column is not None}
 
 
+def notes(missions: Sequence[Mission]) -> list[str]:
+    """What the heights of the ground count from."""
+    if missions[0].waypoints.ground_m is None or missions[0].settings.height_datum is None:
+        return []
+    return [f"ground_m counts from {missions[0].settings.height_datum}"]
+
+
 def rows(template: str, *columns: Sequence[Any]) -> bytes:
     r"""One row of text for each index of some columns, all with the same template.
 

@@ -45,6 +45,9 @@ def render(mission: Mission) -> bytes:
     return wpml.render(mission, _FLY)
 
 
+notes = wpml.notes
+
+
 def _machine(mission: Mission) -> wpml.Machine:
     return wpml.Machine(str(mission.settings.drone), Drone(68, 0, None))
 

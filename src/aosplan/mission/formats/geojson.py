@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.geodesy import path_parts
 from aosplan.mission.format import Format
+from aosplan.mission.formats import csv
 from aosplan.mission.formats.csv import columns, rows
 
 if TYPE_CHECKING:
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
 FORMAT = Format("geojson", (".geojson",), "GeoJSON", needs_place=True)
 
 _PLACE = "[%.10f, %.10f, %.4f]"
+
+
+notes = csv.notes
 
 
 def render(mission: Mission) -> bytes:

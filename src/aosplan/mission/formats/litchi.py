@@ -6,12 +6,15 @@ The file does not contain Litchi's heading mode; the user sets it to Custom (wd)
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aosplan.mission.mission import Mission
 
 FORMAT = Format(
@@ -72,18 +75,21 @@ def render(mission: Mission) -> bytes:
     return "\n".join([*lines, ""]).encode()
 
 
-def notes(mission: Mission) -> list[str]:
+def notes(missions: Sequence[Mission]) -> list[str]:
     """Assumptions of the file, one sentence each."""
-    back = (
-        f"{FORMAT.title}: the file has no height for the way home: set the return height in DJI's app "
-        f"to {mission.return_m():.0f} m or more, and the mission's end to return home"
+    return_m = math.ceil(max(mission.return_m() for mission in missions))
+    ways = (
+        "the file has no heading mode, no speed for the way to the first waypoint and no height for the "
+        "way home: set the heading mode to Custom (WD), the cruising speed in Litchi to "
+        f"{missions[0].transit_mps:.3g} m/s, the return height in DJI's app to {return_m} m or more, and "
+        "the mission's end to return home"
     )
-    if mission.settings.altitude_frame != "terrain":
-        return [back]
+    if missions[0].settings.altitude_frame != "terrain":
+        return [ways]
     return [
-        back,
-        f"{FORMAT.title}: Litchi takes the ground below the first waypoint for the height of the "
-        "take-off, so heights above ground hold only for a take-off at that height",
+        ways,
+        "Litchi takes the ground below the first waypoint for the height of the take-off, so heights "
+        "above ground hold only for a take-off at that height",
     ]
 
 

@@ -14,7 +14,7 @@ from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from aosplan.mission.mission import Mission
 
@@ -58,12 +58,18 @@ def render(mission: Mission) -> bytes:
     return "\n".join(["QGC WPL 120", *lines, ""]).encode()
 
 
+def notes(missions: Sequence[Mission]) -> list[str]:
+    """Assumptions of the file, one sentence each."""
+    return mav.return_notes(missions, "the return height of the drone")
+
+
 def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
     """Take-off, the sites with a photo in the middle of each hold, and return."""
     settings = mission.settings
     pause = _plain(DELAY, settings.hold_s / 2.0)
+    speed = mission.transit_mps
     yield _plain(mav.TAKEOFF)
-    yield _plain(mav.SPEED, 1.0, settings.speed_mps)
+    yield _plain(mav.SPEED, 1.0, speed)
     yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint to the yaw that the waypoint gives
     yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     for point in flown_path(mission):
@@ -75,6 +81,11 @@ def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
             yield _plain(mav.CAPTURE, 0.0, 1.0, FULL_FRAME)
             if settings.hold_s:
                 yield pause
+        if point.speed_mps != speed:
+            speed = point.speed_mps
+            yield _plain(mav.SPEED, 1.0, speed)
+    if speed != mission.transit_mps:
+        yield _plain(mav.SPEED, 1.0, mission.transit_mps)
     yield _plain(mav.RETURN)
 
 

@@ -10,9 +10,19 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from aosplan.mission.format import Format
-from aosplan.mission.mavlink import ARDUPILOT, PX4, RELATIVE, TERRAIN, Command, commands
+from aosplan.mission.mavlink import (
+    ARDUPILOT,
+    PX4,
+    RELATIVE,
+    TERRAIN,
+    Command,
+    commands,
+    mavlink_notes,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aosplan.mission.mission import Mission
 
 FORMAT = Format(
@@ -73,13 +83,16 @@ def size(mission: Mission) -> int:
     return 1 + sum(1 for _ in commands(mission, mission.settings.autopilot or "px4"))
 
 
-def notes(mission: Mission) -> list[str]:
+def notes(missions: Sequence[Mission]) -> list[str]:
     """Assumptions of the file, one sentence each."""
-    if mission.settings.autopilot is not None:
-        return []
+    autopilot = missions[0].settings.autopilot
+    found = mavlink_notes(missions, autopilot or "px4")
+    if autopilot is not None:
+        return found
     return [
-        f"{FORMAT.title}: no autopilot is given, so the plan is for PX4; if ArduPilot flies it, "
-        "give --autopilot ardupilot"
+        "no autopilot is given, so the plan is for PX4; if ArduPilot flies it, give --autopilot "
+        "ardupilot",
+        *found,
     ]
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from aosplan.mission.dji_models import Drone
     from aosplan.mission.flown_path import PathPoint
-    from aosplan.mission.mission import Mission
+    from aosplan.mission.mission import FlightSettings, Mission
 
 _Value = TypeVar("_Value")
 
@@ -194,9 +194,9 @@ def _config(mission: Mission, machine: Machine) -> str:
     # The reference height is above the ellipsoid. The element is optional and left out if the
     # height is not known.
     reference = ""
-    if settings.takeoff_latitude is not None and settings.takeoff_ellipsoid_m is not None:
+    if _has_reference(settings):
         latitude, longitude = mission.home()
-        place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ellipsoid_m:.2f}"
+        place = f"{latitude:.10f},{longitude:.10f},{settings.takeoff_ground_m:.2f}"
         reference = _wrap("takeOffRefPoint", place) + "\n"
     carried = ""
     if payload is not None:
@@ -217,6 +217,23 @@ def _config(mission: Mission, machine: Machine) -> str:
 <wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
 {_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
 {carried}</wpml:missionConfig>"""
+
+
+def _has_reference(settings: FlightSettings) -> bool:
+    """Whether the take-off is known, with its height above the ellipsoid."""
+    known = None not in (settings.takeoff_latitude, settings.takeoff_ground_m)
+    return known and settings.height_datum == "ellipsoid"
+
+
+def notes(missions: Sequence[Mission]) -> list[str]:
+    """Assumptions of the files, one sentence each."""
+    settings = missions[0].settings
+    if not _has_reference(settings):
+        return []
+    return [
+        "the reference point of the take-off has the height above the ellipsoid that the terrain file "
+        f"gives, {settings.takeoff_ground_m:.1f} m; all other heights are above the take-off"
+    ]
 
 
 def machine(mission: Mission) -> Machine:

@@ -1,0 +1,73 @@
+"""What is said beside a file: absolute heights, settings that it does not hold, and who flies it."""
+
+import pytest
+from support.flights import flown_in, grid
+
+from aosplan.cli.app import run
+from aosplan.mission.export import formats, notes
+
+PLACE = {"takeoff_latitude": 48.0, "takeoff_longitude": 14.0, "takeoff_ground_m": 190.0}
+LEVEL = [190.0] * 12
+SLOPE = [200.0 + 3.0 * index for index in range(12)]
+
+
+def said(name, *missions):
+    return " ".join(notes([flown_in(each, name) for each in missions], formats()[name]))
+
+
+@pytest.mark.parametrize("name", ["waypoints", "plan"])
+@pytest.mark.parametrize("datum", ["ellipsoid", "EGM2008 height"])
+def test_the_height_of_home_is_said_with_its_datum(name, datum):
+    found = said(name, grid(ground_m=LEVEL, autopilot="ardupilot", height_datum=datum, **PLACE))
+    assert f"written as 190.0 m, above {datum}, where the file means sea level" in found
+    assert "RTL_ALT" not in found
+
+
+@pytest.mark.parametrize("name", ["waypoints", "plan"])
+def test_a_height_of_home_that_is_not_known_is_said(name):
+    assert "not known and written as 0" in said(name, grid(autopilot="ardupilot"))
+
+
+@pytest.mark.parametrize("name", ["kmz", "dji-fly", "autel"])
+def test_the_reference_point_of_the_takeoff_is_said_where_it_is_written(name):
+    ellipsoidal = grid(ground_m=SLOPE, height_datum="ellipsoid", **PLACE)
+    assert "above the ellipsoid that the terrain file gives, 190.0 m" in said(name, ellipsoidal)
+    assert "ellipsoid" not in said(name, grid(ground_m=SLOPE, height_datum="EGM96", **PLACE))
+
+
+@pytest.mark.parametrize("name", ["csv", "geojson"])
+def test_the_column_of_the_ground_has_its_datum(name):
+    mission = grid(ground_m=SLOPE, height_datum="EGM96 height", **PLACE)
+    assert "ground_m counts from EGM96 height" in said(name, mission)
+    assert not said(name, grid())
+
+
+@pytest.mark.parametrize(
+    ("name", "autopilot", "setting"),
+    [
+        ("waypoints", "ardupilot", "RTL_ALT"),
+        ("plan", "ardupilot", "RTL_ALT"),
+        ("plan", "px4", "RTL_RETURN_ALT"),
+        ("parrot", "parrot", "return height"),
+        ("litchi", "dji", "return height"),
+    ],
+)
+def test_the_height_of_an_early_return_is_the_greatest_of_all_flights(name, autopilot, setting):
+    low = grid(ground_m=LEVEL, autopilot=autopilot, **PLACE)
+    high = grid(ground_m=SLOPE, autopilot=autopilot, transit_return_m=87.4, **PLACE)
+    found = said(name, low, high)
+    assert setting in found
+    assert "88 m or more" in found
+
+
+def test_litchi_is_set_to_the_transit_speed():
+    assert "cruising speed in Litchi to 9.5 m/s" in said("litchi", grid(transit_mps=9.5))
+
+
+def test_a_format_that_a_drone_is_not_known_to_fly_is_said(tmp_path, capsys):
+    plan = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--vhat", "0.8"]
+    out = f"litchi:{tmp_path / 'a.csv'}"
+    assert run([*plan, "--drone", "dji-m3t", "--out", out]) == 0
+    assert "it is not known whether the drone dji-m3t flies this format" in capsys.readouterr().err
+    assert run([*plan, "--drone", "dji-air-2s", "--out", out, "--force"]) == 0
+    assert "not known whether" not in capsys.readouterr().err
