@@ -133,8 +133,8 @@ def test_home_is_the_take_off_and_the_climb_reaches_the_highest_site():
     ellipsoidal = grid(ground_m=ground, **place, height_datum="ellipsoid")
     (template, _) = documents_of(written(ellipsoidal, "kmz")).values()
     assert texts(template, "takeOffRefPoint") == ["48.0000000000,14.0000000000,190.00"]
-    assert texts(waylines, "takeOffSecurityHeight") == ["83.00"]
-    assert texts(waylines, "globalRTHHeight") == ["83.00"]
+    assert texts(waylines, "takeOffSecurityHeight") == ["83.0000"]
+    assert texts(waylines, "globalRTHHeight") == ["83.0000"]
 
 
 def test_waypoint_files_are_not_for_px4():

@@ -152,11 +152,11 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
         for g in waylines.iter(f"{WPML}actionGroup")
         if "multipleDistance" in texts(g, "actionTriggerType")
     ]
-    assert groups == [([str(k)], [str(k + 2)], ["2.500"]) for k in (0, 3, 6)]
+    assert groups == [([str(k)], [str(k + 2)], ["2.500000"]) for k in (0, 3, 6)]
     intervals = [
         line.split(",")[-1] for line in written(mission, "litchi").decode().splitlines()[1:]
     ]
-    assert intervals == ["2.500", "2.500", "-1"] * 3
+    assert intervals == ["2.500000", "2.500000", "-1"] * 3
 
 
 def test_turning_points_take_no_photo_in_flight():

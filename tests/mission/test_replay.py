@@ -59,7 +59,7 @@ CRAFT = {
 GRIDS = {
     "trimmed": {"samples": 23, "baseline": 4.2},
     "lanes": {"samples": 30, "baseline": 3.1, "grid": "lanes", "heading": 33.0},
-    "line": {"samples": 10, "baseline": 4.0, "grid": "line", "line_length": 150.0},
+    "line": {"samples": 10, "baseline": 4.012345678, "grid": "line", "line_length": 150.0},
     "far": {"samples": 16, "baseline": 2.5, "takeoff": (48.3398, 14.3261), "heading": 250.0},
     "split": {"samples": 90, "baseline": 3.0, "takeoff": (48.3362, 14.3261), "file_waypoints": 40},
 }
@@ -100,8 +100,8 @@ PLACE_M = {"waypoints": 0.5e-8 * DEGREE_M, "parrot": 0.5e-8 * DEGREE_M}
 HEIGHT_M = {"litchi": 0.5e-3, "waypoints": 0.5e-8, "parrot": 0.5e-8}
 """Rounding of heights to so many decimals; the others have four."""
 
-SPEED_MPS = {"litchi": 0.005, "kmz": 0.005, "dji-fly": 0.005, "autel": 0.005, "parrot": 0.5e-8}
-"""Rounding of speeds to two decimals; the others have them all."""
+SPEED_MPS = dict.fromkeys(("litchi", "kmz", "dji-fly", "autel"), 0.5e-4)
+"""Rounding of speeds to four decimals; the others have eight or more."""
 
 
 @pytest.fixture(scope="module")
@@ -200,8 +200,10 @@ def check_flight(name, contents, result, mission, frame):
     ]
     flights = [replayed(name, content, ground, result, mission) for content in contents]
     shots = [shot for flight in flights for shot in flight.photos]
-    # Along a line the distance from its first photo counts, which both ends of the line round.
+    # Along a line the distance from its first photo counts, which both ends of the line round, and
+    # the spacing has six decimals.
     place_m = 2.0 * math.sqrt(2.0) * PLACE_M.get(name, 0.5e-10 * DEGREE_M) + 1e-4
+    place_m += 0.5e-6 * len(sites)
     height_m = HEIGHT_M.get(name, 0.5e-4) + 1e-6
     in_passing = mission.settings.trigger == "distance"
     if frame == "terrain":

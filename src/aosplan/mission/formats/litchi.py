@@ -69,8 +69,8 @@ def render(mission: Mission) -> bytes:
         lines.append(
             f"{point.latitude:.10f},{point.longitude:.10f},{point.height_m:.3f},"
             f"{settings.yaw_deg % 360.0:.2f},0,0,2,{pitch},{_fifteen(*actions)},"
-            f"{int(above_ground and not point.above_takeoff)},{point.speed_mps:.2f},0,0,0,0,-1,"
-            + (f"{settings.spacing_m:.3f}" if on else "-1")
+            f"{int(above_ground and not point.above_takeoff)},{point.speed_mps:.4f},0,0,0,0,-1,"
+            + (f"{settings.spacing_m:.6f}" if on else "-1")
         )
     return "\n".join([*lines, ""]).encode()
 

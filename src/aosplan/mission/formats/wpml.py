@@ -105,7 +105,7 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
     """The two documents by name, in chunks: one for the application, and one that the drone flies."""
     settings = mission.settings
-    speed, path = f"{settings.speed_mps:.2f}", flown_path(mission)
+    speed, path = f"{settings.speed_mps:.4f}", flown_path(mission)
     machine = dialect.machine(mission)
     config = _config(mission, machine)
     name = machine.name
@@ -190,7 +190,7 @@ def _config(mission: Mission, machine: Machine) -> str:
     """The mission configuration: take-off, return, speeds, drone and payload."""
     settings = mission.settings
     _, drone, payload, _ = machine
-    climb, back = f"{mission.climb_m():.2f}", f"{mission.return_m():.2f}"
+    climb, back = f"{mission.climb_m():.4f}", f"{mission.return_m():.4f}"
     # The reference height is above the ellipsoid. The element is optional and left out if the
     # height is not known.
     reference = ""
@@ -212,7 +212,7 @@ def _config(mission: Mission, machine: Machine) -> str:
 <wpml:exitOnRCLost>executeLostAction</wpml:exitOnRCLost>
 <wpml:executeRCLostAction>goBack</wpml:executeRCLostAction>
 <wpml:takeOffSecurityHeight>{climb}</wpml:takeOffSecurityHeight>
-{reference}<wpml:globalTransitionalSpeed>{mission.transit_mps:.2f}</wpml:globalTransitionalSpeed>
+{reference}<wpml:globalTransitionalSpeed>{mission.transit_mps:.4f}</wpml:globalTransitionalSpeed>
 <wpml:globalRTHHeight>{back}</wpml:globalRTHHeight>
 <wpml:droneInfo>{_wrap("droneEnumValue", drone.number)}\
 {_wrap("droneSubEnumValue", drone.variant)}</wpml:droneInfo>
@@ -326,7 +326,7 @@ def _placemarks(
     groups = _actions(mission, path, *camera)
     for index, point in enumerate(path):
         alone = own.replace("HEIGHT", f"{point.height_m:.4f}").replace(
-            "SPEED", f"{point.speed_mps:.2f}"
+            "SPEED", f"{point.speed_mps:.4f}"
         )
         yield (
             f"<Placemark>\n<Point><coordinates>{point.longitude:.10f},{point.latitude:.10f}"
@@ -393,7 +393,7 @@ def _work(spacing_m: float | None, actions: tuple[str, ...]) -> str:
     trigger = _wrap("actionTriggerType", "reachPoint")
     if spacing_m is not None:
         trigger = _wrap("actionTriggerType", "multipleDistance")
-        trigger += _wrap("actionTriggerParam", f"{spacing_m:.3f}")
+        trigger += _wrap("actionTriggerParam", f"{spacing_m:.6f}")
     numbered = [
         action.replace("<wpml:action>", f"<wpml:action>{_wrap('actionId', place)}", 1)
         for place, action in enumerate(actions)
