@@ -1,8 +1,8 @@
-"""After the flight: what photos show, which to keep, and their average.
+"""After the flight: what the photos show, which of them to keep, and integral images.
 
 - `aosplan.postflight.positions`: positions from tables, missions and logs;
-  `aosplan.postflight.geotags` from photos.
-- `aosplan.postflight.registration`: positions matched to the sites of a plan.
+  `aosplan.postflight.geotags`: positions from photos.
+- `aosplan.postflight.registration`: matching of positions to the sites of a plan.
 - `aosplan.postflight.review`: what a flight shows, and what it missed.
 - `aosplan.postflight.views`: recorded positions as views of a scene.
 - `aosplan.postflight.best_views` and `aosplan.postflight.thin`: the best N of many views.

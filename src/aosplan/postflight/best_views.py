@@ -1,17 +1,18 @@
-"""Select the best N of many recorded views: those that share the fewest occluders.
+"""Selection of the best N of many recorded views, which share the fewest occluders.
 
-With the correlation c_ik of what views i and k see, a choice S of N views has the shortfall
-1 - V̂ = K = ΣΣ_S c_ik / N².  Views are dropped one by one, always the one that shares most with
-those that are left; or taken one by one, always the one that shares least with those taken.  Both
-choices are then bettered by exchanging one view for another as long as that lowers K, and the better
-one counts: no single exchange betters it.  K is never below 1/N, that of views that share nothing.
+With the correlation c_ik of views i and k, a set S of N views has the shortfall
+1 - V̂ = K = ΣΣ_S c_ik / N².  Two sets are found greedily.  One starts with all views, and the view
+that shares most with the others is removed repeatedly.  The other is built up by repeatedly adding
+the view that shares least with those in it.  Both are improved by exchanging one view for another
+as long as this reduces K, and the better one is the result.  No single exchange improves it.  K is
+at least 1/N, which it is for views that share nothing.
 
-The least K is not the largest V where views hide unlike shares p of the target: those that share
-least are far apart, and look through more wood.  For V = 1 - ΣΣ_S J_ik / N² what pairs hide in common
-takes the place of c, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
+The smallest K does not give the largest V if views hide different shares p of the target: views
+that share least are far apart and look through more of the canopy.  For V = 1 - ΣΣ_S J_ik / N², c
+is replaced by the share that both views hide, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Only the correlations of the model enter, not the stand's own voxels: a choice that is tuned to the gaps of
-one plot shows less on the next.
+Only the correlations of the model are used, not the voxels of the stand, because a set that is
+optimised for the gaps of one plot is worse for other places.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Correlation = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-    """Correlation of views by their offsets along x and y [m], elementwise."""
+    """Correlation of views as a function of their offsets along x and y [m], elementwise."""
 
 MOST_VIEWS = 5000
-"""Views to choose from: their correlations take 200 MB."""
+"""Largest number of recorded views; their correlations need 200 MB."""
 
 WORTHWHILE = 1e-12
-"""An exchange lowers the sum of correlations by more than this share of it."""
+"""Smallest relative decrease of the sum of correlations for which views are exchanged."""
 
 
 def thin(
@@ -43,28 +44,28 @@ def thin(
     correlation: Correlation,
     hidden: ArrayLike | None = None,
 ) -> NDArray[np.intp]:
-    """Choose views that share the fewest occluders, or that together show most.
+    """Choose the views that share the fewest occluders, or that together show most.
 
     Parameters
     ----------
     positions_m
         Shape (M, 2): x and y of the recorded views.
     samples
-        N, how many to choose, from 1 to M.
+        N, number of views to choose, from 1 to M.
     correlation
-        Correlation of two views by their offset along x and y, 1 at no offset.
+        Correlation of two views as a function of their offset along x and y; 1 for no offset.
     hidden
-        Shape (M,): share p that each view hides, for the largest V; None for the largest V̂.
+        Shape (M,): share p of the target that each view hides, to maximise V; None to maximise V̂.
 
     Returns
     -------
     ndarray
-        Shape (N,): places of the chosen views, rising.
+        Shape (N,): indices of the chosen views, increasing.
 
     Raises
     ------
     RequestError
-        If there are fewer views than wanted, or more than `MOST_VIEWS`.
+        If there are fewer views than `samples`, or more than `MOST_VIEWS`.
     """
     points = np.asarray(positions_m, dtype=np.float64)
     check_count(len(points), samples)
@@ -77,7 +78,7 @@ def thin(
 
 
 def check_count(count: int, samples: int) -> None:
-    """Refuse to choose from fewer views than are wanted, or from more than `MOST_VIEWS`."""
+    """Refuse to choose from fewer views than are requested, or from more than `MOST_VIEWS`."""
     if count < samples:
         raise RequestError(
             f"{count} positions are fewer than --samples {samples}", "ask for fewer samples"
@@ -100,16 +101,16 @@ def correlations(points: NDArray[np.float64], correlation: Correlation) -> NDArr
 
 
 def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray[np.float64]:
-    """J, what pairs of views hide of the same, from their correlations and what each hides."""
+    """J, the share that both views of each pair hide, from their correlations and hidden shares."""
     spread = np.sqrt(hidden * (1.0 - hidden))
     joint: NDArray[np.float64] = np.outer(hidden, hidden) + shared * np.outer(spread, spread)
     return joint
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
-    """Drop the view that shares most with those left, until so many are left; which they are."""
+    """Mask of the views that remain if the one that shares most with the others is always removed."""
     chosen = np.ones(len(shared), dtype=bool)
-    sums = shared.sum(axis=1) - 0.5 * shared.diagonal()  # a view and itself are one pair
+    sums = shared.sum(axis=1) - 0.5 * shared.diagonal()  # a view with itself is one pair
     for _ in range(len(shared) - samples):
         worst = int(np.argmax(np.where(chosen, sums, -np.inf)))
         chosen[worst] = False
@@ -118,7 +119,7 @@ def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_
 
 
 def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArray[np.bool_]:
-    """Take the view that shares least with those taken, from a first one on; which they are."""
+    """Mask of the views if the one that shares least with those chosen is always added to `first`."""
     chosen = np.zeros(len(shared), dtype=bool)
     sums = 0.5 * shared.diagonal()
     view = first
@@ -130,14 +131,14 @@ def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArr
 
 
 def exchanged(shared: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Exchange one view for another as long as the choice shares less for it."""
+    """Exchange views one by one as long as this reduces the sum of correlations."""
     chosen = chosen.copy()
     sums = shared[:, chosen].sum(axis=1)
     while True:
         inside, outside = np.flatnonzero(chosen), np.flatnonzero(~chosen)
         if not len(outside):
             return inside
-        # ΣΣ changes by 2 (Σ_k c_jk - c_ij) + c_jj - (2 Σ_k c_ik - c_ii) with j for i.
+        # Replacing i by j changes ΣΣ by 2 (Σ_k c_jk - c_ij) + c_jj - (2 Σ_k c_ik - c_ii).
         own = shared.diagonal()
         change = (
             (2.0 * sums[outside] + own[outside])[None, :]
@@ -153,5 +154,5 @@ def exchanged(shared: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray
 
 
 def shortfall(shared: NDArray[np.float64], chosen: NDArray[np.intp]) -> float:
-    """K of a choice of views."""
+    """K of a set of views."""
     return float(shared[np.ix_(chosen, chosen)].mean())

@@ -1,7 +1,7 @@
-"""Where photos were taken, as their own metadata say: XMP of the drone's maker, else EXIF.
+"""Positions of photos from their metadata: XMP of the drone's maker, or EXIF.
 
-XMP, where DJI and others write it, has more decimals than EXIF's seconds, and the height above the
-take-off.  Neither the pictures nor anything else of the files is decoded.
+XMP of DJI and others has more decimals than the seconds of EXIF, and the height above the take-off
+point.  The images themselves are not decoded.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff")
-"""Endings of photos."""
+"""Extensions of photos."""
 
 GPS = 0x8825
-"""Tag of EXIF under which positions are."""
+"""EXIF tag of the GPS information."""
 
 XMP_BYTES = 1 << 18
-"""Makers write XMP at the beginning of a file."""
+"""Number of bytes at the start of a file in which XMP is searched."""
 
 _SHOT = re.compile(r"(?P<series>.*?)_(?:\d{14}_)?(?P<number>\d{3,})_[A-Z]{1,4}")
-"""Names of DJI's photos that come in pairs: ``DJI_20250101120000_0001_T``."""
+"""Matches names of DJI's photos that come in pairs: ``DJI_20250101120000_0001_T``."""
 
 PAIR_DEG = 2e-5
-"""Photos of one shot are nearer to each other: 2 m."""
+"""Largest distance of photos of the same shot, about 2 m [deg]."""
 
 _XMP = re.compile(
     rb"(?:drone-dji|drone|drone-parrot|drone-skydio|Camera):"
@@ -46,11 +46,11 @@ class Photos(NamedTuple):
     Attributes
     ----------
     places
-        Where each was taken, by its name, in order; None if it does not say so.
+        Position of each photo by file name, in order; None if the photo has no position.
     doubtful
-        Why a photo that has a position is not placed by it, by its name.
+        By file name, why the position of a photo is not used.
     paired
-        Photos that are left out, as another of the same shot counts: its name by theirs.
+        Photos that are left out because another photo of the same shot is used: its name by theirs.
     """
 
     places: dict[str, Place | None]
@@ -59,14 +59,14 @@ class Photos(NamedTuple):
 
 
 def read_photos(folder: str) -> Photos:
-    """Places of the photos in a folder.
+    """Read the positions of the photos in a folder.
 
-    Altitudes are above the take-off if the XMP has them.
+    Altitudes are above the take-off point if the XMP has them.
 
     Raises
     ------
     RequestError
-        If there is no folder, or no photo in it has a place.
+        If there is no such folder, or no photo in it has a position.
     MissingExtraError
         If Pillow is not installed.
     """
@@ -78,12 +78,12 @@ def read_photos(folder: str) -> Photos:
 
 
 def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
-    """Places of all photos in a folder by name, and why a photo with a position is not placed by it.
+    """Positions of all photos in a folder by name, and why some positions are not used.
 
     Raises
     ------
     RequestError, MissingExtraError
-        As `read_photos`.
+        As `read_photos` does.
     """
     try:
         names = sorted(
@@ -115,13 +115,14 @@ def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
 
 
 class DoubtfulError(Exception):
-    """A position that may be on the other side of the earth."""
+    """A position whose hemisphere is unclear or incomplete, so that it may be far off."""
 
 
 def _pairs(places: dict[str, Place | None]) -> dict[str, str]:
-    """Photos of one shot by several cameras of a drone: each but the first, and the first's name.
+    """Photos of one shot by several cameras of a drone: all but the first, with the first's name.
 
-    DJI names them alike but for a last letter, such as T and V, and at times the second.
+    DJI's names of these photos differ in a last letter, such as T and V, and sometimes in the
+    second.
     """
     first: dict[str, str] = {}
     found = {}
@@ -146,7 +147,7 @@ def _are_near(one: Place, other: Place) -> bool:
 def _place(path: str) -> Place | None:
     with open(path, "rb") as file:
         found = {name.decode(): float(text) for name, text in _XMP.findall(file.read(XMP_BYTES))}
-    # Early firmware of DJI misspells it.
+    # Early firmware of DJI misspells the name of the longitude.
     by_xmp = _fix(found.get("GpsLatitude"), found.get("GpsLongitude", found.get("GpsLongtitude")))
     if by_xmp is None:
         exif = _exif_place(path)
@@ -157,7 +158,7 @@ def _place(path: str) -> Place | None:
 
 
 def _fix(latitude: float | None, longitude: float | None) -> tuple[float, float] | None:
-    """A position, unless it is incomplete, off the earth, or the zeros of a camera without a fix."""
+    """A position; None if it is incomplete, not on earth, or the zeros of a camera without a fix."""
     if latitude is None or longitude is None or latitude == longitude == 0.0:
         return None
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
@@ -166,23 +167,23 @@ def _fix(latitude: float | None, longitude: float | None) -> tuple[float, float]
 
 
 def _check_signs(by_xmp: tuple[float, float], path: str) -> None:
-    """Refuse a position whose hemisphere is another one in EXIF than in XMP."""
+    """Refuse a position whose hemisphere in EXIF differs from that in XMP."""
     try:
         exif = _exif_place(path)
     except (DoubtfulError, MissingExtraError):
-        return  # XMP has its own signs
+        return  # XMP has signs of its own
     for one, other in zip(by_xmp, exif or by_xmp, strict=True):
         if one * other < 0.0 and math.isclose(abs(one), abs(other), abs_tol=0.01):
             raise DoubtfulError(f"is at {one:g} by its XMP, and at {other:g} by its EXIF")
 
 
 def _exif_place(path: str) -> tuple[float, float] | None:
-    """Latitude and longitude by EXIF; None if it has none, or is damaged.
+    """Latitude and longitude from EXIF; None if there are none, or EXIF is damaged.
 
     Raises
     ------
     DoubtfulError
-        If the hemisphere, or a part of the angle, is missing.
+        If the hemisphere or a part of an angle is missing.
     """
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
@@ -199,13 +200,13 @@ def _exif_place(path: str) -> tuple[float, float] | None:
         SyntaxError,
         KeyError,
     ):
-        return None  # damaged metadata are none
+        return None  # damaged metadata are treated as missing
     return None if latitude is None or longitude is None else (latitude, longitude)
 
 
 @contextlib.contextmanager
 def of_any_size(pillow: Any) -> Iterator[None]:
-    """Let Pillow open images of any size: of these nothing is decoded but the metadata."""
+    """Let Pillow open images of any size, because only their metadata are decoded."""
     kept, pillow.MAX_IMAGE_PIXELS = pillow.MAX_IMAGE_PIXELS, None
     try:
         yield
@@ -214,7 +215,9 @@ def of_any_size(pillow: Any) -> Iterator[None]:
 
 
 def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float | None:
-    """Degrees of a latitude or longitude: its hemisphere at a tag, three numbers at the next."""
+    """Latitude or longitude in degrees: `reference` is the tag of its hemisphere, the angle
+    follows.
+    """
     parts = tags.get(reference + 1)
     if not isinstance(parts, tuple) or len(parts) != 3:
         return None
@@ -222,7 +225,7 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
     if whole is None or abs(whole) > 180.0:
         return None
     if minutes is None or seconds is None:
-        # A part of 0/0 is one that is not used: the part before it then has decimals.
+        # 0/0 means that a part is not used. The part before it then has to have decimals.
         before = whole if minutes is None else minutes
         if before == math.floor(before) and not (whole == before == 0.0):
             raise DoubtfulError("has a position without its minutes or seconds")
@@ -241,7 +244,7 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
 
 
 def _number(part: Any) -> float | None:
-    """A number of EXIF; None for 0/0."""
+    """A number in EXIF; None for 0/0."""
     try:
         value = float(part)
     except ZeroDivisionError:

@@ -1,4 +1,4 @@
-"""Mission files read back as missions."""
+"""Mission files, read back as missions."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from aosplan.postflight.positions import local_m, read_places
 
 
 def read_mission_file(path: str) -> Mission:
-    """The sites with a photo of a mission file, in flight order.
+    """Read the sites of a mission file at which a photo is taken, in flight order.
 
-    East and north count from the first site; heights are those of the file.  Speeds, holds and
-    what else the file says of the flight are not read.
+    East and north are relative to the first site, and heights are those of the file.  Speeds, holds
+    and other settings of the flight are not read.
 
     Raises
     ------
     RequestError
-        If it cannot be read, or a site has no height.
+        If the file cannot be read, or a site has no height.
     """
     places = read_places(path)
     east, north = local_m(places, places[0][:2], path, "the first")

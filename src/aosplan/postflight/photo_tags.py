@@ -1,18 +1,21 @@
-"""What the metadata of a drone's photo say of its camera: angles, heights, focal length, band.
+"""Metadata of a drone's photo about its camera: angles, heights, focal length, band.
 
-XMP is read as drone makers write it, as attributes or elements:
+XMP is read in the forms that drone makers write, as attributes or elements:
 
 - DJI (``drone-dji:``) and recent Autel (``drone:``): ``GimbalYawDegree``, ``GimbalPitchDegree`` and
-  ``GimbalRollDegree`` turn a north-east-down frame in the order yaw, pitch, roll; a pitch of -90 degrees
-  looks straight down.  ``RelativeAltitude`` counts from the take-off.  ``RtkFlag`` is 50 for a fixed
-  solution.  ``DewarpData`` is a date, then fx, fy, cx, cy, k1, k2, p1, p2, k3 in pixels, with cx and cy
-  counted from the middle of the photo.  ``CalibratedFocalLength`` is in pixels.
-- Parrot (``drone-parrot:``): ``CameraYawDegree``, ``CameraPitchDegree``, ``CameraRollDegree``, alike.
-- Skydio (``drone-skydio:``): ``CameraOrientationNED`` holds yaw, pitch and roll, alike.
-- Pix4D's names (``Camera:``), which senseFly, Parrot Sequoia and older Autel firmware write: ``Yaw``,
-  ``Pitch`` and ``Roll``, with a pitch of 0 straight down.
+  ``GimbalRollDegree`` rotate a north-east-down frame in the order yaw, pitch, roll; a pitch of -90
+  degrees is straight down.  ``RelativeAltitude`` is above the take-off point.  ``RtkFlag`` is 50
+  for a fixed solution.  ``DewarpData`` is a date followed by fx, fy, cx, cy, k1, k2, p1, p2, k3 in
+  pixels, where cx and cy are relative to the centre of the photo.  ``CalibratedFocalLength`` is in
+  pixels.
+- Parrot (``drone-parrot:``): ``CameraYawDegree``, ``CameraPitchDegree``, ``CameraRollDegree``, with
+  the same meaning.
+- Skydio (``drone-skydio:``): ``CameraOrientationNED`` contains yaw, pitch and roll with the same
+  meaning.
+- Pix4D's names (``Camera:``), which senseFly, Parrot Sequoia and older Autel firmware write:
+  ``Yaw``, ``Pitch`` and ``Roll``, where a pitch of 0 is straight down.
 
-EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pitch of the pixels.
+EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.
 """
 
 from __future__ import annotations
@@ -30,10 +33,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 EXIF = 0x8769
-"""Tag under which EXIF has the numbers of the exposure."""
+"""EXIF tag of the exposure information."""
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
-"""Equivalent focal lengths are for the diagonal of 35 mm film."""
+"""Diagonal of a 35 mm film frame, to which equivalent focal lengths refer."""
 
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 """Millimetres in EXIF's units of the focal plane: inch, cm, mm, µm."""
@@ -41,7 +44,7 @@ MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 RTK_FIXED = 50
 
 MAKERS = ("drone-dji", "drone", "drone-parrot", "Camera")
-"""Namespaces of makers, in the order in which they are believed."""
+"""Namespaces of makers, in order of priority."""
 
 BANDS = ("thermal", "visible", "wide", "zoom")
 
@@ -52,13 +55,13 @@ SOURCES = {
 }  # fmt: skip
 
 SUFFIXES = {
-    # Last letters of a name, as DJI writes them.
+    # Last letters of a file name (DJI).
     "T": "thermal", "THRM": "thermal", "IR": "thermal", "R": "thermal",
     "V": "wide", "W": "wide", "WIDE": "wide", "Z": "zoom", "ZOOM": "zoom", "S": "screen", "SCRN": "screen",
 }  # fmt: skip
 
 PREFIXES = {"IRX": "thermal", "IR": "thermal", "MAX": "wide", "MIX": "screen", "PIC": "screen"}
-"""First letters of a name, as Autel writes them."""
+"""First letters of a file name (Autel)."""
 
 THERMAL_NAMES = {"lwir", "thermal", "ir"}
 
@@ -68,24 +71,24 @@ _ORIENTATION_NED = re.compile(rb"CameraOrientationNED")
 
 
 class PhotoTags(NamedTuple):
-    """What a photo says of itself; None for what it does not say.
+    """Metadata of a photo; None for values that it does not have.
 
     Attributes
     ----------
     relative_altitude_m, absolute_altitude_m
-        Height above the take-off, and above the ellipsoid or the sea.
+        Height above the take-off point, and above the ellipsoid or sea level.
     yaw_deg, pitch_deg, roll_deg
-        Of the camera in a north-east-down frame, pitch -90 straight down.
+        Angles of the camera in a north-east-down frame; a pitch of -90 is straight down.
     size_px
-        Width and height.
+        Width and height of the image.
     focal_px
-        Focal length in pixels of this size.
+        Focal length in pixels of this image size.
     lens_px
-        Calibration: fx, fy, cx, cy (from the corner), k1, k2, p1, p2, k3.
+        Calibration: fx, fy, cx, cy (relative to the corner), k1, k2, p1, p2, k3.
     band
-        One of `BANDS` but ``visible``, or ``screen`` for a copy of the pilot's screen.
+        One of `BANDS` except ``visible``, or ``screen`` for a copy of the pilot's screen.
     is_rtk
-        Whether the position is a fixed solution of RTK.
+        Whether the position is a fixed RTK solution.
     model
         Make and model of the camera.
     """
@@ -104,7 +107,7 @@ class PhotoTags(NamedTuple):
 
 
 def read_tags(path: str) -> PhotoTags | None:
-    """Tags of a photo; None if the file is not an image.
+    """Read the metadata of a photo; None if the file is not an image.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def _first(*values: float | None) -> float | None:
 
 
 def _xmp(packet: bytes) -> dict[str, str]:
-    """Values by ``namespace:name``."""
+    """Values of an XMP packet by ``namespace:name``."""
     found: dict[str, str] = {}
     for space, name, text in _VALUE.findall(packet):
         key = f"{space.decode()}:{name.decode()}"
@@ -165,7 +168,7 @@ def _xmp(packet: bytes) -> dict[str, str]:
             found.setdefault(key, value)
     match = _ORIENTATION_NED.search(packet)
     if match:
-        # A structure of three angles, or a list of them in the order roll, pitch, yaw of its names.
+        # Three angles as a structure, or as a list in the order roll, pitch, yaw.
         part = packet[match.end() : match.end() + 600]
         for space, name, text in _VALUE.findall(part):
             if name in (b"Yaw", b"Pitch", b"Roll") and space != b"Camera":
@@ -174,7 +177,7 @@ def _xmp(packet: bytes) -> dict[str, str]:
 
 
 def _float(text: str | None) -> float | None:
-    """A finite number, which may be written as a fraction."""
+    """A finite number, which may be written as a fraction; None otherwise."""
     if text is None:
         return None
     above, slash, below = text.partition("/")
@@ -206,7 +209,7 @@ def _gps_altitude(gps: Mapping[int, Any]) -> float | None:
 def _angles(
     xmp: Mapping[str, str], gps: Mapping[int, Any]
 ) -> tuple[float | None, float | None, float | None]:
-    """Yaw, pitch and roll in the north-east-down frame, pitch -90 straight down."""
+    """Yaw, pitch and roll in the north-east-down frame; a pitch of -90 is straight down."""
     names = ("Yaw", "Pitch", "Roll")
     for pattern in (
         "drone-dji:Gimbal{}Degree",
@@ -220,15 +223,15 @@ def _angles(
             return _first(yaw, flight, _exif_number(gps.get(17))), pitch, roll
     yaw, pitch, roll = (_float(xmp.get(f"Camera:{name}")) for name in names)
     if pitch is not None and abs(pitch) < 60.0:
-        pitch -= 90.0  # Pix4D counts from straight down
-    # At 60 degrees and more from straight down nobody maps: such a pitch counts from the horizon.
+        pitch -= 90.0  # Pix4D's pitch is relative to straight down
+    # Surveys do not tilt the camera by 60 degrees or more, so such a pitch is from the horizon.
     elif pitch is not None and pitch > 0.0:
         pitch = -pitch
     return _first(yaw, _exif_number(gps.get(17))), pitch, roll
 
 
 def _lens(xmp: Mapping[str, str], size: tuple[int, int]) -> tuple[float, ...] | None:
-    """DJI's calibration, if the photo is not corrected by it already."""
+    """DJI's calibration; None if the photo has already been corrected with it."""
     text = xmp.get("drone-dji:DewarpData")
     if text is None or xmp.get("drone-dji:DewarpFlag", "0") == "1":
         return None
@@ -244,7 +247,7 @@ def _lens(xmp: Mapping[str, str], size: tuple[int, int]) -> tuple[float, ...] | 
 def _focal_px(
     xmp: Mapping[str, str], shot: Mapping[int, Any], size: tuple[int, int]
 ) -> float | None:
-    """Focal length in pixels: calibrated, from the pitch of the pixels, or from its 35 mm equivalent."""
+    """Focal length in pixels: calibrated, from the pixel pitch, or from the 35 mm equivalent."""
     calibrated = _number(xmp, "CalibratedFocalLength")
     if calibrated is not None and calibrated > 0.1 * size[0]:
         return calibrated
@@ -265,7 +268,7 @@ def _focal_px(
 def _band(
     xmp: Mapping[str, str], name: str, size: tuple[int, int], main: Mapping[int, Any]
 ) -> str | None:
-    """The camera of a drone that took a photo, of several."""
+    """Which of several cameras of the drone took the photo."""
     for space in MAKERS:
         source = xmp.get(f"{space}:ImageSource", "").replace(" ", "").lower()
         if source in SOURCES:

@@ -1,4 +1,4 @@
-"""Places on earth where photos were, or would be, taken: read from the files of flights."""
+"""Positions at which photos were taken, or are to be taken, from the files of flights."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 
 PLACE_NAMES = (("latitude", "longitude"), ("lat", "lon"), ("lat", "lng"), ("lat", "long"))
-"""Names that the two columns of a CSV may have."""
+"""Names that the columns of latitude and longitude may have in a CSV."""
 
 ALTITUDES = ("altitude_m", "altitude(m)", "altitude", "alt")
-"""Names that a CSV's column of altitudes may have."""
+"""Names that the column of altitudes may have in a CSV."""
 
 SUFFIXES = (".waypoints", ".plan", ".geojson", ".kmz", ".mavlink")
-"""Files that say where on earth their places are."""
+"""Extensions of files whose positions are latitudes and longitudes."""
 
 
 class Place(NamedTuple):
-    """Latitude and longitude [deg], and the altitude that the file says [m], if it says one."""
+    """Latitude and longitude [deg], and the altitude in the file [m] if it has one."""
 
     latitude: float
     longitude: float
@@ -37,15 +37,16 @@ class Place(NamedTuple):
 
 
 def read_places(path: str) -> list[Place]:
-    """Places of photos in the order of a file: a mission, ``.geojson``, or a CSV (also Litchi's).
+    """Read the positions of photos in the order of a file: a mission, ``.geojson``, or a CSV.
 
-    Of a mission in which the camera fires at some waypoints, those; else all waypoints.
+    For a mission in which the camera is triggered, they are the positions of the photos, otherwise
+    all waypoints.  The CSV may be Litchi's.
 
     Raises
     ------
     RequestError
-        If the file is of another kind, a place is off the earth, or there is none; the message
-        names the line or item.
+        If the file is of another type, a position is not on earth, or there are no positions; the
+        message names the line or item.
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in {".waypoints", ".mavlink"}:
@@ -68,12 +69,12 @@ def read_places(path: str) -> list[Place]:
 def local_m(
     places: Sequence[Place], origin: tuple[float, float], path: str, named: str
 ) -> tuple[list[float], list[float]]:
-    """Metres east and north of an origin, by its name in messages.
+    """Metres east and north of an origin; `named` is the name of the origin in messages.
 
     Raises
     ------
     RequestError
-        If a place of the file is farther from it than local metres reach.
+        If a place of the file is too far from the origin for local metres.
     """
     from aosplan.geodesy import FARTHEST_M, to_local
 
@@ -89,7 +90,7 @@ def local_m(
 
 
 def places_of(table: Table) -> list[Place]:
-    """Places from a table's columns."""
+    """Latitudes, longitudes and altitudes from the columns of a table."""
     return [_place(where, *values) for where, values in table.columns(PLACE_NAMES, ALTITUDES)]
 
 
@@ -105,8 +106,9 @@ def _place(where: str, latitude: Any, longitude: Any, altitude: Any = None) -> P
 
 
 PLACING = {mav.WAYPOINT, 17, 18, 19, 31, 82}
-"""Commands that bring the vehicle to a place: waypoint, loiter (without end, by turns, by time, to an
-altitude), and spline waypoint."""
+"""Commands that move the vehicle to a position: waypoint, loiter (unlimited, by turns, by time, to
+an altitude), and spline waypoint.
+"""
 
 PLACELESS = {
     # Take-off, landing, return, delays, jumps, changes of speed and home, cameras, gimbals, servos,
@@ -116,16 +118,16 @@ PLACELESS = {
     *range(1000, 1003), *range(2000, 2006), *range(2500, 2521), 2800, 3000, *range(4501, 4505),
     *range(5000, 5005), 5100, *range(30001, 30003), *range(31000, 31015), *range(42600, 42705),
 }  # fmt: skip
-"""Commands whose latitude and longitude, if they have any, are not where a photo is taken."""
+"""Commands whose latitude and longitude, if they have any, are not positions of photos."""
 
 GLOBAL_FRAMES = {0, 3, 5, 6, 10, 11}
-"""Frames of MAVLink whose x and y are latitude and longitude."""
+"""MAVLink frames in which x and y are latitude and longitude."""
 
 
 def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> list[Place]:
-    """Places of photos: single ones, and each spacing while a trigger by distance is on.
+    """Positions of photos: single ones, and one per spacing while a distance trigger is on.
 
-    Of a mission that never fires its camera, all waypoints.
+    If the mission never triggers the camera, all waypoints are returned.
     """
     places: list[Place] = []
     photos: list[Place] = []
@@ -154,7 +156,7 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
 
 
 def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> list[Place]:
-    """Photos of a WPML route: those at its waypoints, and each spacing between them."""
+    """Positions of photos of a WPML route: at its waypoints, and one per spacing between them."""
     places: list[Place] = []
     photos: list[Place] = []
     spacing_m = gone_m = 0.0
@@ -173,7 +175,10 @@ def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> lis
 def _passed(
     start: Place, stop: Place, spacing_m: float, gone_m: float
 ) -> tuple[list[Place], float]:
-    """Photos by distance on a leg, and how far behind the last one it ends; `gone_m` at its start."""
+    """Photos by distance on a leg, and the distance flown since the last one at the end of the leg.
+
+    `gone_m` is that distance at the start of the leg.
+    """
     from aosplan.geodesy import to_local
     from aosplan.grid.patterns import MOST_SITES
 
@@ -204,7 +209,7 @@ def _passed(
 
 
 AT_END = 0.01
-"""Share of a spacing that a leg may be too short for the photo at its end."""
+"""Share of a spacing by which a leg may be too short for the photo at its end."""
 
 
 def _is_set(value: Any) -> bool:
@@ -216,7 +221,7 @@ def _is_set(value: Any) -> bool:
 
 
 def _check_frame(where: str, command: int, frame: Any) -> None:
-    """Refuse a place in metres of a local frame."""
+    """Refuse a position in metres of a local frame."""
     if command in PLACING and number(frame, f"{where} frame") not in GLOBAL_FRAMES:
         raise RequestError(
             f"{where} frame {frame} is not one of latitude and longitude",
@@ -225,11 +230,11 @@ def _check_frame(where: str, command: int, frame: Any) -> None:
 
 
 def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
-    """Commands of a ``.waypoints`` file; its first row is home."""
+    """Commands of a ``.waypoints`` file; its first row is the home position."""
     lines = text_of(read_bytes(path), path).split("\n")
     if not lines[0].startswith("QGC WPL 1"):
         raise RequestError(f"'{path}' does not begin with QGC WPL 110")
-    first = 1 if path.lower().endswith(".mavlink") else 2  # Parrot's has no row for home
+    first = 1 if path.lower().endswith(".mavlink") else 2  # Parrot's files have no row for home
     for line_number, line in enumerate(lines[first:], first + 1):
         fields = line.split()
         if not fields or line.startswith("#"):
@@ -243,7 +248,7 @@ def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
 
 
 def _items(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
-    """Commands of a ``.plan``."""
+    """Commands of a ``.plan`` file."""
     mission = read_table(path).get("mission")
     items = mission.get("items") if isinstance(mission, dict) else None
     if not isinstance(items, list):
@@ -272,7 +277,7 @@ def _code(value: Any, where: str) -> int:
 
 
 def _points(path: str) -> Iterator[tuple[Any, ...]]:
-    """Points of a GeoJSON file; of a file without points, the places of its lines."""
+    """Points of a GeoJSON file; if it has none, the vertices of its lines."""
     table = read_table(path, with_nan=True)
     _check_crs(table, f"'{path}':")
     features = table.get("features")
@@ -288,7 +293,7 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
             raise RequestError(f"{where} geometry type {shown(kind)} is not a name")
         if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
             continue
-        assert isinstance(geometry, dict)  # it has a kind
+        assert isinstance(geometry, dict)  # it has a type
         for node in (feature, geometry):
             _check_crs(node, where)
         coordinates = geometry.get("coordinates")
@@ -322,22 +327,22 @@ def _coordinates(value: Any, where: str) -> tuple[Any, ...]:
 
 
 NAMES_M = (("east_m", "north_m"), ("x_m", "y_m"), ("x", "y"), ("east", "north"))
-"""Names that the two columns may have."""
+"""Names that the two columns of positions in metres may have."""
 
 FARTHEST_M = 1e9
-"""No position is farther from its origin."""
+"""Greatest distance of a position from its origin."""
 
 
 def read_positions(path: str) -> list[tuple[float, float]]:
-    """Positions [m] from a CSV with a header, such as aosplan's own waypoints, or from a mission.
+    """Read positions [m] from a CSV with a header, such as aosplan's waypoints, or from a mission.
 
-    Places of missions and ``.geojson`` files count east and north from the first.
+    Positions of missions and ``.geojson`` files are east and north of the first one.
 
     Raises
     ------
     RequestError
-        If there is no header with two known columns, no row, or a row without two numbers;
-        the message names the line.
+        If there is no header with two known columns, no row, or a row without two numbers; the
+        message names the line.
     """
     from aosplan.postflight.positions import SUFFIXES, local_m, read_places
 
@@ -351,9 +356,9 @@ def read_positions(path: str) -> list[tuple[float, float]]:
 
 
 class Table(NamedTuple):
-    """A CSV: the names of its columns, and its rows, each with its place in the file.
+    """A CSV file: the names of its columns, and its rows, each with its place in the file.
 
-    Rows whose column ``photo`` says false are left out.
+    Rows whose column ``photo`` is false are left out.
     """
 
     path: str
@@ -367,7 +372,8 @@ class Table(NamedTuple):
     def columns(
         self, pairs: tuple[tuple[str, str], ...], thirds: tuple[str, ...] = ()
     ) -> list[tuple[str, list[str]]]:
-        """Two columns, and a third that may be missing: each row's place in the file, and its values.
+        """Values of two columns, and of a third if it exists, with the place of each row in the
+        file.
 
         Raises
         ------
@@ -394,12 +400,12 @@ class Table(NamedTuple):
 
 
 def read_csv(path: str) -> Table:
-    """A CSV with a header.
+    """Read a CSV file with a header.
 
     Raises
     ------
     RequestError
-        If it is none; the message names the line.
+        If the file is not a CSV with a header; the message names the line.
     """
     text = text_of(read_bytes(path), path)
     reader = csv.reader(io.StringIO(text, newline=""))
@@ -424,7 +430,7 @@ def read_csv(path: str) -> Table:
 def _photographed(
     names: list[str], rows: list[tuple[str, list[str]]]
 ) -> list[tuple[str, list[str]]]:
-    """Of a Litchi mission a row for each photo, or all rows if it takes none; else all rows."""
+    """One row per photo of a Litchi mission that takes photos; all rows of other files."""
     actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
     columns = [
         names.index(name) if name in names else -1
@@ -451,7 +457,7 @@ def _photographed(
 
 
 def _moved(row: list[str], columns: list[int], place: Place) -> list[str]:
-    """A row at another place."""
+    """A row with its position replaced."""
     moved = list(row)
     for column, value in zip(columns, place, strict=False):
         if 0 <= column < len(row) and value is not None:
@@ -460,7 +466,7 @@ def _moved(row: list[str], columns: list[int], place: Place) -> list[str]:
 
 
 def positions_of(table: Table) -> list[tuple[float, float]]:
-    """Positions [m] from a table's columns."""
+    """Positions [m] from the columns of a table."""
     return [_position(where, *values) for where, values in table.columns(NAMES_M)]
 
 

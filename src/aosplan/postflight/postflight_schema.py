@@ -11,7 +11,7 @@ from aosplan.validation import Document, Finite, MessageDocument, OpenDocument, 
 
 
 class KeptViewDocument(OpenDocument):
-    """A view by its place among all that were recorded, from 0; metres from the origin."""
+    """A view by its index among all recorded views, from 0; metres from the origin."""
 
     index: Annotated[int, Field(ge=0)]
     name: str | None
@@ -22,16 +22,16 @@ class KeptViewDocument(OpenDocument):
 
 
 class ThinnedDetectionDocument(OpenDocument):
-    """Probability of detection by all views, and by the chosen ones."""
+    """Probability of detection with all views and with the chosen ones."""
 
     all: Finite
     kept: Finite
 
 
 class ThinningDocument(OpenDocument):
-    """What `aosplan thin --json` prints.
+    """The document that `aosplan thin --json` prints.
 
-    `bound` is what as many views would show that share no occluder.
+    `bound` is the prediction for as many views that share no occluder.
     """
 
     schema_: Literal[1] = Field(alias="schema")
@@ -58,7 +58,7 @@ class OffSiteDocument(OpenDocument):
 
 
 class StrayDocument(OpenDocument):
-    """A photo that belongs to no site, by its place among all, from 0."""
+    """A photo that belongs to no site, by its index among all photos, from 0."""
 
     index: Annotated[int, Field(ge=0)]
     name: str | None
@@ -69,7 +69,7 @@ class StrayDocument(OpenDocument):
 
 
 class FlownDetectionDocument(OpenDocument):
-    """Probability of detection: as planned, by the photos, and by them and the missing sites."""
+    """Probability of detection: planned, with the flown photos, and with the missing sites added."""
 
     planned: Finite
     flown: Finite | None
@@ -77,7 +77,7 @@ class FlownDetectionDocument(OpenDocument):
 
 
 class AreaCoverageDocument(OpenDocument):
-    """What the photos show of an area, place by place (`aosplan.maps.coverage_map`)."""
+    """What the photos show at each place of an area (`aosplan.maps.coverage_map`)."""
 
     area_m2: Finite
     cell_m: Finite
@@ -91,9 +91,9 @@ class AreaCoverageDocument(OpenDocument):
 
 
 class ReviewDocument(OpenDocument):
-    """What `aosplan review --json` prints.
+    """The document that `aosplan review --json` prints.
 
-    `counted` photos are those whose visibility is `flown`; `completed` is that of them and of the
+    `flown` is the visibility of the `counted` photos.  `completed` is that of these photos and the
     `missing` sites, which are waypoints of the plan.
     """
 
@@ -120,7 +120,7 @@ class ReviewDocument(OpenDocument):
 
 
 class IntrinsicsDocument(Document):
-    """A pinhole camera in pixels, counted from the outer corner of the first one."""
+    """A pinhole camera in pixels, relative to the outer corner of the first pixel."""
 
     width: Pixels
     height: Pixels
@@ -131,7 +131,7 @@ class IntrinsicsDocument(Document):
 
 
 PoseRow = Annotated[list[Finite | str], Field(min_length=4, max_length=4)]
-"""Four numbers of a pose, some of which the AOS project writes as text."""
+"""Four numbers of a pose; the AOS project writes some of them as text."""
 
 
 class ViewDocument(OpenDocument):
@@ -143,14 +143,14 @@ class ViewDocument(OpenDocument):
 
 
 class PosesDocument(OpenDocument):
-    """Poses of a recording, as the AOS project publishes them; the camera is an addition of ours."""
+    """Poses of a recording in the format of the AOS project, to which `camera` is added."""
 
     images: Annotated[list[ViewDocument], Field(min_length=1)]
     camera: IntrinsicsDocument | None = None
 
 
 class CoverageDocument(OpenDocument):
-    """How many views see the pixels of an integral image."""
+    """Numbers of views that see the pixels of an integral image."""
 
     least_views: int
     share: Finite
@@ -159,7 +159,7 @@ class CoverageDocument(OpenDocument):
 
 
 class ComparisonDocument(OpenDocument):
-    """SSIM against the integral image of another choice of views."""
+    """SSIM relative to the integral image of another subset of views."""
 
     choice: str
     views: int
@@ -168,7 +168,7 @@ class ComparisonDocument(OpenDocument):
 
 
 class PeakDocument(OpenDocument):
-    """A peak of the agreement, at a height, with its standard deviation [m]."""
+    """A peak of the agreement: its height and the standard deviation of the height [m]."""
 
     place: Finite
     value: Finite
@@ -176,7 +176,7 @@ class PeakDocument(OpenDocument):
 
 
 class FocusDocument(OpenDocument):
-    """Agreement of integrals from disjoint halves of the views over heights, and what was corrected."""
+    """Agreement of integrals of disjoint halves of the views over height, and corrections of poses."""
 
     heights_m: list[Finite]
     agreement: list[Finite]
@@ -189,7 +189,7 @@ class FocusDocument(OpenDocument):
 
 
 class IntegralDocument(OpenDocument):
-    """What `aosplan integrate --json` prints."""
+    """The document that `aosplan integrate --json` prints."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

@@ -1,9 +1,11 @@
-"""Where a plan without a place lies among the photos that were taken of it.
+"""Matching of a plan without a location to the photos that were taken for it.
 
-Every photo and every site make a translation that lays the site on the photo.  Where most of them
-agree, the plan lies: photos that are missing take away agreement, those of something else add to
-none.  A grid moved by a whole pitch fits almost as well, and just as well where a whole row was left
-out: of translations that fit alike, the one whose sites are flown first, as flights break off.
+Every pair of a photo and a site defines a translation that moves the site to the photo.  The right
+translation is the one for which most pairs agree.  Missing photos reduce this number, but photos of
+other things rarely add to it.  A grid that is moved by a whole pitch fits almost as well, and
+equally well if a whole row was left out.  If several translations fit equally well, the one whose
+sites are earliest in the flight is chosen, because flights are usually aborted rather than started
+late.
 """
 
 from __future__ import annotations
@@ -18,27 +20,30 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_PAIRS = 4_000_000
-"""Pairs of a photo and a site that are looked at."""
+"""Largest number of pairs of a photo and a site that are examined."""
 
 CANDIDATES = 64
-"""Translations that are looked into, those of the most pairs."""
+"""Number of translations with the most pairs that are examined further."""
 
 STEPS = 10
-"""Times that a translation is refined at most; it moves by the middle of what is left."""
+"""Largest number of refinements of a translation; each moves it by the median of the residuals."""
 
 
 class Registration(NamedTuple):
-    """Translation from sites to photos [m], shape (2,), and how many fit as well as it."""
+    """Translation from sites to photos [m], shape (2,), and number of translations that fit
+    equally.
+    """
 
     offset_m: Floats
     alike: int
 
 
 class _Fit(NamedTuple):
-    """How good a translation is, the least the best.
+    """Quality of a translation; the smallest is the best.
 
-    Sites with a photo of their own, as a negative number; how far off those are, over the reach; how
-    late in the flight they are.
+    - `negative`: minus the number of photos that are matched to a site
+    - `off`: median distance of the matched photos divided by the reach
+    - `late`: sum of the indices of the matched sites in flight order
     """
 
     negative: int
@@ -47,21 +52,21 @@ class _Fit(NamedTuple):
 
 
 def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registration | None:
-    """Translation of sites that lays a photo on most of them.
+    """Translation of the sites that matches photos to most of them.
 
     Parameters
     ----------
     sites_m
         Shape (N, 2), in flight order.
     points_m
-        Where photos were taken, shape (M, 2).
+        Positions of the photos, shape (M, 2).
     reach_m
-        Farthest that a photo may be from its site, half the pitch or less.
+        Largest distance of a photo from its site; at most half the pitch.
 
     Returns
     -------
     Registration or None
-        None where there are more than `MOST_PAIRS`.
+        None if there are more than `MOST_PAIRS`.
     """
     from scipy.spatial import cKDTree
 
@@ -74,7 +79,7 @@ def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registratio
     tree = cKDTree(points_m)
 
     def matched(offset: Floats) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-        """Sites with a photo in reach, their nearest photos, and how far those are."""
+        """Sites with a photo within reach, their nearest photos, and their distances."""
         off, photo = (np.asarray(found) for found in tree.query(sites_m + offset))
         near = np.flatnonzero(off <= reach_m)
         return near, photo[near], off[near]
@@ -91,7 +96,8 @@ def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registratio
                 break
         near, photo, off = matched(offset)
         if len(near):
-            # In steps that are far below what a satellite tells: rounding is to decide nothing.
+            # Rounded to much less than the accuracy of GNSS, so that rounding errors decide
+            # nothing.
             middle = round(float(np.median(off)) / reach_m, 6)
             fits.setdefault(_Fit(-len(np.unique(photo)), middle, int(near.sum())), offset)
     best = min(fits)

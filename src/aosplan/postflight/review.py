@@ -1,9 +1,9 @@
-"""After the flight: which sites have no photo, what the photos show, and what is left to fly.
+"""Review of a flight: which sites have no photo, what the photos show, and what is left to fly.
 
-A photo belongs to the site that is nearest to it, if that is within a tolerance; a site to which none
-belongs is missing.  What the photos show is predicted for the positions where they were taken, under
-the plan's scene and model: where photos were taken is known, so the noise of the plan's positions no
-longer counts.  A photo that belongs to no site counts too, unless it does not even see the middle.
+A photo belongs to the nearest site if it is within a tolerance.  A site without photos is missing.
+The visibility of the photos is predicted for their recorded positions, with the scene and model of
+the plan.  Because these positions are known, the position noise of the plan is not used.  A photo
+that belongs to no site also counts, unless its footprint does not contain the centre of the grid.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import OnTrial
 
 ALONE_M = 1.0
-"""Tolerance of a single site, which has no neighbour: about what satellites tell."""
+"""Tolerance for a single site, which has no neighbours: about the accuracy of GNSS."""
 
 ROUNDED_M = 2e-4
-"""What files leave out of a position."""
+"""Rounding error of positions in files."""
 
 ALTITUDE_SHARE = 0.05
-"""Share by which a recorded altitude may differ from the plan's without a warning."""
+"""Relative difference between recorded and planned altitude above which there is a warning."""
 
 
 class FlownDetection(NamedTuple):
-    """Probability of detection: as planned, by the photos, and by them and the missing sites."""
+    """Probability of detection: planned, with the flown photos, and with the missing sites added."""
 
     planned: float
     flown: float | None
@@ -56,40 +56,39 @@ class FlownDetection(NamedTuple):
 
 @dataclass(frozen=True)
 class Review:
-    """What was flown of a plan.
+    """Comparison of a flight with its plan.
 
     Attributes
     ----------
     plan
-        What was planned, on earth where it or the photos are.
+        The plan, with a location if it or the photos have one.
     views
         The photos.
     east_m, north_m
-        Where they were taken, from the plan's origin.
+        Positions of the photos relative to the origin of the plan.
     tolerance_m
-        Farthest that a photo may be from its site.
+        Largest distance of a photo from its site.
     sites
-        Places of the plan's sites among its waypoints.
+        Indices of the plan's sites among its waypoints.
     missing
         Those of them that have no photo, in flight order.
     site_of, off_m
-        Of each photo its nearest site, as its place in `sites`, and the distance.
+        For each photo, index of the nearest site in `sites`, and its distance.
     flown, completed
-        What the photos show, and what they and those of the missing sites will; None where no single
-        prediction says it.
+        Prediction for the photos, and for the photos with those of the missing sites; None if
+        there is no single prediction.
     counted
-        Photos that the prediction counts.
+        Photos that the prediction includes.
     topup
-        The plan with the way to just the missing sites, over an area to those that close its gaps; None
-        where there are none.
+        The plan with a path through the missing sites only; over an area, through those that close
+        its gaps.  None if there are none.
     warnings
-        What the user should know.
+        Warnings for the user.
     detection
-        How likely what the plan looks for is found, over an area on average; None where it looks for
-        nothing, or no single
-        prediction says it.
+        Probability that the plan's target is found, the mean over an area; None without a target,
+        or if there is no single prediction.
     coverage
-        What the photos show of an area, place by place; None without one.
+        Coverage of an area by the photos, place by place; None without an area.
     """
 
     plan: Plan
@@ -111,17 +110,19 @@ class Review:
 
     @property
     def strays(self) -> list[int]:
-        """Photos that belong to no site."""
+        """Indices of photos that belong to no site."""
         return np.flatnonzero(~_near(self.off_m, self.tolerance_m)).tolist()
 
     @property
     def errors_m(self) -> tuple[float, float] | None:
-        """Root mean square and largest distance of photos from their sites; None without any."""
+        """Root mean square and largest distance of photos from their sites; None without such
+        photos.
+        """
         off = self.off_m[_near(self.off_m, self.tolerance_m)]
         return (math.sqrt(float(np.mean(off * off))), float(off.max())) if len(off) else None
 
     def document(self) -> dict[str, Any]:
-        """The review as plain values: what ``review --json`` prints."""
+        """The review as plain values, which ``review --json`` prints."""
         ways, errors = self.plan.waypoints, self.errors_m
         planned = self.plan.solution.prediction
         return {
@@ -176,26 +177,26 @@ def review(
     progress: Callable[[int, int], None] | None = None,
     on_trial: OnTrial | None = None,
 ) -> Review:
-    """Hold recorded views against what was planned.
+    """Compare recorded views with a plan.
 
     Parameters
     ----------
     wanted
-        The plan's request.
+        The request of the plan.
     views
-        Photos.  Positions in metres count from the plan's origin, places on earth as well; a plan
-        without a place is laid where most of its sites have a photo.
+        The photos.  Positions in metres are relative to the origin of the plan.  A plan without a
+        location is placed where most of its sites have a photo.
     tolerance_m
-        Farthest that a photo may be from its site; half the smaller pitch unless given.
+        Largest distance of a photo from its site; default: half the smaller pitch.
     folder, progress, on_trial
-        As of `aosplan.planning.planner.plan`.
+        As in `aosplan.planning.planner.plan`.
 
     Raises
     ------
     RequestError
-        As `plan` does, and where a place is too far from the plan.
+        As `plan` does, and if a place is too far from the plan.
     """
-    # All of the plan is held against the flight, whatever part of it the last battery flew.
+    # The flight is compared with the whole plan, not only with the part of the last battery.
     wanted = replace(wanted, resume_at=None, sensitivity=False)
     assumed = views.places is not None and not wanted.has_place
     if assumed:
@@ -263,7 +264,7 @@ def review(
 
 
 class _AreaReview:
-    """What photos show of an area by place, and the missing sites that close its gaps."""
+    """Coverage of an area by photos, and the missing sites that close its gaps."""
 
     def __init__(
         self,
@@ -277,7 +278,7 @@ class _AreaReview:
         from aosplan.maps.coverage_map import Coverage
 
         ground = Coverage(planned)
-        # Photos of a site count as the site, and count once.
+        # All photos of a site are counted once, at the position of the site.
         sites = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
         self.coverage = ground.of(points_m, sites)
         self.chosen = ground.closing(points_m, sites, sites_m[~there]).tolist()
@@ -300,7 +301,7 @@ class _AreaReview:
 
 
 def _quickest_topup(planned: Plan, sites: list[int]) -> Plan:
-    """The way to some sites: in the order of the plan, or of a tour of their own, if that is quicker."""
+    """The fastest path through some sites: in the order of the plan, or in that of a new tour."""
     usual = _topup(planned, sites)
     survey = planned.layout.survey
     if survey is None or len(sites) < 3:
@@ -310,7 +311,7 @@ def _quickest_topup(planned: Plan, sites: list[int]) -> Plan:
 
 
 def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> list[int]:
-    """Sites of a lattice in the order of a tour."""
+    """Sites of a lattice in the order of a new tour."""
     import shapely
 
     from aosplan.areas.no_fly import NoFlyZones
@@ -323,7 +324,7 @@ def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> li
     column, row = np.rint((points - points.min(axis=0)) / pitch_m).astype(np.int64).T
     stride = int(column.max()) + 2
     order = np.argsort(row * stride + column)
-    assert planned.layout.area is not None  # a survey has one
+    assert planned.layout.area is not None  # a plan with a survey has an area
     zones = shapely.transform(
         planned.layout.area.keep_out, lambda each: along_heading(each[:, 0], each[:, 1], heading)
     )
@@ -340,7 +341,7 @@ def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> li
 def _detections(
     planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
 ) -> FlownDetection | None:
-    """How likely what a plan looks for is found, by photos as `_predictions` takes them."""
+    """Probability that the target is found with photos at the positions that `_predictions` uses."""
     if planned.detection is None:
         return None
     from aosplan.planning.detection import detection_at
@@ -356,7 +357,7 @@ def _detections(
 
 
 def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
-    """The plan with its origin where its sites lie on the photos, and how many such places fit."""
+    """The plan with its origin where its sites fit the photos, and number of equally good places."""
     from aosplan.geodesy import to_wgs84
     from aosplan.postflight.registration import registered
 
@@ -365,7 +366,7 @@ def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
     found = registered(taken, np.column_stack(views.local_m(planned.origin)), reach_m)
     if found is None:
         return planned, 1
-    assert planned.origin is not None  # it was given one
+    assert planned.origin is not None  # the caller gave it one
     (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
     origin = latitude, longitude
     request = planned.request.filled({"origin": origin})
@@ -378,7 +379,7 @@ def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
 def _nearest(
     sites_m: NDArray[np.float64], points_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Distance of each point to the nearest site, and which that is."""
+    """Distance of each point to the nearest site, and index of that site."""
     from scipy.spatial import cKDTree
 
     off_m, site_of = cKDTree(sites_m).query(points_m)
@@ -391,7 +392,7 @@ def _near(off_m: NDArray[np.float64], tolerance_m: float) -> NDArray[np.bool_]:
 
 
 def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether the middle of the grid is within the footprint of a photo."""
+    """Whether the centre of the grid is within the footprint of each photo."""
     east, north = points_m.T
     half = 0.5 * np.array(planned.camera.footprint_m(planned.altitude_m))
     sees: NDArray[np.bool_] = np.all(
@@ -401,7 +402,7 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 
 
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
-    """Why no single prediction says what so many sites and photos show; None where one does."""
+    """Why there is no single prediction for the sites and photos; None if there is one."""
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
         message = "the sites are not a single aperture, so missing sites are reported without a visibility"
         return Message("no_single_aperture", message)
@@ -414,7 +415,7 @@ def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
 def _predictions(
     planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
 ) -> tuple[Prediction | None, Prediction]:
-    """What photos show, and what they show together with those of the missing sites."""
+    """Prediction for the photos, and for the photos together with those of the missing sites."""
     completed = predicted(planned, in_axes(planned, *np.vstack([flown_m, missing_m]).T))
     if not len(missing_m):
         return completed, completed
@@ -423,7 +424,9 @@ def _predictions(
 
 
 def _topup(planned: Plan, missing: list[int]) -> Plan:
-    """The plan with the way to just the missing sites, in their order and from its take-off."""
+    """The plan with a path through the missing sites only, in their order and from its take-off
+    point.
+    """
     ways, inputs = planned.waypoints, planned.inputs
     if planned.route.takeoff is not None:
         inputs = inputs._replace(flight=inputs.flight._replace(takeoff=planned.route.takeoff))
@@ -475,9 +478,9 @@ def _of_blind(count: int) -> Iterator[Message]:
 
 
 def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
-    """A warning where photos were taken from elsewhere than planned, as far as both are known."""
+    """A warning if photos were taken at another altitude than planned, as far as both are known."""
     if planned.route.datum is not None:
-        return  # what the heights of a flight over terrain count from, no file says
+        return  # files do not say what the heights of a flight over terrain are relative to
     expected = planned.altitude_m + planned.inputs.focal_height_m
     known = np.array([each for each in views.altitudes_m if each is not None])
     off = known[np.abs(known - expected) > ALTITUDE_SHARE * expected]

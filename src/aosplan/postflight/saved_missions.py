@@ -1,4 +1,4 @@
-"""Missions of a saved plan, or the sites of a mission file."""
+"""Missions from a saved plan or a mission file."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 MISSION_ENDINGS = (".waypoints", ".plan", ".kmz", ".mavlink", ".csv")
-"""Extensions of mission files; of ``.csv`` Litchi's, or any with latitudes and longitudes."""
+"""Extensions of mission files; a ``.csv`` is Litchi's, or has latitudes and longitudes."""
 
 
 def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, ...]:
-    """The missions of a saved plan; of a mission file its sites, for files that are not flown.
+    """Read the missions of a saved plan, or the sites of a mission file for formats that are not
+    flown.
 
     Parameters
     ----------
     path
-        What ``aosplan plan --json`` printed, or a mission file (`MISSION_ENDINGS`).
+        Output of ``aosplan plan --json``, or a mission file (`MISSION_ENDINGS`).
     chosen
-        The formats that are to be written.
+        The formats to write.
 
     Raises
     ------
     RequestError
-        If the file is neither, or it is a mission file and a format is one that is flown.
+        If the file is neither, or if it is a mission file and one of the formats is flown.
     """
     if not path.lower().endswith(MISSION_ENDINGS):
         from aosplan.planning.saved_plan import read_missions

@@ -1,4 +1,4 @@
-"""Thinning a recording: the best of its views under a scene, beside all of them."""
+"""Thinning of a recording: the best of its views for a scene, compared with all of them."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 QUANTITIES = ("normalized", "visibility")
-"""What a choice may maximise: V̂ or V."""
+"""Quantities that a choice may maximise: V̂ or V."""
 
 MORE_HIDDEN = 0.02
-"""Density that a choice for V̂ may add without a warning."""
+"""Increase of the density by a choice for V̂ above which there is a warning."""
 
 ADDED = "original_index"
-"""Column with the place of a view among those that it was chosen from."""
+"""Name of the column with the index of a view among those it was chosen from."""
 
 
 class Thinning(NamedTuple):
-    """The chosen views, by their places among all, rising, and what they and all of them show.
+    """The chosen views by their indices (increasing), and predictions for them and for all views.
 
-    The plan holds scene and model; what it plans is no matter.  `detection` is the probability of
-    detection by all views and by the chosen ones, if something is looked for.
+    The plan provides the scene and the model; its sites are not used.  `detection` is the
+    probability of detection with all views and with the chosen ones, if there is a target.
     """
 
     plan: Plan
@@ -56,11 +56,11 @@ class Thinning(NamedTuple):
 
     @property
     def bound(self) -> Prediction:
-        """What as many views would show that share no occluder: K = 1/N."""
+        """Prediction for the same number of views that share no occluder: K = 1/N."""
         return self.kept._replace(shortfall=1.0 / len(self.chosen))
 
     def document(self) -> dict[str, Any]:
-        """The choice as plain values: what ``thin --json`` prints."""
+        """The choice as plain values, which ``thin --json`` prints."""
         request = self.plan.request.document()
         return {
             "schema": SCHEMA,
@@ -94,10 +94,10 @@ class Thinning(NamedTuple):
         }
 
     def render(self) -> bytes:
-        """The chosen views as they were given, and their places among all of them as `ADDED`.
+        """The chosen views in their original format, with their indices in the column `ADDED`.
 
-        A CSV; of a folder the names of its photos, one a line.  A file that has the column already
-        keeps it: the places are those in the recording that it was chosen from.
+        The result is a CSV, or, for a folder of photos, their names, one per line.  If the file
+        already has this column, it is kept: its indices refer to the original recording.
         """
         rows = [self.views.rows[index] for index in self.chosen]
         if self.views.is_folder:
@@ -125,21 +125,21 @@ def thinned(
     Parameters
     ----------
     wanted
-        Scene, altitude, camera and model; where views are given on earth, their origin, or the
-        middle of them.
+        Scene, altitude, camera and model; for views with latitude and longitude also their origin,
+        by default their centre.
     views
-        The recording.
+        The recorded views.
     samples
-        How many to choose.
+        Number of views to choose.
     best
-        What they shall have most of, one of `QUANTITIES`.
+        Quantity to maximise, one of `QUANTITIES`.
     folder, progress
-        As of `aosplan.planning.planner.plan`.
+        As in `aosplan.planning.planner.plan`.
 
     Raises
     ------
     RequestError
-        If there are too few or too many views, or nothing hides anything.
+        If there are too few or too many views, or if there are no occluders.
     """
     if not isinstance(wanted.heading, float):
         raise RequestError(
@@ -151,7 +151,7 @@ def thinned(
     if views.places is not None and origin is None:
         origin = views.middle(wanted.heading)
     kept = {name: getattr(wanted, name) for name in SHOWING}
-    # A plan of one photo is only evaluated: it brings the scene, the model and their checks.
+    # A plan with one photo is only evaluated; it provides the scene, the model and their checks.
     scene = plan(
         PlanRequest(**kept, samples=1, baseline=1.0),
         folder=folder,
@@ -165,7 +165,7 @@ def thinned(
     hidden = model.hidden_at(points) if best == "visibility" else None
     chosen = thin(points, samples, model.correlation, hidden)
     every, few = predicted(scene, points), predicted(scene, points[chosen])
-    # The plan of one photo is warned of, and nobody flies it.
+    # The warning about few photos is about that plan, which is not flown.
     notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]
     warnings = [*notices, *views.messages()]
     if hidden is None and few.density > every.density + MORE_HIDDEN:
@@ -194,7 +194,7 @@ def thinned(
 def _detections(
     scene: Plan, every_m: NDArray[np.float64], chosen_m: NDArray[np.float64]
 ) -> tuple[float, float] | None:
-    """How likely what is looked for is found by all views, and by the chosen ones."""
+    """Probability that the target is found with all views, and with the chosen ones."""
     if scene.inputs.find is None:
         return None
     from aosplan.planning.detection import detection_at

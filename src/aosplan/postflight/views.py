@@ -1,4 +1,4 @@
-"""Recorded views: where photos were taken, from whatever says so, in the metres of a plan."""
+"""Recorded views: positions of photos from any source, in the metres of a plan."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 
 class Views(NamedTuple):
-    """Photos by their places on earth, or by their positions [m], and what else their source says.
+    """Photos with their positions, on earth or in metres, and other data of their source.
 
-    `header` and `rows` are the source's own columns; of a folder the names of the photos.
-    `unplaced` are the names of photos that are not placed, `doubtful` the reason for some of them,
-    and `paired` those that are left out as another photo of the same shot counts.
+    `header` and `rows` are the columns of the source; for a folder, `rows` has the names of the
+    photos. `unplaced` has the names of photos without a position, `doubtful` the reason for some of
+    them, and `paired` those that are left out because another photo of the same shot is used.
     """
 
     path: str
@@ -56,14 +56,14 @@ class Views(NamedTuple):
         return len(self.rows)
 
     def name(self, index: int) -> str | None:
-        """Name of a photo, where it has one; what is no Unicode in it as a question mark."""
+        """Name of a photo, if it has one; characters that are not Unicode become question marks."""
         return _readable(self.rows[index][0]) if self.is_folder else None
 
     def middle(self, heading_deg: float) -> tuple[float, float]:
-        """Place in the middle of the rectangle along a heading that holds all places."""
+        """Latitude and longitude of the centre of the rectangle along a heading around all places."""
         from aosplan.geodesy import to_wgs84
 
-        assert self.places is not None  # nobody asks otherwise
+        assert self.places is not None  # only called for views with places
         first = self.places[0][:2]
         points = along_heading(*local_m(self.places, first, self.path, "the first"), heading_deg)
         x, y = 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -72,15 +72,15 @@ class Views(NamedTuple):
         return latitude, longitude
 
     def local_m(self, origin: tuple[float, float] | None) -> tuple[list[float], list[float]]:
-        """Metres east and north: of the origin, or, of positions in metres, as they are."""
+        """Metres east and north of an origin; positions that are in metres are returned unchanged."""
         if self.places is None:
             east, north = zip(*self.positions_m, strict=True)
             return list(east), list(north)
-        assert origin is not None  # places have one
+        assert origin is not None  # the caller has an origin if there are places
         return local_m(self.places, origin, self.path, "the plan's origin")
 
     def messages(self) -> Iterator[Message]:
-        """Yield what is missing of the views."""
+        """Yield warnings about views that are missing or left out."""
         if self.paired:
             name, other = next(iter(self.paired.items()))
             count = len(self.paired)
@@ -110,19 +110,19 @@ class Views(NamedTuple):
 
 
 def read_views(path: str, *, on_earth: bool) -> Views:
-    """Views from a folder of photos, a mission, ``.geojson`` or a CSV.
+    """Read views from a folder of photos, a mission, ``.geojson`` or a CSV.
 
     Parameters
     ----------
     path
         The folder or file.
     on_earth
-        Whether a CSV that has both is read by its latitudes and longitudes, not its metres.
+        Whether latitudes and longitudes are used if a CSV has both these and metres.
 
     Raises
     ------
     RequestError
-        If there is no position, or one that cannot be read; the message names the place.
+        If there is no position, or one that cannot be read; the message names its place.
     """
     if os.path.isdir(path):
         from aosplan.postflight.geotags import read_photos
@@ -144,7 +144,8 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         rows = [["" if value is None else repr(value) for value in place] for place in places]
         return _views(path, [PLACE_NAMES[0][0], PLACE_NAMES[0][1], ALTITUDES[0]], rows, places)
     table = read_csv(path)
-    table.columns((*PLACE_NAMES, *NAMES_M))  # one or the other; if neither is there, both are named
+    # raises an error that names both if the table has neither
+    table.columns((*PLACE_NAMES, *NAMES_M))
     rows = [row for _, row in table.rows]
     if table.pair(PLACE_NAMES) and (on_earth or not table.pair(NAMES_M)):
         return _views(path, table.header, rows, places_of(table))
@@ -181,7 +182,7 @@ def _check_some(path: str, found: Sequence[object]) -> None:
 
 
 def along_heading(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> NDArray[np.float64]:
-    """Positions along a heading and to its right, shape (N, 2)."""
+    """Positions as coordinates along a heading and to its right, shape (N, 2)."""
     east, north = np.asarray(east_m, dtype=np.float64), np.asarray(north_m, dtype=np.float64)
     return np.column_stack(turned(east, north, heading_axis(heading_deg)))
 
@@ -189,8 +190,8 @@ def along_heading(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> 
 def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.float64]:
     """Positions along the axes of a plan's model, shape (N, 2).
 
-    A measured stand lies east and north; of uniform and layered ones it is only known that their
-    axes are those of the plan.
+    The axes of a measured stand are east and north.  Those of uniform and layered scenes are the
+    axes of the plan.
     """
     if plan.problem is not None and plan.problem.model.heading_deg is not None:
         return np.column_stack([east_m, north_m])
@@ -198,7 +199,7 @@ def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.flo
 
 
 def predicted(plan: Plan, points_m: NDArray[np.float64]) -> Prediction:
-    """What a plan's model says of views at just these positions, in its axes."""
+    """Prediction of a plan's model for views at exactly these positions, in the axes of the model."""
     if plan.problem is None:
         return Prediction(0.0, 1.0, 1.0 / len(points_m))
     return plan.problem.model.predict_positions(points_m)

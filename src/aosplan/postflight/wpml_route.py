@@ -1,4 +1,4 @@
-"""Sites of a WPML route, as DJI Pilot 2, DJI Fly and Autel Enterprise fly it: a ``.kmz``."""
+"""Sites of a WPML route (``.kmz``) for DJI Pilot 2, DJI Fly or Autel Enterprise."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from aosplan.files import read_bytes
 from aosplan.units import number
 
 MEMBER = "waylines.wpml"
-"""The member that the drone executes; the other one is what its application shows."""
+"""The member that the drone flies; the other one is displayed by the application."""
 
 SHOOTING = {"takePhoto", "orientedShoot", "accurateShoot"}
-"""Actions that store a photo."""
+"""Actions that take a photo."""
 
 
 def read_route(path: str) -> list[tuple[str, Any, Any, Any, int, float | None]]:
-    """The waypoints of a route in order, and where photos are taken.
+    """Read the waypoints of a route in order, and where photos are taken.
 
-    Of each: where it is in the file, latitude, longitude, height, the photos taken there, and the
-    distance between photos from there on (0: no more, None: as before).  A photo by distance is
-    taken from the first waypoint of its action group on, to the last.
+    For each waypoint: its place in the file, latitude, longitude, height, the number of photos
+    taken there, and the distance between photos from there on (0: no more photos; None:
+    unchanged).  Photos by distance are taken from the first waypoint of an action group to the
+    last.
 
     Raises
     ------
     RequestError
-        If it is not such an archive; the message says what is wrong.
+        If the file is not such an archive; the message says what is wrong.
     """
     content = read_bytes(path)
     if content[:2] != b"PK":
@@ -56,7 +57,7 @@ def _waylines(names: list[str], path: str) -> str:
 
 
 class _Reader:
-    """Collects sites and photos while expat walks through the document."""
+    """Collects sites and photos while expat parses the document."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -77,7 +78,7 @@ class _Reader:
         parser.CharacterDataHandler = self.text.append
         try:
             parser.Parse(content, True)
-        except (expat.ExpatError, LookupError, ValueError) as error:  # of an encoding, too
+        except (expat.ExpatError, LookupError, ValueError) as error:  # also for unknown encodings
             raise RequestError(f"'{self.path}': {MEMBER} is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:
@@ -124,7 +125,8 @@ class _Reader:
                 self.switches[first] = spacing
                 self.switches.setdefault(last, 0.0)
             else:
-                # Another trigger, such as by time: photos at each of its waypoints.
+                # With another trigger, such as time, a photo is assumed at each waypoint of the
+                # group.
                 self.shots |= dict.fromkeys(range(max(first, 0), min(last, 65_535) + 1), 1)
 
     def _site(self) -> None:

@@ -1,13 +1,13 @@
-"""How well integrals of disjoint halves of the views agree, which tells what is in focus.
+"""Agreement of integrals of disjoint halves of the views, which shows what is in focus.
 
-The contrast of an integral image does not tell: it falls steadily as the focal plane rises, as
-fewer occluders are blurred.  Two integrals of different photos, however, show the same only of what
-lies on the focal plane; everything else is smeared differently by different views.
+The contrast of an integral image does not show this: it decreases steadily as the focal plane
+rises, because fewer occluders are blurred.  Two integrals of different photos, however, agree only
+in what is on the focal plane.  Everything else is blurred differently by different views.
 
-With v_i the detail that view i shows at a pixel, the mean over all pairs of different views is
-c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and d = Σ v² / n that of a view with
-itself.  The correlation of two integrals of n/2 views each, averaged over all ways to halve the
-views, is then c / (c + 2 (d - c) / n): no half has to be drawn.
+Let v_i be the detail of view i at a pixel.  Its mean over all pairs of different views is
+c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and the mean of a view with itself is
+d = Σ v² / n.  The correlation of two integrals of n/2 views each, averaged over all ways to halve
+the views, is then c / (c + 2 (d - c) / n), so no halves have to be drawn.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 FINE_PX, COARSE_PX = 0.7, 6.0
-"""Standard deviations of the two blurs between which detail lies [px of the reduced image]."""
+"""Standard deviations of the two blurs whose difference is the detail [px of the reduced image]."""
 
 BLOCKS = 4
-"""Blocks along each side of the raster that are left out in turn, to know how sure a peak is."""
+"""Blocks along each side of the raster; each is left out once to estimate the error of a peak."""
 
 LONGEST_PX = 480
-"""Longer side of the images in which detail is looked at."""
+"""Longest side of the images from which detail is computed."""
 
 CLIP = 4.0
-"""Detail beyond so many standard deviations counts as so many: a hot pixel is not to decide."""
+"""Detail is limited to this many standard deviations, so that single hot pixels do not dominate."""
 
 
 class Detail(NamedTuple):
-    """The detail of one view: its image reduced, without what is smooth, in standard deviations."""
+    """Detail of one view: its reduced image without low frequencies, in standard deviations."""
 
     view: View
     intrinsics: Intrinsics
@@ -52,14 +52,14 @@ class Detail(NamedTuple):
 
 
 def detail_of(source: Source, longest_px: int = LONGEST_PX) -> Detail:
-    """Detail of a view's image.
+    """Compute the detail of a view's image.
 
     Parameters
     ----------
     source
         The view.
     longest_px
-        Longer side of the reduced image, at most.
+        Longest side of the reduced image.
     """
     from PIL import Image
     from scipy.ndimage import gaussian_filter
@@ -91,13 +91,13 @@ def detail_of(source: Source, longest_px: int = LONGEST_PX) -> Detail:
 
 
 def on_plane(detail: Detail, view: View, plane: Plane, raster: Raster) -> NDArray[np.float32]:
-    """Detail on the raster as seen from a view, nan where its image does not reach."""
+    """Detail of a view on the raster; nan outside its image."""
     ray = plane.to_camera(view) @ raster.to_plane
     return warped([detail.image], detail.intrinsics, ray, whole_box(raster))[0]
 
 
 class Sums:
-    """Sums over views at each pixel: of detail, of its square, and of ones."""
+    """Sums over views at each pixel: of the detail, of its square, and the number of views."""
 
     def __init__(self, raster: Raster) -> None:
         shape = (raster.rows, raster.columns)
@@ -120,7 +120,7 @@ class Agreement(NamedTuple):
 
 
 def agreement(sums: Sums) -> Agreement:
-    """Correlation of the integrals of halves of the views."""
+    """Correlation of the integrals of two halves of the views."""
     rows, columns = sums.count.shape
     down = np.minimum(np.arange(rows) * BLOCKS // rows, BLOCKS - 1)
     right = np.minimum(np.arange(columns) * BLOCKS // columns, BLOCKS - 1)
@@ -150,7 +150,7 @@ def _of_halves(parts: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         c, d, n = shared / pairs, square / count, count / pixels
         found = c / (c + 2.0 * (d - c) / n)
-    # Views that contradict each other at all pixels may push the denominator below zero.
+    # If views contradict each other at all pixels, the denominator may be negative.
     return np.where(np.isfinite(found), np.clip(found, -1.0, 1.0), 0.0)
 
 
@@ -165,7 +165,9 @@ def agreement_at(
 
 
 class Peak(NamedTuple):
-    """Where a curve of agreement is largest, its value, and the standard deviation of its place."""
+    """Position of the largest value of a curve, the value, and the standard deviation of the
+    position.
+    """
 
     place: float
     value: float
@@ -173,7 +175,7 @@ class Peak(NamedTuple):
 
 
 def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
-    """The peak of a parabola through three points of a curve, and how it moves from block to block."""
+    """The peak of a parabola through three points of a curve, with its variation between blocks."""
     inside = min(max(index, 1), len(places) - 2)
     part = slice(inside - 1, inside + 2)
     whole = vertex(places[part], np.array([each.value for each in curve[part]]))
@@ -187,7 +189,7 @@ def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
 
 
 def vertex(places: Floats, values: Floats) -> float:
-    """Where the parabola through three points is largest, within them."""
+    """Position of the maximum of the parabola through three points, limited to their range."""
     slope = np.diff(values) / np.diff(places)
     bend = (slope[1] - slope[0]) / (places[2] - places[0])
     if not bend < 0.0:

@@ -1,11 +1,13 @@
-"""Small errors of poses, found from how views shift against the integral of the others.
+"""Small errors of poses, estimated from the shift of each view relative to the integral of the
+others.
 
-Detail of a view that is recorded off its place is shifted on the focal plane.  Over all views, such
-shifts e_i at positions b_i (from their middle) have a part that grows with b_i and one that turns about the
-middle.  The first is what a wrong height of the plane does, e = -b (h* - h)/(A - h*) for cameras at A above a true plane
-at h*; the second is what a common error of the yaw ψ does, e = ψ × b.  What is left are errors of the
-positions themselves.  Errors of positions contain such parts by chance, so that height and yaw are
-known no better than σ (A - h)/√Σb² and σ/√Σb².
+The detail of a view with a wrong recorded position is shifted on the focal plane.  Over all views,
+the shifts e_i at positions b_i (relative to their centre) have a part that grows with b_i and a
+part that rotates around the centre.  The first part is due to a wrong height of the plane, e = -b
+(h* - h)/(A - h*), where A is the height of the cameras and h* the true height of the plane.  The
+second part is due to a common yaw error ψ, e = ψ × b.  The rest are errors of the positions.
+Errors of positions contain both parts by chance, so the standard errors of height and yaw are σ (A
+- h)/√Σb² and σ/√Σb².
 """
 
 from __future__ import annotations
@@ -29,18 +31,18 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CLEAR = 3.0
-"""A shift counts if its correlation is so many robust standard deviations above those of other shifts."""
+"""Robust standard deviations by which a shift's correlation has to exceed that of other shifts."""
 
 
 class Correction(NamedTuple):
-    """What is added to recorded poses.
+    """Corrections of recorded poses.
 
     Attributes
     ----------
     yaw_deg
-        Turn of all cameras, clockwise from above.
+        Rotation of all cameras, clockwise as seen from above.
     shifts_m
-        Shape (N, 2): moves of the cameras along the plane's x and y.
+        Shape (N, 2): shifts of the cameras along x and y of the plane.
     """
 
     yaw_deg: float
@@ -48,11 +50,11 @@ class Correction(NamedTuple):
 
     @classmethod
     def none(cls, count: int) -> Correction:
-        """No correction of a number of views."""
+        """No correction, for a number of views."""
         return cls(0.0, np.zeros((count, 2)))
 
     def applied(self, views: Sequence[View], frame: Floats) -> list[View]:
-        """Views with corrected poses; `frame` has the axes of the plane as rows."""
+        """Views with corrected poses; the rows of `frame` are the axes of the plane."""
         c, s = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
         clockwise = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         turn = frame.T @ clockwise @ frame
@@ -63,7 +65,9 @@ class Correction(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Shifts of views taken apart: growth and turn by the distance from the middle, and the rest [m]."""
+    """Components of the shifts of views: growth and rotation per distance from the centre; rest
+    [m].
+    """
 
     growth: float
     turn_rad: float
@@ -74,21 +78,21 @@ class Fit(NamedTuple):
 def shifts_of(
     details: Sequence[Detail], views: Sequence[View], plane: Plane, raster: Raster, reach_m: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Shift of each view against the integral of the others [m], and whether it is clear.
+    """Shift of each view relative to the integral of the others [m], and whether it is significant.
 
     Parameters
     ----------
     details, views
-        Detail of N views, and the poses by which it is laid on the plane.
+        Detail of N views, and the poses with which it is projected on the plane.
     plane, raster
-        Where.
+        Plane and raster of the projection.
     reach_m
-        Largest shift along x and y.
+        Largest shift to examine along x and y.
 
     Returns
     -------
     shifts, clear
-        Shapes (N, 2) and (N,).
+        Arrays of shapes (N, 2) and (N,).
     """
     from scipy.fft import irfft2, next_fast_len, rfft2
 
@@ -118,7 +122,7 @@ def shifts_of(
 
 
 def _between(values: Floats, index: int) -> float:
-    """The largest of some values to a part of a step, by the parabola through it and its neighbours."""
+    """Index of the largest value, interpolated by the parabola through it and its neighbours."""
     if not 0 < index < len(values) - 1:
         return float(index)
     before, here, after = values[index - 1 : index + 2]
@@ -127,7 +131,7 @@ def _between(values: Floats, index: int) -> float:
 
 
 def fitted(shifts_m: Floats, clear: NDArray[np.bool_], positions_m: Floats) -> Fit:
-    """Growth, turn and rest of shifts at positions, by least squares over the clear ones."""
+    """Growth, rotation and rest of shifts, by least squares over the significant ones."""
     from_middle = positions_m - positions_m.mean(axis=0)
     x, y = from_middle.T
     ones, zeros = np.ones_like(x), np.zeros_like(x)

@@ -1,4 +1,4 @@
-"""Where a view was taken from, and with which intrinsics."""
+"""Pose and intrinsics of a view."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 
 ROTATION_TOLERANCE = 1e-3
-"""How far a published rotation may be from orthonormal, in any element of R Rᵀ."""
+"""Largest deviation of a published rotation from orthonormality, in any element of R Rᵀ."""
 
 FARTHEST_M = 1e9
-"""No camera is farther from the origin of its world."""
+"""Greatest distance of a camera from the origin of its world."""
 
 
 class Intrinsics(NamedTuple):
     """A pinhole camera with lens distortion, in pixels.
 
-    A direction (x, y, 1) of the camera's frame is seen at (fx x' + cx, fy y' + cy), where x' and y'
-    are x and y moved by the distortion of `distorted`.
+    A direction (x, y, 1) in the camera's frame is imaged at (fx x' + cx, fy y' + cy), where x' and
+    y' are x and y after `distorted`.
     """
 
     width_px: int
@@ -47,20 +47,21 @@ class Intrinsics(NamedTuple):
 
     @property
     def is_pinhole(self) -> bool:
-        """Whether lines stay lines."""
+        """Whether the camera has no distortion, so that straight lines stay straight."""
         return self.k1 == self.k2 == self.k3 == self.p1 == self.p2 == 0.0
 
     def distorted(
         self, x: NDArray[np.float64], y: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Directions as the lens shows them; nan beyond the fold of its polynomial.
+        """Directions after lens distortion; nan beyond the fold of its polynomial.
 
-        COLMAP's RADIAL and OPENCV, and DJI's third term: with r² = x² + y²,
-        x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²), and y' alike with p1 and p2 swapped.
+        The model is COLMAP's RADIAL and OPENCV, with DJI's third term.  With r² = x² + y²,
+        x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²); for y', x and y and p1 and
+        p2 are exchanged.
         """
         r2 = x * x + y * y
         scale = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        # Past the fold, directions farther out would come back into the image.
+        # Directions beyond the fold would be imaged inside the image again.
         scale = np.where(r2 < self._fold(), scale, np.nan)
         return (
             x * scale + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
@@ -68,9 +69,9 @@ class Intrinsics(NamedTuple):
         )
 
     def undistorted(self, x: float, y: float) -> tuple[float, float]:
-        """The direction that the lens shows at (x, y): the inverse of `distorted`.
+        """The direction that is imaged at (x, y): the inverse of `distorted`, by Newton's method.
 
-        Newton's method; nan where the lens shows nothing there.
+        The result is nan if no direction is imaged there.
         """
         guess = np.array([x, y])
         for _ in range(50):
@@ -83,14 +84,14 @@ class Intrinsics(NamedTuple):
                 return float(guess[0]), float(guess[1])
             try:
                 guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
-            except np.linalg.LinAlgError:  # the lens folds here
+            except np.linalg.LinAlgError:  # the lens polynomial folds here
                 break
         there = np.stack(self.distorted(guess[:1], guess[1:]))[:, 0]
         close = np.abs(there - (x, y)).max() < 1e-9
         return (float(guess[0]), float(guess[1])) if close else (math.nan, math.nan)
 
     def scaled(self, width_px: int, height_px: int) -> Intrinsics:
-        """The same camera for its photos scaled as a whole to another size."""
+        """Intrinsics for the same photo scaled to another size."""
         x, y = width_px / self.width_px, height_px / self.height_px
         return self._replace(
             width_px=width_px,
@@ -102,7 +103,9 @@ class Intrinsics(NamedTuple):
         )
 
     def _fold(self) -> float:
-        """Smallest r² at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops growing; inf if it never does."""
+        """Smallest r² at which r (1 + k1 r² + k2 r⁴ + k3 r⁶) stops increasing; inf if it never
+        does.
+        """
         roots = np.roots([7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0])
         real = [root.real for root in roots if abs(root.imag) < 1e-12 and root.real > 0.0]
         return min(real, default=math.inf)
@@ -110,16 +113,16 @@ class Intrinsics(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """One image: its file's name, its pose, and its camera where that is known.
+    """One image: file name, pose, and camera if it is known.
 
     Parameters
     ----------
     name
-        Of the image file, in the folder of images.
+        Name of the image file in the folder of images.
     rotation, translation
-        R, shape (3, 3), and t, shape (3,): world to camera.
+        R, shape (3, 3), and t, shape (3,): from world to camera.
     intrinsics
-        The camera; None where the poses do not say.
+        The camera; None if the file of poses does not have it.
     """
 
     name: str
@@ -129,35 +132,36 @@ class View:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """Where the camera stood in the world, -Rᵀ t [m]."""
+        """Position of the camera in the world, -Rᵀ t [m]."""
         return -self.rotation.T @ self.translation
 
     def moved(self, shift_m: NDArray[np.float64], turn: NDArray[np.float64]) -> View:
-        """The view from elsewhere, turned: `turn` is a rotation of the world, shape (3, 3)."""
+        """The view shifted and rotated; `turn` is a rotation of the world, shape (3, 3)."""
         rotation = self.rotation @ turn.T
         return replace(self, rotation=rotation, translation=-rotation @ (self.position + shift_m))
 
     @property
     def forward(self) -> NDArray[np.float64]:
-        """Direction in the world in which the camera looked."""
+        """Viewing direction of the camera in the world."""
         direction: NDArray[np.float64] = self.rotation[2]
         return direction
 
 
 def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """R and t of a 3 x 4 matrix of numbers, or of numbers written as text.
+    """R and t from a 3 x 4 matrix of numbers, which may be written as text.
 
     Raises
     ------
     RequestError
-        If it has another shape, or its left part is no rotation.
+        If it has another shape, or its left part is not a rotation.
     """
     rows = matrix if isinstance(matrix, list) and len(matrix) == 3 else []
     if not rows or any(not isinstance(row, list) or len(row) != 4 for row in rows):
         raise RequestError(f"{place}: M3x4 is not 3 rows of 4 numbers")
     numbers = np.array([[number(value, f"{place}: M3x4") for value in row] for row in rows])
     rotation, translation = numbers[:, :3], numbers[:, 3]
-    within = np.clip(rotation, -2.0, 2.0)  # what is larger is not a rotation either
+    # larger elements are not those of a rotation, and this avoids overflow
+    within = np.clip(rotation, -2.0, 2.0)
     off = np.abs(within @ within.T - np.eye(3)).max()
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
         raise RequestError(
@@ -170,16 +174,17 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 LENS = {"fx": 1e7, "fy": 1e7, "cx": 1e6, "cy": 1e6, "k1": 1e6, "k2": 1e6, "p1": 1e3, "p2": 1e3}
-"""How large the numbers of a lens may be: fx to cy [px], the others of distortion."""
+"""Largest allowed values of a lens: fx to cy [px], the others are distortion coefficients."""
 
 
 def checked_intrinsics(width: int, height: int, values: list[float], place: str) -> Intrinsics:
-    """Intrinsics from numbers: fx, fy, cx, cy, and the distortion where there is any.
+    """Intrinsics from numbers: fx, fy, cx, cy, followed by distortion coefficients if there are
+    any.
 
     Raises
     ------
     RequestError
-        If a focal length is not positive, or the image has no middle.
+        If a focal length is not positive, or a number exceeds its limit in `LENS`.
     """
     if not (values[0] > 0.0 and values[1] > 0.0):
         raise RequestError(f"{place}: focal length {min(values[:2]):g} px is not above zero")
@@ -190,7 +195,7 @@ def checked_intrinsics(width: int, height: int, values: list[float], place: str)
 
 
 def from_field_of_view(fov_deg: float) -> Callable[[int, int], Intrinsics]:
-    """Intrinsics of an image of any size, from its horizontal field of view [deg]; square pixels."""
+    """Function that returns intrinsics for any image size, from a horizontal field of view [deg]."""
     if not 0.0 < fov_deg < 180.0:
         raise RequestError(f"--fov {fov_deg:g} is not between 0 and 180 degrees")
 
@@ -204,7 +209,8 @@ def from_field_of_view(fov_deg: float) -> Callable[[int, int], Intrinsics]:
 def named_camera(
     name: str | None, fov_deg: float | None
 ) -> Callable[[int, int], Intrinsics] | None:
-    """Intrinsics from the name of a camera or from a horizontal field of view [deg]; None of neither.
+    """Intrinsics from the name of a camera or a horizontal field of view [deg]; None without
+    either.
 
     Raises
     ------
@@ -221,7 +227,7 @@ def named_camera(
 
 
 def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
-    """Intrinsics of a camera for its own images, and for its images scaled as a whole."""
+    """Function that returns intrinsics of a camera for its images, also if they are scaled."""
 
     def made(width: int, height: int) -> Intrinsics:
         own = (camera.image_width_px, camera.image_height_px)

@@ -1,10 +1,11 @@
 """Poses of a COLMAP reconstruction, from its text or binary files.
 
-``cameras.txt`` has a camera a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has two
-lines an image: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and its points, which are skipped.
-``cameras.bin`` and ``images.bin`` hold the same, little-endian, each after a count of 8 bytes.
-The quaternion and T are world to camera; the first pixel's centre is (0.5, 0.5).  The world is in
-metres, and its z up, only where the reconstruction was aligned (``colmap model_aligner``).
+``cameras.txt`` has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has
+two lines per image: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and its points, which are
+skipped.  ``cameras.bin`` and ``images.bin`` contain the same values in little-endian order, after a
+count of 8 bytes.  The quaternion and T are from world to camera; the centre of the first pixel is
+(0.5, 0.5).  The world is in metres with z up only if the reconstruction was aligned (``colmap
+model_aligner``).
 """
 
 from __future__ import annotations
@@ -27,17 +28,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MODELS = {
-    # Which of fx fy cx cy k1 k2 p1 p2 stand where; f is both focal lengths.
+    # Names of the parameters in order; f is the focal length along both axes.
     "SIMPLE_PINHOLE": "f cx cy",
     "PINHOLE": "fx fy cx cy",
     "SIMPLE_RADIAL": "f cx cy k1",
     "RADIAL": "f cx cy k1 k2",
     "OPENCV": "fx fy cx cy k1 k2 p1 p2",
 }
-"""Camera models that are read, by name, with their parameters."""
+"""Supported camera models by name, with their parameters."""
 
 BY_NUMBER = [
-    # Models by their number in binary files, and how many parameters each has.
+    # Names by the model's number in binary files, with the number of parameters.
     ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
     ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
@@ -47,17 +48,17 @@ UNDISTORT = "colmap image_undistorter makes PINHOLE images of any model"
 
 
 def read_colmap(path: str) -> list[View]:
-    """Views of a reconstruction, in the order of their names.
+    """Read the views of a reconstruction, in the order of their names.
 
     Parameters
     ----------
     path
-        The folder with both files, text or binary, or one of them.
+        The folder with both files, text or binary, or the path of one of the files.
 
     Raises
     ------
     RequestError
-        If a file is missing, or has a line that does not fit; the message says where.
+        If a file is missing, or has an invalid line; the message says where.
     """
     folder = path if os.path.isdir(path) else os.path.dirname(path) or "."
     text = os.path.join(folder, "images.txt")
@@ -70,7 +71,7 @@ def read_colmap(path: str) -> list[View]:
 
 
 def _lines(path: str) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers, a few at a time: the points of an image fill long ones."""
+    """Lines with their numbers, read one at a time because lines with points are long."""
     try:
         with open(path, encoding="utf-8-sig") as file:
             yield from enumerate((line.strip() for line in file), 1)
@@ -119,7 +120,7 @@ def _intrinsics(model: str, width: int, height: int, values: list[float], place:
 
 
 class _Binary:
-    """Values of a binary file, one after another."""
+    """Reads consecutive values of a binary file."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -176,7 +177,7 @@ def _binary_views(path: str, cameras: dict[int, Intrinsics]) -> Iterator[View]:
     for index in range(file.take("Q")[0]):
         _, *pose, camera = file.take("i7di")
         name = file.text()
-        file.skip(24 * file.take("Q")[0])  # x, y and the point's number, 8 bytes each
+        file.skip(24 * file.take("Q")[0])  # x, y and the index of each point, 8 bytes each
         place = f"'{path}', image {index + 1} ({shown(name)})"
         values = [number(value, f"{place}: number") for value in pose]
         if max(map(abs, values)) > FARTHEST_M:
@@ -212,10 +213,10 @@ def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
 
 
 def _are_points(text: str) -> bool:
-    """Whether a line has the points of an image, X Y POINT3D_ID each, and is not the next image.
+    """Whether a line has the points of an image, X Y POINT3D_ID each, rather than the next image.
 
-    Programs that drop empty lines drop those of images without points.  The line of an image has a
-    name where points have numbers.
+    Programs that remove empty lines also remove those of images without points.  The line of an
+    image has a name at a place where lines with points have numbers.
     """
     words = text.split(maxsplit=12)[:12]
     if len(words) < 10:
@@ -229,7 +230,7 @@ def _are_points(text: str) -> bool:
 
 
 def _rotation(quaternion: list[float], place: str) -> NDArray[np.float64]:
-    """The rotation matrix of a quaternion, scalar first."""
+    """The rotation matrix of a quaternion whose first element is the scalar."""
     length = math.hypot(*quaternion)
     if not abs(length - 1.0) < 1e-3:
         raise RequestError(f"{place}: the quaternion has length {length:g}, not 1")

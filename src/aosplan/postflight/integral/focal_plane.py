@@ -1,8 +1,8 @@
 """The focal plane: its axes in the world, and what a view sees of it.
 
-Positions on the plane are (x, y) metres.  With up = z they are the world's own x and y; with z down,
-as the AOS project has it, x is the world's and y is minus the world's, so that the plane is always
-seen from above, x to the right and y up.
+Positions on the plane are (x, y) in metres.  If z is up, they are x and y of the world.  If z is
+down, as in the AOS project, x is that of the world and y is minus that of the world.  The plane is
+therefore always seen from above, with x to the right and y up.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y":
 """Directions of the world that may be up, by name."""
 
 MOST_PIXELS = 64_000_000
-"""Largest integral image: in colour, its sums take 2 GB."""
+"""Largest integral image; in colour, its sums need 2 GB."""
 
 
 class Plane(NamedTuple):
-    """A plane of the world, horizontal or tilted.
+    """A horizontal or tilted plane of the world.
 
     Parameters
     ----------
     up
-        Name of the upward direction, of `UPS`.
+        Name of the upward direction, one of `UPS`.
     height_m
-        Height along it of the plane's origin, x = y = 0.
+        Height of the plane's origin, x = y = 0, along the upward direction.
     slope
-        How much the plane rises by each metre of its x and of its y.
+        Rise of the plane per metre of its x and of its y.
     """
 
     up: str
@@ -48,18 +48,18 @@ class Plane(NamedTuple):
 
     @property
     def frame(self) -> NDArray[np.float64]:
-        """Rows: the plane's x, its y, and up, in the world."""
+        """Axes in the world as rows: x of the plane, y of the plane, up."""
         up = np.array(UPS[self.up])
         x = np.array([1.0, 0.0, 0.0])
         return np.stack([x, np.cross(up, x), up])
 
     def camera_m(self, view: View) -> NDArray[np.float64]:
-        """x and y of a camera, and its height above the plane there [m]."""
+        """x and y of a camera, and its vertical distance above the plane [m]."""
         x, y, up = self.frame @ view.position
         return np.array([x, y, up - self.height_m - self.slope[0] * x - self.slope[1] * y])
 
     def to_camera(self, view: View) -> NDArray[np.float64]:
-        """The 3 x 3 matrix that takes (x, y, 1) on the plane into the camera's frame."""
+        """The 3 x 3 matrix that maps (x, y, 1) on the plane to the camera's frame."""
         frame = self.frame
         origin = frame.T @ (0.0, 0.0, self.height_m)
         along = frame[:2] + np.outer(self.slope, frame[2])
@@ -68,18 +68,18 @@ class Plane(NamedTuple):
 
 
 def heights_above(plane: Plane, view: View) -> NDArray[np.float64]:
-    """What a metre above the plane adds to the point that `Plane.to_camera` gives, shape (3,)."""
+    """Change of the point given by `Plane.to_camera` per metre above the plane, shape (3,)."""
     lift: NDArray[np.float64] = view.rotation @ plane.frame[2]
     return lift
 
 
 def upward(views: Sequence[View]) -> str:
-    """``z`` or ``-z``: the one that the cameras look away from.
+    """The upward direction: ``z`` or ``-z``, opposite to the direction in which the cameras look.
 
     Raises
     ------
     RequestError
-        If they look along the horizon on the whole.
+        If the cameras look along the horizon on average.
     """
     down = float(np.mean([view.forward[2] for view in views]))
     if abs(down) < 0.1:
@@ -97,11 +97,11 @@ class Raster:
     Parameters
     ----------
     left_m, top_m
-        x of its left edge and y of its upper edge.
+        x of the left edge and y of the upper edge.
     gsd_m
         Side of a pixel.
     columns, rows
-        Their number.
+        Number of columns and of rows.
     """
 
     left_m: float
@@ -112,12 +112,12 @@ class Raster:
 
     @classmethod
     def over(cls, extent_m: Sequence[float], gsd_m: float) -> Raster:
-        """Pixels that cover (x from, y from, x to, y to), starting at its upper left.
+        """Pixels that cover (x from, y from, x to, y to), starting at the upper left.
 
         Raises
         ------
         RequestError
-            If they are too many, or the extent is empty.
+            If there are too many pixels, or the extent is empty.
         """
         left, bottom, right, top = extent_m
         if not (right > left and top > bottom):
@@ -125,7 +125,7 @@ class Raster:
                 f"extent {left:g},{bottom:g},{right:g},{top:g} is empty",
                 "write XMIN,YMIN,XMAX,YMAX in metres on the plane",
             )
-        # A side that is a whole number of pixels but for rounding gets no pixel more.
+        # If a side is a whole number of pixels up to rounding, no pixel is added.
         sides = [
             max(math.ceil(min((b - a) / gsd_m, 1e12) - 1e-6), 1)
             for a, b in ((left, right), (bottom, top))
@@ -149,14 +149,14 @@ class Raster:
 
     @property
     def to_plane(self) -> NDArray[np.float64]:
-        """The 3 x 3 matrix that takes (column, row, 1) to (x, y, 1)."""
+        """The 3 x 3 matrix that maps (column, row, 1) to (x, y, 1)."""
         return np.array(
             [[self.gsd_m, 0.0, self.left_m], [0.0, -self.gsd_m, self.top_m], [0.0, 0.0, 1.0]]
         )
 
 
 def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.float64]:
-    """Corners of what a view shows of the plane, shape (4, 2): x and y [m].
+    """Corners of the part of the plane that a view shows, shape (4, 2): x and y [m].
 
     Raises
     ------
@@ -182,7 +182,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
                     "calibrate the camera again, or undistort the images first",
                 )
         east, north, scale = inverse @ (x, y, 1.0)
-        if not scale > 0.0:  # the plane is behind the camera there
+        if not scale > 0.0:  # this corner looks above the horizon
             raise RequestError(
                 f"image '{view.name}' shows the horizon, so its footprint has no end",
                 "give --extent XMIN,YMIN,XMAX,YMAX and --gsd M",

@@ -1,9 +1,9 @@
 """The height at which the views agree, and small corrections of their poses.
 
-The curve of agreement over heights (`aosplan.postflight.integral.agreement`) has a peak at the ground
-and often one at the crowns.  Errors of positions and of the compass flatten both, so poses are aligned
-(`aosplan.postflight.integral.alignment`) at the highest point of a coarse curve, which brings out the
-peaks of a fine one; the ground is its lowest peak.
+The curve of agreement over height (`aosplan.postflight.integral.agreement`) has a peak at the
+ground and often one at the crowns.  Errors of positions and of the compass flatten both.  Poses are
+therefore aligned (`aosplan.postflight.integral.alignment`) at the highest point of a coarse curve.
+The peaks of a fine curve are then clearer.  The ground is the lowest peak.
 """
 
 from __future__ import annotations
@@ -37,52 +37,52 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 ALIGNMENTS = ("none", "yaw", "positions")
-"""What is corrected: nothing, one yaw for all views, or also each view's position."""
+"""Corrections: none, one yaw for all views, or also the position of each view."""
 
 BELOW, ABOVE = 0.25, 0.55
-"""Heights that are searched by themselves, as shares of the cameras' height: below and above the plane."""
+"""Default range of heights below and above the plane, as shares of the cameras' height."""
 
 STEP_PX = 1.3
-"""Farther than this, two planes that are compared next to each other are not told apart by the outermost views."""
+"""Shift of the outermost views between two neighbouring planes of the search, in pixels."""
 
 MOST_STEPS = 240
-"""Heights that are looked at, at most."""
+"""Largest number of heights."""
 
 MOST_PIXELS = 60_000_000
-"""Pixels of all views together that are held at once (240 MB)."""
+"""Largest number of pixels of all views that are stored at once (240 MB)."""
 
 ROUNDS = 4
-"""Times that shifts are measured and corrected on each level."""
+"""Number of times that shifts are measured and corrected at each resolution."""
 
 LEAST_VIEWS = 4
-"""Fewer views do not tell heights apart."""
+"""Smallest number of views; with fewer, heights cannot be distinguished."""
 
 PROMINENCE = 3.0
-"""A peak rises so many of its standard deviations above the valleys beside it."""
+"""Height of a significant peak above the valleys beside it, in standard deviations."""
 
 WEAK = 0.1
-"""Agreement below this is that of nothing."""
+"""Agreement below this value is not significant."""
 
 
 class Focus(NamedTuple):
-    """Where a recording is in focus.
+    """Result of a search for the focus.
 
     Attributes
     ----------
     heights_m
-        Heights that were looked at, along the world's upward axis, rising.
+        Heights that were examined, along the world's upward axis, increasing.
     curve
-        Agreement of halves of the views at each.
+        Agreement of halves of the views at each height.
     ground, crowns
-        Peaks of the curve: the lowest, and the highest of those above it, None if there is none.
+        Peaks of the curve: the lowest one, and the highest one above it (None if there is none).
     correction
-        What is added to the recorded poses, zero where nothing is.
+        Corrections of the recorded poses; zero without an alignment.
     yaw_deviation_deg
-        Standard deviation of the correction's yaw.
+        Standard deviation of the yaw correction.
     aligned
-        How many views were clear enough to be moved.
+        Number of views whose shift was significant.
     at_end
-        Whether the ground's peak is at an end of the heights.
+        Whether the peak of the ground is at an end of the range of heights.
     """
 
     heights_m: Floats
@@ -95,7 +95,7 @@ class Focus(NamedTuple):
     at_end: bool
 
     def document(self) -> dict[str, Any]:
-        """The focus as plain values."""
+        """The result as plain values."""
         moved = self.correction.shifts_m
         return {
             "heights_m": [float(height) for height in self.heights_m],
@@ -115,7 +115,7 @@ class _Level(NamedTuple):
 
 
 def read_heights(text: str) -> tuple[float, float] | float | None:
-    """What ``--focus`` says: a range H1..H2, a height, or None for auto.
+    """Parse ``--focus``: a range H1..H2, a height, or None for auto.
 
     Raises
     ------
@@ -145,27 +145,27 @@ def find_focus(
     sigma_m: float = 0.5,
     progress: Callable[[int, int], None] | None = None,
 ) -> Focus:
-    """Find the height of the ground, and, if wanted, what is wrong with the poses.
+    """Find the height of the ground, and, if requested, errors of the poses.
 
     Parameters
     ----------
     recording
         The views.
     indices
-        Which of them count.
+        Indices of the views to use.
     heights_m
-        Lowest and highest plane; None for a range around the recording's own plane.
+        Lowest and highest plane; None for a range around the recording's plane.
     align
         One of `ALIGNMENTS`.
     sigma_m
-        Standard deviation of recorded positions; shifts are looked for within three of it.
+        Standard deviation of recorded positions; shifts of up to three times this are examined.
     progress
-        Called with the number of steps done and their total.
+        Function that is called with the number of steps done and their total.
 
     Raises
     ------
     RequestError
-        If there are too few views, a camera is below a plane, or nothing agrees.
+        If there are too few views, a camera is below a plane, or the views agree at no height.
     """
     if len(indices) < LEAST_VIEWS:
         raise RequestError(
@@ -216,9 +216,9 @@ def find_focus(
 
 
 def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
-    """Indices of the lowest significant peak, and of the highest one above it.
+    """Indices of the lowest significant peak, and of the highest peak above it.
 
-    The largest value counts as a peak even at an end of the curve.
+    The largest value counts as a peak even if it is at an end of the curve.
     """
     from scipy.signal import find_peaks
 
@@ -226,8 +226,8 @@ def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | Non
     without = np.array([each.without for each in curve])
     count = without.shape[1]
     spread = np.sqrt(count - 1.0) * without.std(axis=1)
-    # Values next to each other err together: what counts is the error of their difference, which is
-    # far smaller than the error of each.
+    # Errors of neighbouring values are correlated. What matters is the error of their difference,
+    # which is much smaller than the error of each value.
     best = int(np.argmax(values))
     found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
     clear = [
@@ -245,7 +245,7 @@ def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | Non
 
 
 class _Search:
-    """A recording's views on planes at different heights."""
+    """The views of a recording, projected on planes at different heights."""
 
     def __init__(
         self,
@@ -274,7 +274,9 @@ class _Search:
         return self._plane.height_m - BELOW * height, self._plane.height_m + ABOVE * height
 
     def heights_between(self, low: float, high: float) -> Floats:
-        """Heights whose planes the outermost views tell apart, closer together near the cameras."""
+        """Heights whose planes the outermost views can distinguish; they are denser near the
+        cameras.
+        """
         if not low < high:
             raise RequestError(
                 f"--focus {low:g}..{high:g} is empty", "the lower height comes first"
@@ -292,7 +294,7 @@ class _Search:
         focal = self._sources[0].intrinsics.fx_px * min(
             LONGEST_PX / max(self._sources[0].intrinsics[:2]), 1.0
         )
-        # A view b off the middle shifts by f b (1/(A-h) - 1/(A-h')) pixels between two planes.
+        # Between two planes, a view b from the centre shifts by f b (1/(A-h) - 1/(A-h')) pixels.
         near, far = 1.0 / (self.camera_m - high), 1.0 / (self.camera_m - low)
         steps = math.ceil((near - far) * focal * 0.5 * extent / STEP_PX)
         steps = min(max(steps, 8), MOST_STEPS)
@@ -300,7 +302,9 @@ class _Search:
         return places
 
     def level(self, coarser: int) -> _Level:
-        """Detail of all views in images `coarser` times smaller, and a raster of their pixels."""
+        """Detail of all views in images that are `coarser` times smaller, and a raster for their
+        pixels.
+        """
         own = max(self._sources[0].intrinsics[:2])
         most = math.sqrt(MOST_PIXELS / len(self._sources))
         longest = max(int(min(own, LONGEST_PX, most)) // coarser, 32)
@@ -328,7 +332,7 @@ class _Search:
     def align(
         self, level: _Level, height_m: float, correction: Correction, align: str
     ) -> tuple[float, Correction, int]:
-        """Height and correction at which shifts of views neither grow nor turn."""
+        """Height and corrections for which the shifts of views neither grow nor rotate."""
         clear = 0
         for _ in range(ROUNDS):
             plane = self._plane._replace(height_m=height_m)
@@ -354,7 +358,7 @@ class _Search:
         index: int,
         correction: Correction,
     ) -> Peak:
-        """The peak by a closer look between the heights beside it."""
+        """The peak, located more accurately between the heights beside it."""
         first, last = places[max(index - 2, 0)], places[min(index + 2, len(places) - 1)]
         closer = np.linspace(first, last, 9)
         found = self.curve(level, closer, correction)
@@ -362,7 +366,7 @@ class _Search:
         return peak_near(closer, found, best)
 
     def doubt(self, correction: Correction, align: str) -> float:
-        """What errors of positions do to growth and turn by chance, as a share and in radians."""
+        """Standard error of growth (relative) and rotation [rad] due to errors of the positions."""
         if align != "positions":
             return 0.0
         sigma = float(np.sqrt(np.mean(correction.shifts_m**2)))

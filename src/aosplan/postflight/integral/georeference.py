@@ -1,4 +1,4 @@
-"""Where on earth the world of a recording lies."""
+"""Location of a recording's world on earth."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 
 
 class Georeference(NamedTuple):
-    """Coordinates of a map from those of the world: x and y of the plane plus an offset.
+    """Map coordinates of the world: x and y of the plane plus an offset.
 
     Parameters
     ----------
     crs
-        The map's coordinate system, as PROJ understands it, in metres.
+        Coordinate reference system of the map in metres, in a form that PROJ reads.
     x_m, y_m
         Map coordinates of the world's origin.
     """
@@ -27,7 +27,7 @@ class Georeference(NamedTuple):
 
     @classmethod
     def around(cls, latitude: float, longitude: float) -> Georeference:
-        """Metres east and north of a place (azimuthal equidistant, as `aosplan.geodesy`)."""
+        """Metres east and north of a place (azimuthal equidistant, as in `aosplan.geodesy`)."""
         return cls(local_crs(latitude, longitude))
 
     def places(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[NDArray, NDArray]:  # type: ignore[type-arg]

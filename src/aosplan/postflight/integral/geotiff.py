@@ -1,4 +1,4 @@
-"""Integral images as GeoTIFF: float32 bands in their place on earth."""
+"""Integral images as georeferenced GeoTIFF files with float32 bands."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def geotiff_bytes(
     georeference: Georeference | None,
     names: Sequence[str] = (),
 ) -> bytes:
-    """A GeoTIFF of float32, nan where there is no value.
+    """A GeoTIFF of float32 values, with nan for missing values.
 
     Parameters
     ----------
     bands
         Shape (bands, rows, columns).
     raster
-        Where its pixels lie.
+        Extent and pixel size of the image.
     georeference
-        Where the world lies; without it, coordinates are those of the world and there is no
-        coordinate system.
+        Location of the world; if it is None, coordinates are those of the world, without a
+        coordinate reference system.
     names
         Descriptions of the bands.
 

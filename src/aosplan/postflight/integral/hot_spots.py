@@ -1,4 +1,4 @@
-"""Candidates for what is looked for: anomalies of single photos, and hot spots of the integral."""
+"""Candidates for targets: anomalies of single photos, and hot spots of the integral image."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.integral import Integral, Source
 
 RX_SHARE = 0.99
-"""Quantile of the RX score of a photo above which a pixel is an anomaly."""
+"""Quantile of a photo's RX scores above which a pixel is an anomaly."""
 
 CLEAR = 4.0
 """Standard deviations by which a hot spot differs from its surroundings."""
 
 WINDOW_M = 4.0
-"""Standard deviation of the surroundings that a spot is compared with."""
+"""Standard deviation of the Gaussian window for the surroundings of a spot."""
 
 MOST_SPOTS = 200
 
 
 def anomalies(_source: Source, picture: Picture) -> Picture:
-    """The anomalies of a photo as 1, all else as 0.
+    """Anomalies of a photo as 1, all other pixels as 0.
 
-    The RX detector of Reed and Yu: the squared Mahalanobis distance of a pixel's values from those of
-    the photo, here above its 99 % quantile.
+    This is the RX detector of Reed and Yu: the squared Mahalanobis distance of a pixel's values
+    from those of the photo, compared with its 99 % quantile.
     """
     from PIL import Image
 
@@ -55,13 +55,14 @@ class HotSpot(NamedTuple):
     Attributes
     ----------
     x_m, y_m
-        Its middle on the plane, weighted by the difference.
+        Centre on the plane, weighted by the difference.
     area_m2, size_m
-        Its area where it differs by half of its most, and the side of a square of that area.
+        Area in which the difference is at least half of its maximum, and side of a square of this
+        area.
     contrast
-        Its mean less that of its surroundings, in the units of the photos.
+        Mean value minus that of the surroundings, in the units of the photos.
     deviations
-        The largest difference, in standard deviations of the surroundings.
+        Largest difference in standard deviations of the surroundings.
     """
 
     x_m: float
@@ -73,7 +74,9 @@ class HotSpot(NamedTuple):
 
 
 def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
-    """Places of an integral image that are brighter or darker than their surroundings, clearest first."""
+    """Places of an integral image that are brighter or darker than their surroundings, clearest
+    first.
+    """
     from scipy.ndimage import find_objects, gaussian_filter, label
 
     raster = integral.raster
@@ -85,7 +88,7 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
         return blurred / np.maximum(gaussian_filter(weight, window), 1e-9)
 
     weight = seen.astype(np.float64)
-    for _ in range(3):  # spots are no part of their own surroundings
+    for _ in range(3):  # spots are excluded from their own surroundings
         mean = smooth(grey, weight)
         spread = np.sqrt(np.maximum(smooth((grey - mean) ** 2, weight), 1e-12))
         score = np.where(seen, (grey - mean) / spread, 0.0)
@@ -98,7 +101,7 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
             if part.sum() < 2:
                 continue
             above = np.where(part, sign * (grey[box] - mean[box]), 0.0)
-            part = above >= 0.5 * above.max()  # within its half width
+            part = above >= 0.5 * above.max()  # the part above half of the maximum
             rows, columns = np.nonzero(part)
             off = np.abs(grey[box] - mean[box])[part]
             row = float(np.average(rows, weights=off)) + box[0].start + 0.5
@@ -119,12 +122,12 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
 
 
 def geojson_bytes(spots: Sequence[HotSpot], georeference: Georeference | None) -> bytes:
-    """Hot spots as a GeoJSON of points, the clearest first.
+    """Hot spots as GeoJSON points, clearest first.
 
     Raises
     ------
     RequestError
-        If the recording is not on earth.
+        If the recording has no location.
     """
     if georeference is None:
         raise RequestError(

@@ -1,7 +1,7 @@
 """Image files as arrays, and integral images as files.
 
-Pillow reads any of its modes; what comes out is float32 in the file's own units: grey values, or
-red, green and blue.
+Images of any mode that Pillow supports are read.  The result is float32 in the units of the file:
+grey values, or red, green and blue.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ if TYPE_CHECKING:
 EXTRA = "pictures"
 
 PLAIN_PIXELS = 25_000_000
-"""An image may always have so many pixels,"""
+"""Number of pixels that any image may have."""
 
 PIXELS_A_BYTE = 100
-"""and a larger one so many for each byte of its file: photos have about one."""
+"""Pixels per byte of the file that a larger image may have; photos have about one."""
 
 BANDS = {
-    # Pillow's modes: what they are converted to, and whether values stay within 0 to 255.
+    # Pillow's modes: the mode to convert to, and whether values are between 0 and 255.
     "1": "L", "L": "L", "LA": "LA", "La": "LA",
     "P": "RGBA", "PA": "RGBA", "RGB": "RGB", "RGBX": "RGB", "RGBA": "RGBA", "RGBa": "RGBA",
     "CMYK": "RGB", "YCbCr": "RGB", "LAB": "RGB", "HSV": "RGB",
     "I": "F", "F": "F", "I;16": "F", "I;16L": "F", "I;16B": "F", "I;16N": "F",
 }  # fmt: skip
-"""The mode that each of Pillow's is read as."""
+"""The mode that each of Pillow's modes is converted to."""
 
 
 BITS_PER_SAMPLE, SAMPLE_FORMAT = 258, 339
-"""Tags of TIFF; formats of samples are 1 without a sign, 2 with it, 3 floats."""
+"""TIFF tags; the sample format is 1 for unsigned, 2 for signed integers, 3 for floats."""
 
 
 class Picture(NamedTuple):
-    """An image as Pillow's float bands.
+    """An image as float bands of Pillow.
 
     Parameters
     ----------
     bands
-        One band of grey values, or three of red, green and blue, mode F.
+        One band of grey values, or three bands of red, green and blue, mode F.
     weight
-        Alpha between 0 and 1, mode F, where the image has it.
+        Alpha between 0 and 1, mode F, if the image has it.
     is_byte
         Whether values are between 0 and 255.
     """
@@ -67,7 +67,7 @@ class Picture(NamedTuple):
 
 
 class Folder:
-    """A folder of images, looked up by the names that poses give.
+    """A folder of images, which are found by the names in the poses.
 
     Parameters
     ----------
@@ -99,12 +99,12 @@ class Folder:
             self._by_stem.setdefault(os.path.splitext(name)[0].lower(), []).append(name)
 
     def holds(self, name: str) -> bool:
-        """Whether there is a file for a name, or more than one.
+        """Whether there is at least one file for a name.
 
         Raises
         ------
         RequestError
-            If the name leads out of the folder.
+            If the name refers to a place outside the folder.
         """
         if os.path.isabs(name) or ".." in name.replace("\\", "/").split("/"):
             raise RequestError(
@@ -119,13 +119,14 @@ class Folder:
     def file_of(self, name: str) -> str:
         """Path of an image.
 
-        Poses are often made from other files than are published: the same name with another
-        ending, or in capitals, will do where there is only one.
+        The files that poses were computed from are often not the published ones.  A file with the
+        same name but another extension or other capitals is therefore accepted if there is only
+        one.
 
         Raises
         ------
         RequestError
-                If there is none, or more than one.
+            If there is no such file, or more than one.
         """
         path = os.path.join(self.path, name)
         if os.path.isfile(path):
@@ -151,19 +152,19 @@ def image_size(path: str) -> tuple[int, int]:
     Raises
     ------
     RequestError, SurroundingsError
-        As `read_picture`.
+        As `read_picture` does.
     """
     with _opened(path) as image:
         return image.size
 
 
 def read_picture(path: str) -> Picture:
-    """An image file.
+    """Read an image file.
 
     Raises
     ------
     RequestError
-        If it is no image, damaged, or larger than Pillow takes for safe.
+        If it is not an image, is damaged, or is too large for its file.
     SurroundingsError
         If it cannot be read.
     MissingExtraError
@@ -181,9 +182,9 @@ def read_picture(path: str) -> Picture:
 
 
 def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
-    """Pixels of an image that Pillow would cut or wrap; None of any other.
+    """Pixels of an image whose values Pillow would truncate or misread; None for other images.
 
-    It keeps 8 of the 16 bits of colours, and takes 32 bits without a sign for ones with it.
+    Pillow keeps 8 of 16 bits of colour images, and reads unsigned 32-bit values as signed ones.
     """
     tags = getattr(image, "tag_v2", {})
     raw = " ".join(str(tile[3]) for tile in getattr(image, "tile", ()))
@@ -199,7 +200,7 @@ def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
 
             pixels: NDArray[np.generic] = tifffile.imread(path)
             if pixels.ndim == 3 and pixels.shape[:2] != image.size[::-1]:
-                pixels = np.moveaxis(pixels, 0, 2)  # band after band
+                pixels = np.moveaxis(pixels, 0, 2)  # stored band after band
         else:
             import rasterio
 
@@ -221,7 +222,7 @@ def _first(value: Any, otherwise: int) -> int:
 
 
 def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
-    """Bands of an array, shape (rows, columns) or (rows, columns, bands); the second or fourth is alpha."""
+    """Bands of an array of shape (rows, columns) or (rows, columns, bands); a 2nd or 4th is alpha."""
     if pixels.ndim == 2:
         return Picture((_float_band(pixels),), None, is_byte=False)
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
@@ -233,8 +234,8 @@ def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
 
 
 def _floats(image: Image, mode: str) -> Picture:
-    """The bands of an image, as a mode of which Pillow knows the values."""
-    if image.mode.startswith("I;16"):  # Pillow's own conversion would clip
+    """The bands of an image, converted to a mode whose values Pillow reads correctly."""
+    if image.mode.startswith("I;16"):  # Pillow's own conversion would clip values
         return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
     if image.mode == "P" and "transparency" not in image.info:
         mode = "RGB"
@@ -277,7 +278,7 @@ def _opened(path: str) -> Image:
 
 
 def _check_size(image: Image, path: str) -> None:
-    """Refuse an image that declares far more pixels than its file can hold of a real one."""
+    """Refuse an image with far more pixels than a real image of this file size has."""
     width, height = image.size
     stored = os.path.getsize(path)
     if width * height > max(PLAIN_PIXELS, PIXELS_A_BYTE * stored):
@@ -290,16 +291,16 @@ def _check_size(image: Image, path: str) -> None:
 def png_bytes(
     values: NDArray[np.float64], seen: NDArray[np.bool_], limits: tuple[float, float]
 ) -> bytes:
-    """A PNG of 8 bits, transparent where nothing is seen.
+    """An 8-bit PNG, transparent where nothing is seen.
 
     Parameters
     ----------
     values
-        Shape (rows, columns, bands), one band or three.
+        Shape (rows, columns, bands), with one band or three.
     seen
-        Shape (rows, columns).
+        Shape (rows, columns): mask of the pixels that are seen.
     limits
-        The values that become black and white.
+        Values that become black and white.
     """
     from PIL import Image
 
@@ -315,7 +316,7 @@ def png_bytes(
 
 
 def tiff_bytes(values: NDArray[np.float64], seen: NDArray[np.bool_]) -> bytes:
-    """A TIFF of one band of float32, nan where nothing is seen."""
+    """A TIFF with one float32 band, nan where nothing is seen."""
     return _saved(_float_band(np.where(seen, values[..., 0], np.nan)), "TIFF")
 
 

@@ -1,11 +1,11 @@
-"""Integral images: views warped onto the focal plane, and averaged.
+"""Integral images: views are warped onto the focal plane and averaged.
 
-A pixel of the raster is the mean of what the views show there; views whose alpha is below 1 count
-less, and grey values that are not finite do not count.  One image is in memory at a time, beside the sums: memory follows the raster, not the number
-of images.
+A pixel of the raster is the mean of the views that show it, weighted by their alpha.  Grey values
+that are not finite are ignored.  Only one image is in memory at a time, in addition to the sums, so
+the memory depends on the raster and not on the number of images.
 
-Between the pixels of an image lies a bilinear patch.  Where the raster is coarser than twice the
-image, pixels are averaged in blocks first, so that none is passed over.
+Between its pixels, an image is interpolated bilinearly.  If a pixel of the raster is at least twice
+as large as those of the image, these are averaged in blocks first, so that none is skipped.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.focal_plane import Plane, Raster
 
 ROWS_AT_ONCE = 256
-"""Rows of a distorted view that are warped at a time."""
+"""Number of rows of a distorted view that are warped at once."""
 
 
 class Source(NamedTuple):
-    """A view, its camera, and the file of its image."""
+    """A view, its camera, and the path of its image."""
 
     view: View
     intrinsics: Intrinsics
@@ -41,7 +41,7 @@ class Source(NamedTuple):
 
 
 class Box(NamedTuple):
-    """Part of a raster: rows and columns from, to."""
+    """Part of a raster: ranges of rows and columns."""
 
     top: int
     bottom: int
@@ -50,12 +50,12 @@ class Box(NamedTuple):
 
 
 def whole_box(raster: Raster) -> Box:
-    """All of a raster."""
+    """The whole raster as a box."""
     return Box(0, raster.rows, 0, raster.columns)
 
 
 class Relief(NamedTuple):
-    """Heights of a focal surface above its plane, and what a metre of them adds in a camera's frame."""
+    """Heights of a focal surface above its plane, and their effect per metre in a camera's frame."""
 
     heights_m: NDArray[np.float64]
     lift: NDArray[np.float64]
@@ -68,16 +68,16 @@ class Integral:
     Parameters
     ----------
     raster
-        Its pixels on the focal plane.
+        Pixels of the image on the focal plane.
     values
-        Shape (rows, columns, bands), one band or three: means in the units of the images, nan where
-        no view sees the plane.
+        Shape (rows, columns, bands), with one band or three: means in the units of the images, nan
+        where no view sees the plane.
     coverage
-        Shape (rows, columns): the number of views that see it.
+        Shape (rows, columns): number of views that see each pixel.
     views
-        How many were integrated.
+        Number of views that were integrated.
     blind
-        How many of them see nothing of the raster.
+        Number of views that see nothing of the raster.
     is_byte
         Whether all images had values between 0 and 255.
     """
@@ -90,8 +90,8 @@ class Integral:
     is_byte: bool
 
     def seen(self, least_views: int) -> NDArray[np.bool_]:
-        """Where at least so many views see the plane, shape (rows, columns)."""
-        # A view that an image's edge cuts by rounding still counts.
+        """Mask of the pixels that at least `least_views` views see, shape (rows, columns)."""
+        # The tolerance includes views whose weight is slightly below 1 at the edge of their image.
         mask: NDArray[np.bool_] = self.coverage >= least_views - 1e-3
         return mask
 
@@ -105,27 +105,27 @@ def integrate(
     adjust: Callable[[Source, Picture], Picture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Integral:
-    """The average of views on a focal plane.
+    """Average views on a focal plane.
 
     Parameters
     ----------
     sources
-        The views; each image is read when its turn comes.
+        The views; each image is read when it is needed.
     plane, raster
-        Where the integral image lies.
+        Plane and pixels of the integral image.
     relief_m
-        Heights of the focal surface above the plane at the raster's pixels, shape (rows, columns); None
-        for the plane itself.
+        Heights of the focal surface above the plane at the raster's pixels, shape (rows, columns);
+        None for the plane itself.
     adjust
-        Changes each picture before it is added, its exposure for one.
+        Function that changes each image before it is added, for example its exposure.
     progress
-        Called with the number of views done.
+        Function that is called with the number of views done.
 
     Raises
     ------
     RequestError
-        If an image is damaged, has another size than its camera or other bands than the ones
-        before it, where a camera is below the plane, or no view sees the raster.
+        If an image is damaged, does not have the size of its camera, or has other bands than the
+        images before it; if a camera is below the plane; or if no view sees the raster.
     """
     sums: NDArray[np.float64] | None = None
     bands: int | None = None
@@ -155,7 +155,7 @@ def integrate(
 
 
 def read_source(source: Source, bands: int | None) -> Picture:
-    """The image of a view, if it has the size of its camera and the bands of those before it."""
+    """The image of a view, after checking its size and its bands."""
     picture = read_picture(source.path)
     wanted = (source.intrinsics.width_px, source.intrinsics.height_px)
     if picture.size != wanted:
@@ -182,14 +182,14 @@ def add_view(
     coverage: NDArray[np.float64],
     relief_m: NDArray[np.float64] | None = None,
 ) -> bool:
-    """Add one view to the sums; whether it sees any of the raster."""
+    """Add one view to the sums; return whether it sees any of the raster."""
     above_m = plane.camera_m(source.view)[2] - (0.0 if relief_m is None else np.nanmax(relief_m))
     if not above_m > 0.0:
         raise RequestError(
             f"image '{source.view.name}': its camera is not above the focal plane",
             "--focal-height counts along the world's upward axis: --up says which one that is",
         )
-    # From (column, row, 1) of the raster to the camera's frame: third row is the depth.
+    # Maps (column, row, 1) of the raster to the camera's frame; the third row is the depth.
     ray = plane.to_camera(source.view) @ raster.to_plane
     box = _reached(ray, source.intrinsics, raster)
     relief = None
@@ -220,7 +220,7 @@ def _product(band: Image, weight: Image) -> Image:
 
 
 def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -> Box | None:
-    """The part of the raster that an image can reach: all of it unless its corners say less."""
+    """The part of the raster that an image can reach; all of it if this is not known."""
     whole = whole_box(raster)
     if not intrinsics.is_pinhole:
         return whole
@@ -248,7 +248,11 @@ def warped(
     box: Box,
     relief: Relief | None = None,
 ) -> list[NDArray[np.float32]]:
-    """Bands on a part of the raster by its `ray`s, from (column, row, 1) to the camera's frame; where the image does not reach 0, and nan in the last one."""
+    """Bands warped to a part of the raster.
+
+    `ray` maps (column, row, 1) of the raster to the camera's frame.  Outside the image, values are
+    0, and nan in the last band.
+    """
     corners = np.array(
         [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
     )
@@ -266,7 +270,9 @@ def warped(
 def _blocks(
     bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
 ) -> tuple[list[Image], int]:
-    """Bands averaged in square blocks of as many pixels as one step of the raster passes over."""
+    """Bands averaged in square blocks, with about the size of a raster step, and side of a block
+    [px].
+    """
     middle = np.array([0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom), 1.0])
     x, y, depth = ray @ middle
     if not depth > 0.0:
@@ -319,7 +325,7 @@ def _by_coordinates(
     block: int,
     relief: Relief | None,
 ) -> list[NDArray[np.float32]]:
-    """Bands of any image, warped point by point: through its lens, and not beyond the horizon."""
+    """Bands of any image, warped point by point with lens distortion, and only below the horizon."""
     from scipy.ndimage import map_coordinates
 
     arrays = [np.asarray(band) for band in bands]

@@ -1,4 +1,4 @@
-"""Warnings of an integral image: images that are missing, views and heights that look wrong."""
+"""Warnings about an integral image: missing images, and implausible views or heights."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 def integral_warnings(recording: Recording, integral: Integral, least: int) -> list[Message]:
-    """What the user should know of an integral image.
+    """Warnings about an integral image for the user.
 
     Parameters
     ----------
     recording, integral
-        The recording, and the image of some of its views.
+        The recording, and the integral image of some of its views.
     least
-        Views that must see a pixel for it to be shown.
+        Number of views that have to see a pixel for it to be shown.
     """
     found = [(message.code, message.message) for message in recording.messages]
     if recording.missing:

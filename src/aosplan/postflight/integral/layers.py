@@ -1,4 +1,4 @@
-"""Integrals at several heights: a multi-page TIFF, and a film through the canopy."""
+"""Integral images at several heights: a multi-page TIFF, and an animation through the canopy."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FRAME_MS = 250
-"""Time that a frame of the film stands."""
+"""Duration of a frame of the animation."""
 
 FILM_PX = 800
-"""Longer side of the film, at most."""
+"""Longest side of the animation."""
 
 
 def stack_bytes(pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float]) -> bytes:
-    """A TIFF with a page of float32 for each height, nan where too few views see it.
+    """A TIFF with one float32 page per height, nan where too few views see it.
 
     Parameters
     ----------
     pages
         Shape (rows, columns, bands) each.
     heights_m
-        Written as the description of each page.
+        Heights, which become the descriptions of the pages.
     """
     with needs_extra("writing a stack", "pictures"):
         import tifffile
@@ -53,14 +53,14 @@ def stack_bytes(pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float]
 def film_bytes(
     pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float], limits: tuple[float, float]
 ) -> bytes:
-    """A GIF that shows the pages one after another, up and down again, each with its height.
+    """A GIF that shows the pages with their heights, first upwards and then downwards.
 
     Parameters
     ----------
     pages, heights_m
-        As of `stack_bytes`.
+        As in `stack_bytes`.
     limits
-        The values that become black and white.
+        Values that become black and white.
     """
     from PIL import Image, ImageDraw
 
@@ -85,7 +85,7 @@ def film_bytes(
 
 
 def label(pen: object, place: tuple[float, float], text: str, size: int = 26) -> None:
-    """White text with a black rim, which shows on any ground."""
+    """White text with a black outline, which is legible on any background."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size)

@@ -1,9 +1,10 @@
 """Poses from OpenDroneMap's ``shots.geojson``.
 
-Each feature has the place of a photo as latitude and longitude, and as properties its ``filename``,
-``width`` and ``height``, ``focal`` (the focal length over the larger side), ``translation`` (the
-camera's place in metres, in the UTM zone of the reconstruction) and ``rotation`` (world to camera, as
-an axis times an angle).  The file has no lens distortion, so undistorted images fit it best.
+Each feature has the position of a photo as latitude and longitude, and the following properties:
+``filename``, ``width`` and ``height``; ``focal`` (focal length divided by the longer side);
+``translation`` (position of the camera in metres, in the UTM zone of the reconstruction);
+``rotation`` (world to camera, as an axis times an angle).  The file has no lens distortion, so it
+should be used with undistorted images.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ if TYPE_CHECKING:
 
 
 def read_shots(path: str) -> PosedViews:
-    """Views of an OpenDroneMap reconstruction.
+    """Read the views of an OpenDroneMap reconstruction.
 
-    The world is the map of its UTM zone, shifted to the middle of the photos; heights are those of
+    The world is the map of its UTM zone, shifted to the centre of the photos.  Heights are those of
     the reconstruction.
 
     Raises
     ------
     RequestError
-        If a feature lacks a property or has one that does not fit; the message names the feature.
+        If a property of a feature is missing or not valid; the message names the feature.
     """
     features = read_table(path).get("features")
     if not isinstance(features, list) or not features:
@@ -62,7 +63,8 @@ def read_shots(path: str) -> PosedViews:
     x, y = map_of_it.to_world(*places.T)
     off = np.hypot(x - (positions - middle)[:, 0], y - (positions - middle)[:, 1]).max()
     if off > 1.0:
-        # Another zone, or coordinates without a place: the integral is right, but not placed.
+        # In another zone, or with local coordinates, the integral image is correct but has no
+        # location.
         message = Message(
             "map",
             f"'{path}': translations are {off:.3g} m off those of {map_of_it.crs}, so the integral "
@@ -107,7 +109,7 @@ def _triple(value: Any, name: str) -> NDArray[np.float64]:
 
 
 def _by_axis(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation about an axis by its length in radians (Rodrigues)."""
+    """The rotation by an axis whose length is the angle in radians (Rodrigues)."""
     angle = math.hypot(*turn)
     if angle == 0.0:
         return np.eye(3)

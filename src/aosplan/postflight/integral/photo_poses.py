@@ -1,7 +1,7 @@
-"""Poses of a folder of photos, from their own metadata and, for what those lack, from a plan.
+"""Poses of a folder of photos, from their metadata and, for missing values, from a plan.
 
-The world is east, north and up, in metres; its origin is the plan's, or the middle of the photos.
-Heights count from the take-off.
+The world is east, north and up in metres.  Its origin is that of the plan, or the centre of the
+photos.  Heights are above the take-off point.
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ if TYPE_CHECKING:
     from aosplan.postflight.positions import Place
 
 FARTHEST_M = 20_000.0
-"""Photos of one recording are not farther apart."""
+"""Greatest distance between photos of one recording."""
 
 LEVEL_DEG = -30.0
-"""A camera that looks higher than this sees the horizon rather than the ground."""
+"""Pitch above which a camera sees the horizon rather than the ground."""
 
 PLAN = "plan.json"
-"""Name of a plan that lies among the photos."""
+"""Name of the file of a plan in the folder of photos."""
 
 
 class PhotoOptions(NamedTuple):
-    """What the photos do not say, or which of them are meant.
+    """Values for metadata that the photos do not have, and the choice of photos.
 
     Parameters
     ----------
     band
-        One of `aosplan.postflight.photo_tags.BANDS`; None if the folder holds one band only.
+        One of `aosplan.postflight.photo_tags.BANDS`; None if the folder has one band only.
     plan
-        File of a plan; None for ``plan.json`` in the folder, if there is one.
+        File of a plan; None for ``plan.json`` in the folder, if it exists.
     altitude_m
-        Mean height of the cameras above the take-off, for photos that give none.
+        Mean height of the cameras above the take-off point, for photos without a height.
     heading_deg
-        Direction to which the top of the photos points, for photos that give no yaw.
+        Direction of the top of the photos, for photos without a yaw.
     """
 
     band: str | None = None
@@ -61,7 +61,7 @@ class PhotoOptions(NamedTuple):
 
 
 class PosedViews(NamedTuple):
-    """Views with their poses, where their world lies, and what was assumed of them."""
+    """Views with their poses, the location of their world, and warnings."""
 
     views: list[View]
     georeference: Georeference | None = None
@@ -72,7 +72,7 @@ class PosedViews(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """What a plan says of the photos."""
+    """Values of a plan that photos may lack."""
 
     altitude_m: float | None = None
     heading_deg: float | None = None
@@ -83,22 +83,22 @@ class _Plan(NamedTuple):
 def read_photo_poses(
     folder: str, options: PhotoOptions, camera: Callable[[int, int], Intrinsics] | None
 ) -> PosedViews:
-    """Views of the photos in a folder.
+    """Read the views of the photos in a folder.
 
     Parameters
     ----------
     folder
-        With photos that have GPS positions.
+        Folder with photos that have GPS positions.
     options
-        Which of them, and what they lack.
+        The choice of photos, and values that they lack.
     camera
-        Makes the intrinsics of a photo, instead of what the photos say.
+        Function that returns the intrinsics of a photo, which are used instead of its metadata.
 
     Raises
     ------
     RequestError
-        If a photo lacks what neither the options nor a plan give, or the folder holds photos of
-        several bands and none is chosen.
+        If a photo lacks a value that neither the options nor a plan have, or if the folder has
+        photos of several bands and none is chosen.
     """
     plan, messages = _plan_of(folder, options)
     places, doubtful = photo_places(folder)
@@ -134,7 +134,7 @@ def read_photo_poses(
     views = []
     for index, name in enumerate(names):
         if _pixels_of(folder, name) != name and _pixels_of(folder, name) in known:
-            continue  # its TIFF is a view of its own
+            continue  # the TIFF is a view itself
         position = np.array([east[index], north[index], heights[index]])
         rotation = turned[index]
         views.append(View(_pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))
@@ -177,10 +177,10 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
 
 
 def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> dict[str, PhotoTags]:
-    """Photos of one camera of the drone."""
+    """Photos of one of the drone's cameras."""
     kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
     if "thermal" in kinds.values():
-        # Beside thermal photos, those that do not name their camera are of the other one.
+        # Beside thermal photos, photos without the name of their camera are from the visible one.
         kinds = {name: kind or "visible" for name, kind in kinds.items()}
     there = sorted({kind for kind in kinds.values() if kind is not None})
     if band is None:
@@ -264,10 +264,10 @@ def _left_out(
 
 
 def _middle(places: Sequence[Place]) -> tuple[float, float]:
-    """Middle of the box of some places, on a round number of degrees (0.1 m)."""
+    """Centre of the bounding box of some places, rounded to about 0.1 m."""
     latitudes = [place.latitude for place in places]
     first = places[0].longitude
-    # Near the antimeridian, longitudes are counted on from the first.
+    # Near the antimeridian, longitudes are unwrapped from the first one.
     longitudes = [first + (place.longitude - first + 180.0) % 360.0 - 180.0 for place in places]
     latitude = 0.5 * (min(latitudes) + max(latitudes))
     longitude = 0.5 * (min(longitudes) + max(longitudes))
@@ -280,7 +280,9 @@ def _heights(
     above_takeoff: Sequence[float | None],
     plan: _Plan,
 ) -> tuple[NDArray[np.float64], list[Message]]:
-    """Heights above the take-off: barometric, or their mean with the differences of RTK."""
+    """Heights above the take-off point: barometric, or their mean plus the differences of RTK
+    heights.
+    """
     relative = [
         one if one is not None else other.relative_altitude_m
         for one, other in zip(above_takeoff, tags.values(), strict=True)
@@ -317,7 +319,7 @@ def _heights(
 def _rotations(
     folder: str, tags: Mapping[str, PhotoTags], plan: _Plan
 ) -> tuple[list[NDArray[np.float64]], list[Message]]:
-    """World to camera of each photo."""
+    """Rotation from world to camera of each photo."""
     found, level, turned = [], [], []
     for name, tag in tags.items():
         yaw = tag.yaw_deg
@@ -354,19 +356,20 @@ def _rotations(
 
 
 def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> NDArray[np.float64]:
-    """World (east, north, up) to camera, from the angles of a camera in the north-east-down frame.
+    """Rotation from world (east, north, up) to camera, from its angles in the north-east-down
+    frame.
 
     Parameters
     ----------
     yaw_deg, pitch_deg, roll_deg
-        Turns about down, right and forward, in this order, of a camera that looks north with the top
-        of its image up.  A pitch of -90 degrees looks straight down, the top of the image then
-        points to the yaw.
+        Rotations around down, right and forward, in this order, of a camera that looks north with
+        the top of its image up.  With a pitch of -90 degrees it looks straight down, and the top of
+        the image points to the yaw.
 
     Returns
     -------
     ndarray
-        Shape (3, 3): rows are the image's right, its down, and the viewing direction.
+        Shape (3, 3): rows are the image's right, the image's down, and the viewing direction.
     """
     y, p, r = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     cy, sy, cp, sp, cr, sr = (f(a) for a in (y, p, r) for f in (math.cos, math.sin))
@@ -389,7 +392,7 @@ def _lenses(
     camera: Callable[[int, int], Intrinsics] | None,
     plan: _Plan,
 ) -> tuple[list[Intrinsics], list[Message]]:
-    """Intrinsics of each photo: as given, its own calibration, its focal length, the plan's camera."""
+    """Intrinsics of each photo: as given, its calibration, its focal length, or the plan's camera."""
     from aosplan.postflight.integral.camera_pose import from_camera
 
     found, lacking = [], []
@@ -425,7 +428,9 @@ def _lenses(
 
 
 def _pixels_of(folder: str, name: str) -> str:
-    """The radiometric TIFF beside a JPEG of the same name, which has the pixels, or the photo itself."""
+    """Name of the radiometric TIFF that belongs to a JPEG and has its pixels, or of the photo
+    itself.
+    """
     stem, ending = os.path.splitext(name)
     if ending.lower() in (".jpg", ".jpeg"):
         for other in (".tif", ".tiff", ".TIF", ".TIFF"):
@@ -435,7 +440,7 @@ def _pixels_of(folder: str, name: str) -> str:
 
 
 def check_band(text: str | None) -> str | None:
-    """A band by its name.
+    """Check the name of a band.
 
     Raises
     ------
@@ -448,7 +453,7 @@ def check_band(text: str | None) -> str | None:
 
 
 def is_photo_folder(path: str) -> bool:
-    """Whether a path is a folder without the files of a COLMAP model."""
+    """Whether a path is a folder that has no files of a COLMAP model."""
     return os.path.isdir(path) and not any(
         os.path.exists(os.path.join(path, f"{name}.{ending}"))
         for name in ("images", "cameras")

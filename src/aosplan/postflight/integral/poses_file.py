@@ -1,7 +1,7 @@
-"""Where images were taken: poses and intrinsics, from the AOS project's JSON or from COLMAP.
+"""Poses and intrinsics of images, from the AOS project's JSON or from COLMAP.
 
-A pose is M = [R|t], world to camera: a point X of the world is R X + t in the camera's frame, whose
-x runs to the image's right, y down and z forward.  Lengths are metres.
+A pose is M = [R|t], from world to camera: a point X of the world is R X + t in the camera's frame,
+whose x points to the right of the image, y down and z forward.  Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from aosplan.units import number, shown, whole
 
 
 def read_poses(path: str) -> list[View]:
-    """Views of a recording.
+    """Read the views of a recording.
 
     Parameters
     ----------
     path
-        The AOS project's JSON: ``images``, each with ``imagefile`` and ``M3x4``, and where it is
-        known ``camera`` with ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy`` in pixels, for
-        all images or for one.  Or COLMAP's text: the folder that holds ``cameras.txt`` and
-        ``images.txt``, or either file.
+        The AOS project's JSON: ``images``, each with ``imagefile`` and ``M3x4``, and optionally
+        ``camera`` with ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy`` in pixels, for all
+        images or for one.  Or COLMAP's files: the folder with ``cameras.txt`` and ``images.txt``
+        (or ``.bin``), or the path of one of them.
 
     Raises
     ------
     RequestError
-        If the file is no such document; the message names the image.
+        If the file is not such a document; the message names the image.
     """
     if os.path.isdir(path) or path.lower().endswith((".txt", ".bin")):
         from aosplan.postflight.integral.colmap import read_colmap

@@ -1,4 +1,4 @@
-"""A recording: poses and a folder of images, on a focal plane."""
+"""A recording: poses and a folder of images, above a focal plane."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.view_subset import ViewSubset
 
 EXTENTS = ("centre", "all")
-"""Extents by name: what the view in the middle shows of the plane, or what any view shows."""
+"""Extents by name: what the central view shows of the plane, or what any view shows."""
 
 
 class Recording:
@@ -41,37 +41,37 @@ class Recording:
     Parameters
     ----------
     poses, images
-        Folder of photos with positions, or a file of poses
-        (`aosplan.postflight.integral.poses_file.read_poses`), or OpenDroneMap's ``shots.geojson``; and
-        the folder of images, None for the photos themselves.
+        A folder of photos with positions, a file of poses
+        (`aosplan.postflight.integral.poses_file.read_poses`), or OpenDroneMap's ``shots.geojson``;
+        and the folder of images, None for the photos themselves.
     focal_height_m, slope
-        Height of the focal plane along the world's upward axis, and its rise by x and y.
+        Height of the focal plane along the world's upward axis, and its rise along x and y.
     up
-        Name of that axis; None for z or -z, whichever the cameras look away from.
+        Name of this axis; None for z or -z, whichever is opposite to the viewing directions.
     camera
-        Makes the intrinsics of an image of a width and a height; None to have them from the poses.
+        Function that returns the intrinsics for an image size; None to take them from the poses.
     photos
-        What the photos do not say.
+        Values for metadata that the photos do not have.
 
     Attributes
     ----------
     views
-        Views whose image is in the folder.
+        Views whose images are in the folder.
     missing
-        Names of the images that are not.
+        Names of the missing images.
     georeference, origin
-        Where the world lies on earth, and the latitude and longitude of its origin; None if that is not
+        Location of the world, and latitude and longitude of its origin; None if they are not
         known.
     messages
-        What was assumed of the views, and which were left out.
+        Warnings about assumptions and about views that were left out.
     sigma_m
         Standard deviation of the positions, if it is known.
 
     Raises
     ------
     RequestError
-        If the poses or the folder are wrong, all images are missing, no camera is known or two
-        are, or a camera is below the plane.
+        If the poses or the folder are not valid, if all images are missing, if no camera or two
+        cameras are given, or if a camera is below the plane.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Recording:
         self.views = [view for view in posed if folder.holds(view.name)]
         self.missing = [view.name for view in posed if not folder.holds(view.name)]
         if not self.views:
-            folder.file_of(self.missing[0])  # raises
+            folder.file_of(self.missing[0])  # raises an error about this image
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
         self.plane = Plane(upward(self.views) if up is None else up, focal_height_m, slope)
@@ -118,7 +118,7 @@ class Recording:
         self.sources = list(map(Source, self.views, lenses, paths))
 
     def refocus(self, height_m: float, views: Sequence[View], indices: NDArray[np.intp]) -> None:
-        """Move the focal plane to a height, and give some views other poses."""
+        """Move the focal plane to a height, and replace the poses of some views."""
         self.plane = self.plane._replace(height_m=height_m)
         for index, view in zip(indices, views, strict=True):
             self.views[index] = view
@@ -128,7 +128,7 @@ class Recording:
 
     @property
     def central(self) -> Source:
-        """The view nearest to the middle of the recording."""
+        """The view closest to the centre of the recording."""
         box = self.positions_m.min(axis=0) + self.positions_m.max(axis=0)
         offsets = self.positions_m - 0.5 * box
         return self.sources[int(np.argmin(np.hypot(*offsets.T)))]
@@ -136,7 +136,7 @@ class Recording:
     def raster(
         self, extent: str | Sequence[float] = "centre", gsd_m: float | None = None
     ) -> Raster:
-        """Pixels of the integral image, the same for any choice of views.
+        """Pixels of the integral image, the same for any subset of views.
 
         Parameters
         ----------
@@ -148,7 +148,8 @@ class Recording:
         Raises
         ------
         RequestError
-            If the horizon leaves a footprint without an end, or there are too many pixels.
+            If a footprint is infinite because it contains the horizon, or there are too many
+            pixels.
         """
         middle = self.central
         if gsd_m is None:
@@ -163,7 +164,7 @@ class Recording:
         return Raster.over(extent, gsd_m)
 
     def choose(self, choice: ViewSubset) -> NDArray[np.intp]:
-        """Indices of the views of a choice."""
+        """Indices of the views of a subset."""
         return chosen(choice, [view.name for view in self.views], self.positions_m)
 
     def integrate(
@@ -175,7 +176,9 @@ class Recording:
         adjust: Callable[[Source, Picture], Picture] | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Integral:
-        """The integral image of a choice of views (`aosplan.postflight.integral.integral.integrate`)."""
+        """The integral image of a subset of views
+        (`aosplan.postflight.integral.integral.integrate`).
+        """
         sources = (self.sources[index] for index in self.choose(choice))
         relief = None
         if surface is not None:
@@ -187,7 +190,7 @@ class Recording:
         )
 
     def extent_m(self, indices: NDArray[np.intp]) -> tuple[float, float]:
-        """Extent of the sites of some views along the plane's x and y [m]."""
+        """Extent of the positions of some views along x and y of the plane [m]."""
         x, y = np.ptp(self.positions_m[indices], axis=0)
         return float(x), float(y)
 
@@ -216,7 +219,7 @@ def _cameras(
                 f"the poses give a camera for image '{known.name}', and the command another one",
                 "leave out --camera and --fov",
             )
-        # One camera, one size: images that differ are refused when they are read.
+        # One camera has one size; images of another size are refused when they are read.
         return [camera(*image_size(paths[0]))] * len(views)
     if missing is not None:
         raise RequestError(
@@ -232,7 +235,7 @@ def _posed(
     camera: Callable[[int, int], Intrinsics] | None,
     photos: PhotoOptions,
 ) -> PosedViews:
-    """Views of any of the sources of poses."""
+    """Views from any of the sources of poses."""
     if is_photo_folder(poses):
         return read_photo_poses(poses, photos, camera)
     if images is None:
@@ -250,9 +253,9 @@ def _posed(
 
 
 def _fitted(view: View, path: str) -> Intrinsics:
-    """The camera of a photo for its pixels, which may be those of a smaller or larger file."""
+    """The intrinsics of a photo for its file, which may be smaller or larger than the original."""
     own = view.intrinsics
-    assert own is not None  # photos have one
+    assert own is not None  # views of photos have intrinsics
     width, height = image_size(path)
     if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
         raise RequestError(
@@ -263,12 +266,12 @@ def _fitted(view: View, path: str) -> Intrinsics:
 
 
 def least_views(text: str, views: int) -> int:
-    """The number of views that must see a pixel, from text: a number, or a share such as 10%.
+    """The number of views that have to see a pixel, from a number or a share such as 10%.
 
     Raises
     ------
     RequestError
-        If it is neither, or more than there are.
+        If it is neither, or more than there are views.
     """
     from aosplan.units import share, whole
 

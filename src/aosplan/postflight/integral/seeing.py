@@ -1,4 +1,4 @@
-"""What helps to see: exposure, edges of photos, local contrast, a scale and north."""
+"""Improvements of integral images for viewing: exposure, blending, contrast, scale and north arrow."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     Adjust = Callable[[Source, Picture], Picture]
 
 RIM = 0.15
-"""Share of a photo's side over which its weight falls to nothing at the edge."""
+"""Share of a photo's side over which its weight decreases to zero at the edge."""
 
 SHOWN_PX = 600
-"""A picture with a scale is enlarged to about this size."""
+"""Approximate size to which a small picture with a scale is enlarged."""
 
 EXPOSURE_PX = 96
-"""Longer side of the integral in which exposures are compared."""
+"""Longer side of the integral image in which exposures are compared."""
 
 
 def together(steps: Sequence[Adjust]) -> Adjust | None:
-    """One adjustment after another; None if there is none."""
+    """Several adjustments one after another; None if there are none."""
     if not steps:
         return None
 
@@ -43,7 +43,9 @@ def together(steps: Sequence[Adjust]) -> Adjust | None:
 
 
 def faded(_source: Source, picture: Picture) -> Picture:
-    """A picture whose weight falls towards its edges, so that no seam shows where photos end."""
+    """A picture whose weight decreases towards its edges, so that the edges of photos are
+    invisible.
+    """
     from PIL import Image
 
     width, height = picture.size
@@ -56,10 +58,10 @@ def faded(_source: Source, picture: Picture) -> Picture:
 
 
 def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust:
-    """Adjustment of each photo to the exposure of all, where they see the same ground.
+    """Adjustment of each photo to the common exposure, from the ground that several photos see.
 
-    Bytes are multiplied, as exposure does; other values, such as temperatures, are shifted, as the
-    drift of a thermal camera does.
+    Byte values are multiplied, like a change of exposure.  Other values, such as temperatures, are
+    shifted, like the drift of a thermal camera.
     """
     from PIL import Image
 
@@ -92,7 +94,7 @@ def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust
                 change[index] *= float(mean[there].mean() / max(image[there].mean(), 1e-6))
             else:
                 change[index] += float(mean[there].mean() - image[there].mean())
-    # The photos as a whole stay as bright as they were.
+    # The mean brightness of all photos does not change.
     change = change / np.exp(np.log(change).mean()) if is_byte else change - change.mean()
     by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
 
@@ -114,21 +116,23 @@ def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust
 def local_contrast(
     values: NDArray[np.float64], seen: NDArray[np.bool_], window_px: float
 ) -> NDArray[np.float64]:
-    """Values less their local mean, over their local spread: the canopy's uneven veil goes.
+    """Values minus their local mean, divided by their local standard deviation.
+
+    This removes the uneven veil of the canopy.
 
     Parameters
     ----------
     values
         Shape (rows, columns, bands).
     seen
-        Where values count.
+        Mask of the pixels that are used.
     window_px
-        Standard deviation of the window.
+        Standard deviation of the Gaussian window.
 
     Returns
     -------
     ndarray
-        In local standard deviations, nan where nothing is seen.
+        Values in local standard deviations, nan where nothing is seen.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -147,7 +151,7 @@ def local_contrast(
 
 
 def with_scale(png: bytes, integral: Integral) -> bytes:
-    """A PNG with a bar of a round length and an arrow to the north below it; small ones enlarged."""
+    """A PNG with a scale bar and a north arrow below the image; small images are enlarged."""
     from PIL import Image, ImageDraw
 
     from aosplan.postflight.integral.layers import label
@@ -177,7 +181,7 @@ def with_scale(png: bytes, integral: Integral) -> bytes:
 
 
 def _round(length: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not longer."""
+    """The largest 1, 2 or 5 times a power of ten that is not above a length."""
     power = 10.0 ** math.floor(math.log10(length))
     return float(
         max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1 + 1e-9))

@@ -1,4 +1,4 @@
-"""Focal surfaces from elevation models: the height of the ground at every pixel of the integral."""
+"""Focal surfaces from elevation models: height of the ground at every pixel of the integral image."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.georeference import Georeference
 
 MOST_NODES = 300
-"""Places along each side of the raster at which the elevation model is read; between them heights are
-interpolated."""
+"""Number of places along each side of the raster at which the elevation model is read.
+
+Heights are interpolated between them.
+"""
 
 
 def read_slope(text: str) -> tuple[float, float]:
-    """Rise of a plane by each metre of x and y, as numbers or percentages.
+    """Parse the rise of a plane per metre of x and y, as numbers or percentages.
 
     Raises
     ------
@@ -50,14 +52,15 @@ def relief_of(
     first_m: NDArray[np.float64],
     raster: Raster,
 ) -> NDArray[np.float64]:
-    """Heights of an elevation model above the take-off at the pixels of a raster, shape (rows, columns).
+    """Heights of an elevation model above the take-off point at the pixels of a raster.
 
-    The take-off is taken to be below the first photo, at `first_m` along x and y.
+    The shape is (rows, columns).  The take-off point is assumed to be below the first photo, which
+    is at `first_m` along x and y.
 
     Raises
     ------
     RequestError
-        If the recording is not on earth, or the model does not cover it.
+        If the recording has no location, or the model does not cover it.
     """
     from aosplan.flight.terrain import Terrain
 
@@ -87,7 +90,7 @@ def _between(
     columns: NDArray[np.float64],
     raster: Raster,
 ) -> NDArray[np.float64]:
-    """Heights at all pixels, bilinear between nodes."""
+    """Heights at all pixels, interpolated bilinearly between nodes."""
     wide = np.stack([np.interp(np.arange(raster.columns) + 0.5, columns, line) for line in nodes])
     at = np.arange(raster.rows) + 0.5
     low = np.clip(np.searchsorted(rows, at) - 1, 0, max(len(rows) - 2, 0))
@@ -99,7 +102,7 @@ def _between(
 
 
 def read_stack(text: str) -> list[float]:
-    """Heights of a stack: ``H1..H2:STEP``, or heights with commas.
+    """Parse the heights of a stack: ``H1..H2:STEP``, or heights separated by commas.
 
     Raises
     ------

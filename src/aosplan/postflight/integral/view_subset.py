@@ -1,8 +1,8 @@
-"""Choices of views: all of them, those of a smaller aperture, a thinned set, a list.
+"""Subsets of views: all of them, those within a smaller aperture, a thinned set, a list.
 
-A choice is written as ``all``, or as one or more of ``pitch=M``, ``aperture=M`` and ``views=LIST``,
-separated by spaces: first the listed views, of these the ones within the aperture, of these the
-ones that are at least the pitch apart.
+A subset is written as ``all``, or as one or more of ``pitch=M``, ``aperture=M`` and ``views=LIST``,
+separated by spaces.  First the listed views are taken, of these the ones within the aperture, and
+of these some that are at least the pitch apart.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ PARTS = ("views", "aperture", "pitch")
 
 
 class ViewSubset(NamedTuple):
-    """Which views of a recording to integrate.
+    """The views of a recording to integrate.
 
     Parameters
     ----------
     pitch_m
-        Views are at least so far apart; None for any distance.
+        Smallest distance between views; None for no limit.
     aperture_m
-        Views are within a square of this side, around the middle of the recording.
+        Side of a square around the centre of the recording within which views are taken.
     views
-        Numbers from 1, ranges and names, separated by commas, or a file of them; None for all.
+        Numbers from 1, ranges and names, separated by commas, or a file with them; None for all.
     """
 
     pitch_m: float | None = None
@@ -43,12 +43,12 @@ class ViewSubset(NamedTuple):
 
 
 def read_view_subset(text: str, name: str) -> ViewSubset:
-    """A choice from text such as ``pitch=2.8 aperture=14``, or ``all``.
+    """Parse a subset from text such as ``pitch=2.8 aperture=14``, or ``all``.
 
     Raises
     ------
     RequestError
-        If a part is none of those known.
+        If a part is unknown.
     """
     parts = text.split()
     if parts == ["all"]:
@@ -71,7 +71,7 @@ def read_view_subset(text: str, name: str) -> ViewSubset:
 def view_subset_of(
     pitch: str | None, aperture: str | None, views: str | None, name: str = ""
 ) -> ViewSubset:
-    """A choice from the text of its parts."""
+    """A subset from the texts of its parts."""
     place = f"{name} " if name else "--"
     return ViewSubset(
         None if pitch is None else positive(pitch, f"{place}pitch", "m"),
@@ -83,27 +83,27 @@ def view_subset_of(
 def chosen(
     choice: ViewSubset, names: Sequence[str], positions_m: NDArray[np.float64]
 ) -> NDArray[np.intp]:
-    """Indices of the chosen views, ascending.
+    """Indices of the views of a subset, increasing.
 
     Parameters
     ----------
     choice
-        The choice.
+        The subset.
     names
         Names of all views.
     positions_m
-        Shape (N, 2): where they were taken, along the focal plane.
+        Shape (N, 2): positions of the views along the focal plane.
 
     Raises
     ------
     RequestError
-        If the choice names a view that does not exist, or leaves none.
+        If the subset names a view that does not exist, or contains no views.
     """
     left = np.arange(len(names)) if choice.views is None else _listed(choice.views, names)
     middle = 0.5 * (positions_m.min(axis=0) + positions_m.max(axis=0))
     offsets = positions_m - middle
     if choice.aperture_m is not None:
-        # A grid of the very aperture is inside, whatever its positions lost in rounding.
+        # The tolerance includes a grid of exactly this aperture, despite rounding errors.
         reach = 0.5 * choice.aperture_m * (1.0 + 1e-9) + 1e-9
         left = left[np.abs(offsets[left]).max(axis=1) <= reach]
     if choice.pitch_m is not None and len(left):
@@ -119,9 +119,9 @@ def chosen(
 def _thinned(
     left: NDArray[np.intp], offsets: NDArray[np.float64], pitch_m: float
 ) -> NDArray[np.intp]:
-    """Views at least a pitch apart, taken from the middle outwards.
+    """Views that are at least a pitch apart, chosen from the centre outwards.
 
-    None could be added: each that is left out is nearer than the pitch to one that is kept.
+    No view could be added: each one that is left out is closer than the pitch to a chosen one.
     """
     from scipy.spatial import cKDTree
 
@@ -132,13 +132,13 @@ def _thinned(
     for index in np.argsort(np.hypot(*points.T), kind="stable"):
         if free[index]:
             kept.append(index)
-            # Just inside: a grid of the very pitch keeps all its sites.
+            # The tolerance keeps all sites of a grid of exactly this pitch.
             free[tree.query_ball_point(points[index], pitch_m * (1.0 - 1e-9))] = False
     return np.sort(left[kept])
 
 
 def _listed(text: str, names: Sequence[str]) -> NDArray[np.intp]:
-    """Indices of views that a list or a file names."""
+    """Indices of the views that a list or a file names."""
     if os.path.isfile(text):
         try:
             entries = read_bytes(text).decode("utf-8-sig").splitlines()
