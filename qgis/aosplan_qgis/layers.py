@@ -37,17 +37,24 @@ def flights(document):
     ]
 
 
-def site_features(document):
-    """Return a point with height above ground for each photo, in flight order."""
+def _photos(document):
+    """Return (flight number, waypoint) of each photo: at run-ins and run-outs none is taken."""
     for number, waypoints, _ in flights(document):
         for waypoint in waypoints:
-            point = QgsPoint(waypoint["longitude"], waypoint["latitude"], waypoint["altitude_m"])
-            values = [waypoint[name] for name in ("index", "east_m", "north_m", "altitude_m")]
-            yield _feature(SITE_FIELDS, QgsGeometry(point), [values[0], number, *values[1:]])
+            if waypoint.get("photo", True):
+                yield number, waypoint
+
+
+def site_features(document):
+    """Return a point with height above ground for each photo, in flight order."""
+    for number, waypoint in _photos(document):
+        point = QgsPoint(waypoint["longitude"], waypoint["latitude"], waypoint["altitude_m"])
+        values = [waypoint[name] for name in ("index", "east_m", "north_m", "altitude_m")]
+        yield _feature(SITE_FIELDS, QgsGeometry(point), [values[0], number, *values[1:]])
 
 
 def path_features(document):
-    """Return a line through the photos of each flight that has at least two."""
+    """Return the line of each flight, with run-ins and run-outs, if it has at least two waypoints."""
     for number, waypoints, flight in flights(document):
         points = [QgsPoint(w["longitude"], w["latitude"], w["altitude_m"]) for w in waypoints]
         if len(points) > 1:
@@ -58,17 +65,16 @@ def path_features(document):
 def footprint_features(document):
     """Return the rectangle that each photo shows of level ground."""
     along, across = document["camera"]["footprint_m"]
-    for number, waypoints, _ in flights(document):
-        for waypoint in waypoints:
-            place = QgsPointXY(waypoint["longitude"], waypoint["latitude"])
-            rectangle = QgsGeometry.fromPolygonXY([_corners(along, across)])
-            # Metres in an azimuthal projection around the photo; QGIS rotates clockwise.
-            rectangle.rotate(document["flight"]["yaw_deg"], QgsPointXY(0, 0))
-            local = QgsCoordinateReferenceSystem.fromProj(
-                f"+proj=aeqd +lat_0={place.y()!r} +lon_0={place.x()!r} +datum=WGS84 +units=m"
-            )
-            rectangle.transform(QgsCoordinateTransform(local, WGS84, QgsProject.instance()))
-            yield _feature(FOOTPRINT_FIELDS, rectangle, [waypoint["index"], number])
+    for number, waypoint in _photos(document):
+        place = QgsPointXY(waypoint["longitude"], waypoint["latitude"])
+        rectangle = QgsGeometry.fromPolygonXY([_corners(along, across)])
+        # Metres in an azimuthal projection around the photo; QGIS rotates clockwise.
+        rectangle.rotate(document["flight"]["yaw_deg"], QgsPointXY(0, 0))
+        local = QgsCoordinateReferenceSystem.fromProj(
+            f"+proj=aeqd +lat_0={place.y()!r} +lon_0={place.x()!r} +datum=WGS84 +units=m"
+        )
+        rectangle.transform(QgsCoordinateTransform(local, WGS84, QgsProject.instance()))
+        yield _feature(FOOTPRINT_FIELDS, rectangle, [waypoint["index"], number])
 
 
 def _corners(along, across):

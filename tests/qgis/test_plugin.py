@@ -138,3 +138,22 @@ def test_an_error_is_the_text_of_the_program(run):
     made = run(ORIGIN="14.3,48.3 [EPSG:4326]", ALTITUDE="-4", SITES="memory:", PATH="memory:")
     assert made["error"].startswith("error: --altitude '-4' is not above zero")
     assert "SITES" not in made
+
+
+@pytest.mark.slow
+def test_turns_are_on_the_path_and_no_sites(run):
+    made = run(
+        ORIGIN="14.3,48.3 [EPSG:4326]",
+        VHAT=0.9,
+        OPTIONS="--trigger distance",
+        SITES="memory:",
+        PATH="memory:",
+        FOOTPRINTS="memory:",
+    )
+    plan = planned(
+        "--origin", "48.3,14.3", "--altitude", 40, "--vhat", 0.9, "--trigger", "distance"
+    )
+    photos = [waypoint["index"] for waypoint in plan["waypoints"] if waypoint["photo"]]
+    assert [site["index"] for site in made["SITES"]] == photos
+    assert [footprint["index"] for footprint in made["FOOTPRINTS"]] == photos
+    assert len(made["PATH"][0]["shape"]["coordinates"]) == len(plan["waypoints"]) > len(photos)

@@ -384,7 +384,7 @@ def _legend(shown: Grid, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
     from matplotlib.patches import Patch
 
     way: dict[str, Any] = {"color": theme.data[0], "marker": "o", "ms": 5, "mfc": theme.background}
-    handles: list[Any] = [Line2D([], [], label="path, photos numbered from 0", **way)]
+    handles: list[Any] = [Line2D([], [], label="path, waypoints numbered from 0", **way)]
     if shown.takeoff is not None:
         home = HOME | {"mfc": theme.data[3], "mec": theme.background}
         handles.append(Line2D([], [], label="take-off", **home))
