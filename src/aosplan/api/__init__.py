@@ -1,7 +1,7 @@
-"""The commands as Python functions: what `aosplan` offers beside the equations.
+"""The commands as Python functions.
 
-Each function takes keyword arguments or a request, calls the same work as its command, and returns
-a frozen result with a short ``repr``, a table for notebooks and figures.
+Each function takes keyword arguments or a request, does the same as its command, and returns a
+frozen result with a short ``repr``, a table for notebooks, and figures.
 
 - `aosplan.api.request`: a request from a `PlanRequest`, a file, an earlier plan or keyword arguments.
 - `aosplan.api.request_options`: the keyword arguments with their types.

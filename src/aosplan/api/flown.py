@@ -1,4 +1,4 @@
-"""After the flight, in Python: `review` and `thin`."""
+"""Functions for after the flight: `review` and `thin`."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Review(Summarized, reviews.Review):
-    """What was flown of a plan.
+    """Comparison of a flight with its plan.
 
-    Attributes are those of `aosplan.postflight.review.Review`: `missing` (waypoints without a photo),
-    `flown` and `completed` (predictions), `topup` (a plan of the missing sites, or None).
+    It has the attributes of `aosplan.postflight.review.Review`: `missing` (waypoints without a
+    photo), `flown` and `completed` (predictions), `topup` (a plan for the missing sites, or None).
     """
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         sites = len(self.sites)
         headline = f"{sites - len(self.missing)} of {sites} sites have a photo"
         facts = {"Photos": f"{len(self.views)}, {len(self.strays)} of them at no site"}
@@ -46,7 +46,7 @@ class Review(Summarized, reviews.Review):
         return headline, facts | warnings_text(self.warnings)
 
     def columns(self) -> dict[str, list[Any]]:
-        """The photos as columns: name, place [m], waypoint of the nearest site, distance [m]."""
+        """The photos as columns: name, position [m], waypoint of the nearest site, distance [m]."""
         return {
             "name": [self.views.name(index) for index in range(len(self.views))],
             "east_m": list(self.east_m),
@@ -94,7 +94,7 @@ def review(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Review:
-    """Compare where photos were taken with what was planned.
+    """Compare recorded positions of photos with a plan.
 
     Parameters
     ----------
@@ -106,9 +106,10 @@ def review(
     tolerance_m
         Largest distance of a photo from its site; half the smaller pitch by default.
     progress
-        Called with points read and points in all while a point cloud is read.
+        Function that is called with the number of points read and the total, while a point cloud
+        is read.
     **options
-        As for `aosplan.plan`; they override those of `plan`.
+        Options as for `aosplan.plan`; they override those of `plan`.
 
     Raises
     ------
@@ -133,14 +134,14 @@ def review(
 class Thinning(Summarized, thinnings.Thinning):
     """The views of a recording that share the fewest occluders.
 
-    Attributes are those of `aosplan.postflight.thin.Thinning`: `chosen` (places among all views),
+    It has the attributes of `aosplan.postflight.thin.Thinning`: `chosen` (indices among all views),
     `every`, `kept` and `bound` (predictions).
     """
 
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         headline = f"{len(self.chosen)} of {len(self.views)} views"
         facts = {
             "All": _shown(self.every),
@@ -150,7 +151,7 @@ class Thinning(Summarized, thinnings.Thinning):
         return headline, facts | warnings_text(self.warnings)
 
     def columns(self) -> dict[str, list[Any]]:
-        """The kept views as columns: place among all views, name, place [m]."""
+        """The kept views as columns: index among all views, name, position [m]."""
         return {
             "index": list(self.chosen),
             "name": [self.views.name(index) for index in self.chosen],
@@ -159,7 +160,7 @@ class Thinning(Summarized, thinnings.Thinning):
         }
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw where all views and the kept ones were taken.
+        """Draw the positions of all views and of the kept ones.
 
         Parameters
         ----------
@@ -190,20 +191,20 @@ def thin(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Thinning:
-    """Choose the best views of a recording: those that share the fewest occluders.
+    """Choose the best views of a recording, which share the fewest occluders.
 
     Parameters
     ----------
     views
         A folder of photos, a mission, a CSV or a ``.geojson`` file.
     keep
-        How many views to keep.
+        Number of views to keep.
     request, **options
         Scene, altitude, camera and model, as for `aosplan.plan`.
     best
-        What the kept views have most of: ``normalized`` (V̂) or ``visibility`` (V).
+        Quantity to maximise: ``normalized`` (V̂) or ``visibility`` (V).
     progress
-        Called with steps done and steps in all.
+        Function that is called with the number of steps done and their total.
 
     Raises
     ------

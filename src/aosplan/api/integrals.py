@@ -1,4 +1,4 @@
-"""Integral images in Python."""
+"""Integral images of recordings: `integrate`."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 class Integral(Summarized, integrals.Integral):
     """An integral image.
 
-    Attributes are those of `aosplan.postflight.integral.integral.Integral`: `values` of shape (rows,
-    columns, bands), `coverage` (views that see each pixel), `raster` (extent and pixel in metres).
+    It has the attributes of `aosplan.postflight.integral.integral.Integral`: `values` of shape
+    (rows, columns, bands), `coverage` (number of views that see each pixel), `raster` (extent and
+    pixel size [m]).
     """
 
     warnings: tuple[Message, ...] = ()
-    """What the user should know."""
+    """Warnings for the user."""
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         rows, columns, bands = self.values.shape
         headline = f"Integral of {self.views} views, {columns} x {rows} pixels"
         west, south, east, north = self.raster.extent_m
@@ -96,26 +97,27 @@ def integrate(
     focal_height_m
         Height of the focal plane along the world's upward axis.
     up
-        ``z``, ``-z``, ``y`` or ``-y``; z or -z by default, as the cameras look.
+        ``z``, ``-z``, ``y`` or ``-y``; by default z or -z, opposite to the viewing directions.
     camera, fov_deg
         The camera, if the poses have none: a preset or file, or a horizontal field of view.
     band, plan, altitude_m, heading_deg
-        For a folder of photos: which band, the file of the plan, and what the photos do not say: the
-        height of the cameras above the take-off, and the direction of the top of the photos.
+        For a folder of photos: the band, the file of the plan, and values that the photos do not
+        have: height of the cameras above the take-off point, and direction of the top of the
+        photos.
     extent
         ``centre``, ``all``, or (x from, y from, x to, y to) [m] on the plane.
     gsd_m
-        Pixel of the integral image; by default that of the images.
+        Pixel size of the integral image; by default that of the images.
     views, aperture_m, pitch_m
-        Which views: numbers from 1, ranges and names; those within a square of this side; those at
-        least this far apart.
+        The views to use: numbers from 1, ranges and names; those within a square of this side;
+        views that are at least this far apart.
     progress
-        Called with the number of views done.
+        Function that is called with the number of views done.
 
     Raises
     ------
     RequestError
-        If the poses or images are wrong, or no camera is known.
+        If the poses or images are not valid, or no camera is known.
     """
     from aosplan.postflight.integral.camera_pose import named_camera
     from aosplan.postflight.integral.integral_warnings import integral_warnings

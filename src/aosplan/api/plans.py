@@ -1,4 +1,4 @@
-"""Plans in Python: `plan`, its trade-off, and files of plans that were saved."""
+"""Plans, their trade-offs, and mission files: `plan`, `tradeoff` and `export`."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Plan(Summarized, result.Plan):
-    """What to fly, and what it will show.
+    """A plan: the flight, and the visibility that it achieves.
 
-    `waypoints` are the sites in flight order, `solution` has the baseline and the prediction,
-    `document()` everything that ``aosplan plan --json`` prints.  The other attributes are those of
-    `aosplan.planning.plan_data.PlanData`.
+    `waypoints` are the sites in flight order.  `solution` has the baseline and the prediction.
+    `document()` returns everything that ``aosplan plan --json`` prints.  The other attributes are
+    those of `aosplan.planning.plan_data.PlanData`.
     """
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         solution, route = self.solution, self.route
         survey = self.layout.survey
         samples = solution.pattern.samples
@@ -90,13 +90,13 @@ class Plan(Summarized, result.Plan):
         ax
             Axes to draw on; a new figure by default.
         kind
-            ``grid`` (the waypoints on the ground), ``visibility`` or ``tradeoff``; the last two
-            have four panels, and always make a figure of their own.
+            ``grid`` (the waypoints on the ground), ``visibility`` or ``tradeoff``.  The last two
+            have four panels and always make a new figure.
 
         Returns
         -------
         ax
-            The axes that were drawn on; an array of them for figures of several panels.
+            The axes; an array of them for figures with several panels.
 
         Raises
         ------
@@ -122,26 +122,28 @@ def plan(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Plan:
-    """Solve a request: how many photos, how far apart, and where.
+    """Solve a request: number of photos, their distance, and their positions.
 
     Parameters
     ----------
     request
         A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
     folder
-        Where the files that `request` and the options name are looked for before the current
-        folder; None: the folder of the request file.
+        Folder in which the files that `request` and the options name are looked for before the
+        current folder; None for the folder of the request file.
     progress
-        Called with points read and points in all while a point cloud is read.
+        Function that is called with the number of points read and the total, while a point cloud
+        is read.
     **options
-        The options of ``aosplan plan`` with underscores, the fields of `PlanRequest`.  They override
-        those of `request`.  `scene` may also be what `aosplan.read_scene` returned, `origin` is a
-        pair (latitude, longitude).
+        Options of ``aosplan plan`` with underscores, which are the fields of `PlanRequest`.  They
+        override those of `request`.  `scene` may also be a result of `aosplan.read_scene`;
+        `origin` is a pair (latitude, longitude).
 
     Raises
     ------
     RequestError
-        If names, files or numbers are wrong, alone or together: an altitude below the canopy.
+        If a name, file or number is not valid, or if they contradict each other, such as an
+        altitude below the top of the canopy.
     InfeasibleError
         If no grid meets the target.
 
@@ -159,7 +161,7 @@ def plan(
 
 
 def solved(found: Found, *, progress: Callable[[int, int], None] | None = None) -> Plan:
-    """The plan of a request that was found."""
+    """The plan of a request."""
     plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
     return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
 
@@ -170,28 +172,28 @@ class _Rows(NamedTuple):
 
 
 class Tradeoff(Summarized, _Rows):
-    """What each number of photos takes and gives, a row each; the plan's own row is marked `chosen`.
+    """Cost and benefit by number of photos, one row each; the row of the plan has `chosen` set.
 
     Attributes
     ----------
     plan
         The plan.
     rows
-        `aosplan.solver.tradeoff.Row` values, in rising order of samples within each kind of grid.
+        `aosplan.solver.tradeoff.Row` values, by increasing number of samples for each kind of grid.
     """
 
     __slots__ = ()
 
     def document(self) -> dict[str, Any]:
-        """The rows as plain values: what ``aosplan tradeoff --json`` prints."""
+        """The rows as plain values, which ``aosplan tradeoff --json`` prints."""
         return self.plan.tradeoff_document(self.rows)
 
     def columns(self) -> dict[str, list[Any]]:
-        """The rows as columns, as pandas and polars take them."""
+        """The rows as columns, which pandas and polars accept."""
         return columns_of(self.document()["rows"])
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         front = [row for row in self.rows if row.front]
         facts = {}
         for row in front[:: max(-(-len(front) // 3), 1)]:
@@ -202,7 +204,7 @@ class Tradeoff(Summarized, _Rows):
         return f"{len(self.rows)} rows, {len(front)} that no other is better than", facts
 
     def plot(self) -> Any:
-        """Draw baseline, extent and time of each number of photos; an array of four axes."""
+        """Draw baseline, extent and time over the number of photos; returns an array of four axes."""
         return self.plan.plot(kind="tradeoff")
 
 
@@ -212,7 +214,7 @@ def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) ->
     Parameters
     ----------
     request, **options
-        As for `aosplan.plan`; an earlier plan is not solved again.
+        As for `aosplan.plan`; if an earlier plan is given, it is not solved again.
 
     Raises
     ------
@@ -237,24 +239,25 @@ def export(
     format: str | None = None,  # noqa: A002 (the option's name)
     force: bool = False,
 ) -> list[str]:
-    """Write the waypoints of a plan, or of a plan or mission file, whole or not at all.
+    """Write the waypoints of a plan, or of a file of a plan or mission, completely or not at all.
 
     Parameters
     ----------
     plan
-        A plan, what ``aosplan plan --json`` printed, or a mission (``.waypoints``, ``.plan``,
-        ``.kmz``, ``.mavlink``, ``.csv``).
+        A plan, a file with the output of ``aosplan plan --json``, or a mission file
+        (``.waypoints``, ``.plan``, ``.kmz``, ``.mavlink``, ``.csv``).
     path
-        The extension decides the format, or a name before a colon: ``litchi:grid.csv``.
+        Path of the output.  Its extension selects the format, or a name before a colon does:
+        ``litchi:grid.csv``.
     format
-        Name of the format, whatever the extension.
+        Name of the format, independently of the extension.
     force
         Whether an existing file is overwritten.
 
     Returns
     -------
     paths
-        What was written: `path`, or numbered files if one does not hold all waypoints.
+        Paths of the written files: `path`, or numbered files if one cannot hold all waypoints.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""One request, from whatever says what to plan."""
+"""The request of a function, from any of the arguments that may describe it."""
 
 from __future__ import annotations
 
@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from aosplan.api.scenes import Stand
 
     Asked = PlanRequest | PlanData | str | os.PathLike[str]
-    """What says what to plan: a request, an earlier plan, or a request file or saved plan."""
+    """Arguments that describe a request: a request, an earlier plan, a request file or a saved
+    plan.
+    """
 
 
 class Found(NamedTuple):
-    """A request, the folder of its file, and its scene if it has been read before."""
+    """A request, the folder of its file, and its scene if that has been read before."""
 
     request: PlanRequest
     folder: str = ""
@@ -28,21 +30,21 @@ class Found(NamedTuple):
 
 
 def found_request(asked: Asked | None, options: Mapping[str, Any]) -> Found:
-    """The request that a function of `aosplan` is called with; options override it.
+    """The request from the arguments of a function of `aosplan`; options override it.
 
     Parameters
     ----------
     asked
-        A request, an earlier plan, a request file or a saved plan (TOML or JSON); None: the options
-        alone.
+        A request, an earlier plan, a request file or a saved plan (TOML or JSON); None to use
+        only the options.
     options
-        Keyword arguments, named as the fields of `PlanRequest`.  `scene` may also be what
-        `aosplan.read_scene` returned.
+        Keyword arguments with the names of the fields of `PlanRequest`.  `scene` may also be a
+        result of `aosplan.read_scene`.
 
     Raises
     ------
     RequestError
-        If a name is unknown, a value is wrong, or options contradict each other.
+        If a name is unknown, a value is not valid, or options contradict each other.
     """
     given = {name: _plain(value) for name, value in options.items()}
     stand = given.get("scene")
@@ -69,5 +71,5 @@ def found_request(asked: Asked | None, options: Mapping[str, Any]) -> Found:
 
 
 def _plain(value: Any) -> Any:
-    """A path as text; other values as they are."""
+    """A path as text; other values are returned unchanged."""
     return os.fspath(value) if isinstance(value, os.PathLike) else value

@@ -1,4 +1,4 @@
-"""The keyword arguments of the functions that plan, for type checkers and editors."""
+"""Keyword arguments of the functions that make plans, for type checkers and editors."""
 
 from __future__ import annotations
 

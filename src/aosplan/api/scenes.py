@@ -1,4 +1,4 @@
-"""Scenes in Python: what stands on the ground, read once for many plans."""
+"""Scenes that are read once and used for many plans: `read_scene`."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Stand(Summarized, LoadedScene):
-    """A scene that was read; give it to `aosplan.plan` as `scene`.
+    """A scene, which can be given to `aosplan.plan` as `scene`.
 
-    Attributes are those of `aosplan.planning.loaded_scene.LoadedScene`: `scene` (a `UniformScene` or
-    `LayeredScene`), `volume` (the voxels of a point cloud) and `warnings`.
+    It has the attributes of `aosplan.planning.loaded_scene.LoadedScene`: `scene` (a `UniformScene`
+    or `LayeredScene`), `volume` (the voxels of a point cloud) and `warnings`.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
-    """The options by which it was read, its name among them."""
+    """The options with which it was read, including its name."""
 
     def document(self) -> dict[str, Any]:
-        """Occluder statistics as plain values: what ``aosplan scene --json`` prints."""
+        """Occluder statistics as plain values, which ``aosplan scene --json`` prints."""
         from aosplan.scenes.summary import statistics_document
 
         return statistics_document(self.scene, self.warnings, self.volume, self._correlogram())
@@ -39,12 +39,12 @@ class Stand(Summarized, LoadedScene):
         return columns_of([layer._asdict() for layer in self.scene.slices()])
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Write a scene file that is read at once: ``.toml``, or ``.npz`` with the voxels.
+        """Write a scene file, which is fast to read: ``.toml``, or ``.npz`` with the voxels.
 
         Raises
         ------
         RequestError
-            If the extension is another one, the file exists, or there are no voxels for ``.npz``.
+            If the extension is another one, the file exists, or ``.npz`` is given without voxels.
         """
         from aosplan.files import write_all
         from aosplan.planning.saved_scene import scene_bytes
@@ -53,7 +53,7 @@ class Stand(Summarized, LoadedScene):
         write_all({target: scene_bytes(self, self._correlogram(), target)}, force=force)
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         scene = self.scene
         bottom = min((slab.bottom_m for slab in scene.slabs()), default=0.0)
         facts = {
@@ -73,13 +73,13 @@ class Stand(Summarized, LoadedScene):
         ax
             Axes to draw on; a new figure by default.
         kind
-            ``density``, ``baseline-curve`` or ``correlogram``; the first and the last have two
-            panels, and always make a figure of their own.
+            ``density``, ``baseline-curve`` or ``correlogram``.  The first and the last have two
+            panels and always make a new figure.
 
         Returns
         -------
         ax
-            The axes, or an array of them for figures of several panels.
+            The axes; an array of them for figures with several panels.
         """
         from aosplan.show.figures.axes import plotted
         from aosplan.show.figures.draw import KINDS
@@ -124,7 +124,7 @@ def read_scene(
     voxel, ground, min_height, crop, units, opacity, leaf_size, trajectory, crown_base, occluder_size
         The options of ``aosplan scene`` with underscores; lengths in metres.
     progress
-        Called with points read and points in all.
+        Function that is called with the number of points read and the total.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def read_scene(
     }
     options = {name: value for name, value in given.items() if value is not None}
     options["scene"] = os.fspath(path)
-    # A request needs an altitude; a scene does not depend on it.
+    # A request needs an altitude, on which the scene does not depend.
     found = load_scene(
         request_from(options | {"altitude": 1.0}),
         progress=progress,

@@ -1,4 +1,4 @@
-"""Simulations in Python."""
+"""Simulations of plans: `simulate`."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 
 class Simulation(Summarized, compare.Simulation):
-    """A plan's prediction beside what a simulated forest shows.
+    """A plan's prediction and the result of its simulation.
 
-    Attributes are those of `aosplan.simulation.compare.Simulation`: `predicted`, `simulated` (with
+    It has the attributes of `aosplan.simulation.compare.Simulation`: `predicted`, `simulated` (with
     standard errors), `agree`, `differences`.
     """
 
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         verdict = "agree" if self.agree else "disagree"
         headline = (
             f"Prediction and simulation {verdict}: {self.views} views of {self.targets} targets"
@@ -56,7 +56,7 @@ class Simulation(Summarized, compare.Simulation):
         }
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw predicted and simulated p, V and V̂, with two standard errors.
+        """Draw predicted and simulated p, V and V̂ with error bars of two standard errors.
 
         Parameters
         ----------
@@ -94,28 +94,29 @@ def simulate(
     max_targets: int = compare.MOST_TARGETS,
     **options: Unpack[RequestOptions],
 ) -> Simulation:
-    """Check a plan against a simulated forest: compare the simulated visibility with the prediction.
+    """Check a plan against a simulated forest: compare the simulated visibility with the
+    prediction.
 
     Parameters
     ----------
     request
-        As for `aosplan.plan`; an earlier plan is not solved again.
+        As for `aosplan.plan`; if an earlier plan is given, it is not solved again.
     seed
-        Random seed, from 0.
+        Random seed, at least 0.
     precision
-        Standard error of V and V̂ at which the simulation ends.
+        Standard error of V and V̂ at which the simulation stops.
     forest
-        ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the one that the
-        scene describes.
+        ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the forest that
+        corresponds to the scene.
     max_targets
-        Largest number of targets, whatever the precision.
+        Largest number of targets, for any precision.
     **options
         As for `aosplan.plan`.
 
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if the forest does not go with the scene.
+        As for `aosplan.plan`, or if the forest does not suit the scene.
 
     Examples
     --------
@@ -138,5 +139,5 @@ def simulate(
         found = found_request(request, options)
         view = found.request.view
         planned = solved(found._replace(request=without_simulated_view(found.request)))
-    given: Any = view or "perspective"  # the request has checked it
+    given: Any = view or "perspective"  # the request was checked
     return Simulation(*compare.simulate(planned, settings._replace(view=given)))

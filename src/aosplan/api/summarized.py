@@ -11,22 +11,22 @@ if TYPE_CHECKING:
 
 
 class Summarized:
-    """A result that is shown by a headline and a few named values.
+    """A result that is displayed as a headline and a few named values.
 
-    ``repr`` gives them as text, notebooks show them as a table.
+    ``repr`` returns them as text; notebooks display them as a table.
     """
 
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
         from unicodedata import combining
 
         headline, facts = self.summary()
-        # A hat over a letter takes no room of its own.
+        # A combining hat has no width of its own.
         widths = {name: len(name) - sum(map(bool, map(combining, name))) for name in facts}
         widest = max(widths.values(), default=0)
         return "\n".join(
@@ -42,7 +42,7 @@ class Summarized:
     __str__ = __repr__
 
     def _repr_html_(self) -> str:
-        """The headline and a table, as notebooks show them."""
+        """A headline and a table, which notebooks display."""
         from html import escape
 
         headline, facts = self.summary()
@@ -55,13 +55,13 @@ class Summarized:
 
 
 def warnings_text(warnings: Iterable[Message]) -> dict[str, str]:
-    """The codes of warnings as a row of a summary; no row without any."""
+    """The codes of warnings as a row of a summary; empty without warnings."""
     codes = list(dict.fromkeys(warning.code for warning in warnings))
     return {"Warnings": ", ".join(codes)} if codes else {}
 
 
 def columns_of(documents: Sequence[dict[str, object]]) -> dict[str, list[object]]:
-    """Rows of the same names as columns."""
+    """Rows with the same names, converted to columns."""
     if not documents:
         return {}
     return {name: [document[name] for document in documents] for name in documents[0]}

@@ -1,4 +1,4 @@
-"""Sweeps in Python: a row for each scenario, as columns."""
+"""Sweeps in memory, with one row per scenario: `sweep`."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ class Sweep(Summarized, _Frame):
     Attributes
     ----------
     frame
-        The rows that were kept, a polars DataFrame: the options that were swept (with their units),
-        the results, ``status`` and ``reason``.
+        The rows as a polars DataFrame: the swept options (with their units), the results,
+        ``status`` and ``reason``.
     scenarios
-        How many scenarios were solved.
+        Number of scenarios that were solved.
     """
 
     __slots__ = ()
 
     def columns(self) -> dict[str, list[Any]]:
-        """The rows as columns, as pandas and polars take them."""
+        """The rows as columns, which pandas and polars accept."""
         found: dict[str, list[Any]] = self.frame.to_dict(as_series=False)
         return found
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """The headline and the named values, for people."""
+        """A headline and named values as text."""
         statuses = self.frame.get_column("status").value_counts().sort("status").rows()
         counted = ", ".join(f"{count} {status}" for status, count in statuses)
         headline = f"{self.frame.height} rows of {self.scenarios} scenarios"
@@ -65,7 +65,7 @@ class Sweep(Summarized, _Frame):
         x, y
             Columns; ``samples`` and ``flight_time_s`` by default.
         value
-            A result to map over x and y.
+            A result that is drawn as a map over x and y.
         """
         from aosplan.show.figures.axes import plotted
         from aosplan.show.figures.draw import KINDS
@@ -87,31 +87,31 @@ def sweep(
 ) -> Sweep:
     """Solve many scenarios.
 
-    The rows are held in memory; ``aosplan sweep --out`` writes results that do not fit there.
+    The rows are kept in memory; ``aosplan sweep --out`` is for results that do not fit there.
 
     Parameters
     ----------
     scenarios
-        Options of `aosplan.plan` by name, each a value, a list of values or a range
-        ``{"start": 20, "stop": 120, "count": 50, "spacing": "log"}``, crossed in their order (the
-        last one fastest); or a file as ``aosplan sweep`` takes it.
+        Options of `aosplan.plan` by name.  Each has a value, a list of values or a range
+        ``{"start": 20, "stop": 120, "count": 50, "spacing": "log"}``.  All combinations are solved,
+        and the last option varies fastest.  Or the path of a file as for ``aosplan sweep``.
     columns
-        Results that the rows have: names, or ``"all"``.
+        Results to compute: names, or ``"all"``.
     where
-        Keep the rows for which this SQL condition holds: ``"samples <= 100"``.
+        An SQL condition that selects the rows to keep: ``"samples <= 100"``.
     best, per
-        Keep the row with the most of the column `best` (after a minus: the least), for each
-        combination of the values of the columns `per`.
+        Keep the row with the largest value of the column `best` (with a minus before the name: the
+        smallest), for each combination of the values of the columns `per`.
     workers
-        Processes that solve.  More than one need a script that guards its entry
-        (``if __name__ == "__main__":``), as `multiprocessing` does.
+        Number of processes.  More than one require a script with a guarded entry point
+        (``if __name__ == "__main__":``), as for `multiprocessing`.
     progress
-        Called with the number of scenarios done since the last call.
+        Function that is called with the number of scenarios done since the last call.
 
     Raises
     ------
     RequestError
-        If a name, a value or a condition is wrong.
+        If a name, a value or a condition is not valid.
     MissingExtraError
         If polars is not installed.
 
@@ -145,6 +145,6 @@ def sweep(
     with tempfile.TemporaryDirectory(prefix="aosplan-") as place:
         out = os.path.join(place, "sweep.parquet")
         run(asked, out, workers=whole(workers, "workers"), progress=progress)
-        # A file that is mapped into memory cannot be deleted on Windows.
+        # Windows cannot delete a file that is mapped into memory.
         frame = polars().read_parquet(out, memory_map=False)
     return Sweep(frame, swept.rows)

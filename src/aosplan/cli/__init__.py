@@ -1,1 +1,1 @@
-"""The command line: one file a command; each parses, calls the library, and shows the result."""
+"""The command line, with one module per command: it parses, calls the library, shows the result."""

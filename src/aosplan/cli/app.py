@@ -1,4 +1,4 @@
-"""The command group: commands are loaded by name, errors become one line."""
+"""The command group: imports a command when it is called, and turns errors into one line."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ COMMANDS = {
 
 
 class LazyGroup(TyperGroup):
-    """A group that knows its commands by summary, and imports the one that is called."""
+    """A group that has only the summaries of its commands, and imports the one that is called."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """The called command itself, in place of its summary."""
+        """The command that is called, instead of its summary."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in COMMANDS:
             command = import_module(f"aosplan.cli.{name}").COMMAND
@@ -76,7 +76,7 @@ def _install_completion(_context: Any, _parameter: Any, shell: str | None) -> No
 
 
 def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any) -> TyperOption:
-    """An option that is answered at once, in place of a command."""
+    """An option that is handled immediately, without a command."""
     return TyperOption(
         param_decls=[flag],
         is_eager=True,
@@ -118,18 +118,18 @@ GROUP = LazyGroup(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 done, 1 the surroundings failed, 2 the request is wrong."""
+    """Run the command line and exit: 0 success, 1 the machine failed, 2 the request is wrong."""
     leave(run(arguments))
 
 
 def leave(status: int) -> None:
-    """Exit.  What is left in memory goes with the process."""
-    gc.freeze()  # to look through it for garbage takes a fifth of a plan
+    """Exit without freeing memory, which the end of the process does."""
+    gc.freeze()  # a final garbage collection would take a fifth of the time of a plan
     sys.exit(status)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; the exit status.  Without arguments it prints its help."""
+    """Run the command line and return the exit status.  Without arguments it prints the help."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     if given[:1] == ["help"]:
         given = [*given[1:], "--help"]
@@ -163,7 +163,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return _report("not enough memory for this request", "", 1)
     except KeyboardInterrupt:
         return 130
-    except BaseException as error:  # a fault of the program: said in one line, never a traceback
+    except BaseException as error:  # a bug in the program is also reported in one line
         if _interrupted(error):
             return 130
         if isinstance(error, SystemExit) or os.environ.get("AOSPLAN_DEBUG"):
@@ -178,7 +178,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check_unicode(arguments: Sequence[str]) -> None:
-    """Refuse arguments that are not Unicode: what is printed and written names them."""
+    """Refuse arguments that are not Unicode, because they could not be printed or written."""
     for argument in arguments:
         try:
             argument.encode()
@@ -189,17 +189,19 @@ def _check_unicode(arguments: Sequence[str]) -> None:
 
 
 def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C lies below an error: classes that are being made wrap it in one of their own."""
+    """Whether Ctrl-C is a cause of an error, because creating a class wraps exceptions."""
     while error is not None and not isinstance(error, KeyboardInterrupt):
         error = error.__cause__ or error.__context__
     return error is not None
 
 
 def _write_what_can_be_shown() -> None:
-    """Let no character be an error: without UTF-8, ``>=`` stands for ``≥`` and ``V^`` for V̂."""
+    """Replace characters that a stream cannot show: without UTF-8, ``≥`` by ``>=`` and V̂ by
+    ``V^``.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            errors = "replace"  # of what is no Unicode, such as parts of a file's name
+            errors = "replace"  # for text that is not Unicode, such as parts of file names
             if not stream.encoding.lower().startswith("utf"):
                 from aosplan.show.text.terminal import HANDLER
 
@@ -220,7 +222,7 @@ def _report(message: str, hint: str, status: int) -> int:
 
 
 def _unheard() -> int:
-    """Nobody reads, or nothing fits: what is left in the buffers must not raise again at exit."""
+    """Discard the buffers of closed or full streams, so that they raise no other error at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -231,7 +233,7 @@ def _unheard() -> int:
 
 
 def _report_usage(error: TyperException) -> int:
-    """A mistake in the options, in the words of the parser."""
+    """Report a mistake in the options, with the message of the parser."""
     message = error.format_message().rstrip(".")
     hint = ""
     for mark in (" Did you mean ", " (Possible options: "):
@@ -242,11 +244,11 @@ def _report_usage(error: TyperException) -> int:
 
 
 LONGEST_WORD = 200
-"""Characters of a word in a message; of longer ones the middle is left out."""
+"""Largest number of characters of a word in a message; longer words are shortened in the middle."""
 
 
 def _one_line(text: str) -> str:
-    """Text without line breaks and control characters, which a file may have put into a name."""
+    """Text without line breaks and control characters, which names from files may contain."""
     if len(text) > LONGEST_WORD:
         text = " ".join(
             word if len(word) <= LONGEST_WORD else f"{word[:100]}…{word[-60:]}"

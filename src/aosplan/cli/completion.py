@@ -1,9 +1,9 @@
-"""Completion in shells: what may stand where the cursor is.
+"""Completion in shells: candidates for the word at the cursor.
 
-The shell's function, printed by ``--show-completion SHELL``, runs ``aosplan`` with `VARIABLE` set
-to the shell's name and the words before the cursor as arguments; bash, which takes words apart at
-``=`` and ``:``, and PowerShell, which drops empty ones, hand over their line instead.  The answer is a line for each candidate: the word
-and, behind a tab, what it means.
+The shell function that ``--show-completion SHELL`` prints runs ``aosplan`` with `VARIABLE` set to
+the name of the shell.  The arguments are the words before the cursor.  bash, which splits words at
+``=`` and ``:``, and PowerShell, which drops empty words, pass the whole line instead.  The output
+has one line per candidate: the word and, after a tab, its meaning.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from typer.core import TyperGroup
 
 VARIABLE = "AOSPLAN_COMPLETE"
-"""Environment variable that asks for candidates."""
+"""Environment variable that requests candidates."""
 
 
 class Values(NamedTuple):
-    """What an option or argument takes: known words, and files of some endings.
+    """Values of an option or argument: known words, and files with some extensions.
 
-    No ending stands for no file, an empty one for any.
+    Without extensions there are no files; an empty extension means any file.
     """
 
     words: Callable[[], Iterable[str]] = tuple
@@ -72,7 +72,7 @@ def _documents() -> Iterable[str]:
 
 
 def _of(module: str, name: str, *more: str) -> Callable[[], Iterable[str]]:
-    """The words of a table of another module, which is loaded where they are asked for."""
+    """The names in a table of another module, which is imported when they are needed."""
     return lambda: (*getattr(import_module(f"aosplan.{module}"), name), *more)
 
 
@@ -125,7 +125,7 @@ VALUES = {
     "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
     "view": Values(_of("planning.option_parsers", "VIEWS")),
 }
-"""What is completed, by the name of an option or argument; numbers and places are not."""
+"""Completions by the name of an option or argument; numbers and locations have none."""
 
 OWN = {
     ("integrate", "out"): Values(endings=(".png", ".npz", ".tif")),
@@ -139,14 +139,14 @@ OWN = {
     ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),
 }
-"""Where a command gives a name another meaning."""
+"""Completions that differ for a certain command."""
 
 Candidate = tuple[str, str]
-"""A word, and what it means."""
+"""A word and its meaning."""
 
 
 def answer(group: TyperGroup) -> None:
-    """Print the candidates that a shell has asked for."""
+    """Print the candidates that a shell has requested."""
     if os.environ[VARIABLE] == "bash":
         lines = _for_bash(
             os.environ.get("COMP_LINE", ""), os.environ.get("COMP_WORDBREAKS", ""), group
@@ -156,18 +156,18 @@ def answer(group: TyperGroup) -> None:
         found = candidates(_of_powershell() if powershell else sys.argv[1:], group)
         lines = [f"{word}\t{text}" if text else word for word, text in found]
     for line in lines:
-        if "\n" not in line:  # no shell takes such a file name back
+        if "\n" not in line:  # no shell accepts a file name with a line break
             print(line)
 
 
 def _of_powershell() -> list[str]:
-    """Words of PowerShell's line behind the program; a backslash there separates folders."""
+    """Words of PowerShell's line after the program; a backslash there separates folders."""
     line = os.environ.get("COMP_LINE", "").replace("\\", "\\\\")
     return [word.replace("\\\\", "\\") for word in _words(line)[1:]]
 
 
 def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
-    """Candidates for a line up to the cursor; bash puts them where its last word begins."""
+    """Candidates for a line up to the cursor; bash inserts them where its last word begins."""
     words = _words(line)
     found = [word for word, _ in candidates(words[1:], group)]
     begin = max((words[-1].rfind(mark) for mark in "=:" if mark in breaks), default=-1) + 1
@@ -175,20 +175,20 @@ def _for_bash(line: str, breaks: str, group: TyperGroup) -> list[str]:
 
 
 def _words(line: str) -> list[str]:
-    """The words of a line as a shell takes it apart; the last one may be unfinished, or empty."""
+    """The words of a line, split as by a shell; the last one may be incomplete or empty."""
     for closing in ("", '"', "'"):
         lexer = shlex.shlex(line + closing, posix=True, punctuation_chars=False)
         lexer.whitespace_split, lexer.commenters = True, ""
         try:
             words = list(lexer)
-        except ValueError:  # a quote that is still open
+        except ValueError:  # an unclosed quote
             continue
         return [*words, ""] if not closing and line[-1:].isspace() else words
     return [""]
 
 
 def candidates(words: Sequence[str], group: TyperGroup) -> list[Candidate]:
-    """What the last of some words, which follow the program's name, may become."""
+    """Candidates for the last of some words that follow the name of the program."""
     *before, current = words or [""]
     summaries = [(name, _help(each)) for name, each in group.commands.items()]
     name = next((word for word in before if not word.startswith("-")), None)
@@ -224,7 +224,7 @@ def _argument(
     before: Sequence[str],
     current: str,
 ) -> list[Candidate]:
-    """Candidates for the argument that comes next."""
+    """Candidates for the next argument."""
     values = {i + 1 for i, word in enumerate(before) if _takes_value(by_flag.get(word))}
     given = sum(i not in values and not word.startswith("-") for i, word in enumerate(before))
     arguments = [each for each in parameters if each.param_type_name == "argument"]
@@ -246,7 +246,7 @@ def _matching(known: Iterable[Candidate], current: str) -> list[Candidate]:
 
 
 def _values(command: str, name: str, current: str) -> list[Candidate]:
-    """Words and files that an option or argument may be given."""
+    """Words and files that an option or argument accepts."""
     values = OWN.get((command, name)) or VALUES.get(name, Values())
     prefix = ""
     if name == "out" and values is VALUES["out"]:
@@ -258,7 +258,7 @@ def _values(command: str, name: str, current: str) -> list[Candidate]:
 
 
 def _files(current: str, endings: tuple[str, ...]) -> list[str]:
-    """Files with one of some endings whose path begins like this, and folders, which end in /."""
+    """Files with some extensions whose path starts with the text, and folders, which end with /."""
     if not endings:
         return []
     folder, start = os.path.split(current)
@@ -347,18 +347,18 @@ Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
 """
 
 SCRIPTS = {"bash": BASH, "zsh": ZSH, "fish": FISH, "powershell": POWERSHELL}
-"""What each shell is to run when it starts."""
+"""The script that each shell has to run at its start."""
 
 
 def script_of(shell: str) -> str:
-    """The script of a shell."""
+    """The completion script of a shell."""
     if shell not in SCRIPTS:
         raise RequestError(f"unknown shell '{shell}'", f"known: {', '.join(SCRIPTS)}")
     return SCRIPTS[shell]
 
 
 def install(shell: str) -> tuple[str, str]:
-    """Write a shell's script to where it looks; the file, and what the user has still to do."""
+    """Write a shell's script to its usual place; return the file, and what the user has to do."""
     from aosplan.files import write_all
 
     content = script_of(shell).encode()

@@ -1,4 +1,4 @@
-"""``aosplan export``: files from a saved plan."""
+"""``aosplan export``: mission files from a saved plan."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def run(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Write a saved plan's waypoints without solving again."""
+    """Write the waypoints of a saved plan without solving it again."""
     chosen = chosen_outputs(out or [], format, force=force)
     if not chosen:
         raise RequestError("no output is given", "give --out plan.csv, or another --out PATH")

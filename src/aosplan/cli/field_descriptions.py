@@ -88,7 +88,7 @@ FIELD_DESCRIPTIONS = {
     "gap_m2": "Area of it.",
     "AreaCoverageDocument.gaps": "Number of its parts.",
     "AreaCoverageDocument.rule": "Whether photos are counted, or detection is held against the plan's.",
-    # Searches in the computer
+    # Simulated searches
     "search": "Targets found in simulated forests, compared with the prediction; with --find.",
     "ReviewDocument.detection": "Probability of detection as planned, flown and completed; with --find.",
     "ThinningDocument.detection": "Probability of detection by all views and by the kept ones; with --find.",
@@ -447,5 +447,5 @@ FIELD_DESCRIPTIONS = {
 
 
 def meaning(document: str, field: str) -> str | None:
-    """What a field of a document means, or None."""
+    """Description of a field of a document; None if there is none."""
     return FIELD_DESCRIPTIONS.get(f"{document}.{field}", FIELD_DESCRIPTIONS.get(field))

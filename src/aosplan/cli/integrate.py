@@ -1,4 +1,4 @@
-"""``aosplan integrate``: real recordings to an integral image."""
+"""``aosplan integrate``: integral images from real recordings."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def run(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Average recorded images on a focal surface, and compare choices of them."""
+    """Average recorded images on a focal surface, and compare subsets of them."""
     from aosplan.files import write_all
     from aosplan.postflight.integral.camera_pose import named_camera
     from aosplan.postflight.integral.integral_warnings import integral_warnings
@@ -180,7 +180,7 @@ def _similarity(
 def _heights(
     focus: str | None, focal_height: str | None, surface: str | None
 ) -> tuple[tuple[float, float] | str | None, str | None]:
-    """Heights to search, ``auto`` as it is, and the height of the plane."""
+    """Heights to search (or ``auto``), and the height of the plane."""
     from aosplan.postflight.integral.focus import read_heights
 
     if focus is None:
@@ -206,7 +206,7 @@ def _focused(
     *,
     quiet: bool,
 ) -> Focus | None:
-    """Bring the recording into focus; what was found."""
+    """Find the focus of a recording and move its plane there; return the result."""
     if heights is None:
         return None
     from aosplan.postflight.integral.focus import ALIGNMENTS, find_focus
@@ -260,7 +260,7 @@ def _extent(text: str | None) -> str | list[float]:
 
 
 def _place(text: str, name: str) -> float:
-    """A coordinate [m] that leaves room for digits below the metre."""
+    """A coordinate [m], small enough that its decimals are accurate."""
     from aosplan.postflight.integral.camera_pose import FARTHEST_M
 
     place = number(text, name, "m")
@@ -271,7 +271,7 @@ def _place(text: str, name: str) -> float:
 
 @contextlib.contextmanager
 def _bar(total: int, *, quiet: bool, doing: str = "integrating") -> Iterator[Callable[..., None]]:
-    """A bar of views on a terminal's stderr."""
+    """A progress bar of views on stderr, if it is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda *_: None
         return

@@ -19,7 +19,7 @@ ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
 
 class Looks(NamedTuple):
-    """How integrals are shown, and what is looked for in them."""
+    """How integral images are displayed, and what is searched in them."""
 
     stretch: bool
     local_m: float | None
@@ -30,7 +30,7 @@ class Looks(NamedTuple):
 
 
 def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, force: bool) -> None:
-    """Refuse paths of a wrong ending, that exist, or that are given twice."""
+    """Refuse paths that have a wrong extension, exist, or are given twice."""
     from aosplan.files import check_output
 
     for path in out:
@@ -56,7 +56,7 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
 
 
 def check_figure(path: str) -> None:
-    """Refuse a figure of another format, or without matplotlib."""
+    """Refuse a figure of an unknown format, or if matplotlib is not installed."""
     from aosplan.show.figures.canvas import check_extra, form_of
 
     form_of(path)
@@ -71,7 +71,7 @@ def contents_of(
     looks: Looks,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
-    """Files by their paths, and the values that are black and white in a PNG."""
+    """Contents of files by path, and the values that are black and white in a PNG."""
     from aosplan.postflight.integral.seeing import local_contrast, with_scale
 
     shown = integral
@@ -102,7 +102,7 @@ def _layers(
     limits: tuple[float, float],
     averaged: Callable[..., Integral],
 ) -> dict[str, bytes]:
-    """Stacks and films of integrals at several heights, by their paths."""
+    """Stacks and animations of integral images at several heights, by path."""
     import numpy as np
 
     from aosplan.postflight.integral.layers import film_bytes, stack_bytes
@@ -131,7 +131,7 @@ def _candidates(
     looks: Looks,
     averaged: Callable[..., Integral],
 ) -> dict[str, bytes]:
-    """The averaged anomalies of the photos, and hot spots, by their paths."""
+    """The averaged anomalies of the photos, and the hot spots, by path."""
     from aosplan.postflight.integral import hot_spots as found
 
     made = {}
@@ -147,7 +147,7 @@ def _candidates(
 
 
 def _limits(integral: Integral, least: int, *, stretch: bool) -> tuple[float, float]:
-    """Values that a PNG shows as black and white."""
+    """Values that are black and white in a PNG."""
     import numpy as np
 
     if integral.is_byte and not stretch:
@@ -196,7 +196,7 @@ def _bytes(
 
 
 def figure_bytes(path: str, found: Focus) -> bytes:
-    """The curve of a focus as a file."""
+    """The curve of agreement as a figure file."""
     from aosplan.show.figures.canvas import form_of, rendered
     from aosplan.show.figures.draw import Kind
     from aosplan.show.figures.focus_curve import FocusCurve

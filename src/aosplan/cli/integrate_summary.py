@@ -1,4 +1,4 @@
-"""What ``aosplan integrate`` says of an integral image: its document, warnings and table."""
+"""Output of ``aosplan integrate`` about an integral image: document, warnings and table."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def described(recording: Recording, integral: Integral, indices: Any, least: int) -> dict[str, Any]:
-    """What was integrated, as plain values."""
+    """Description of an integral image as plain values."""
     raster = integral.raster
     return {
         "views": integral.views,
@@ -92,7 +92,7 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def doubts_of(found: Focus) -> list[dict[str, str]]:
-    """What to know of a focus."""
+    """Warnings about a focus."""
     said = []
     if found.at_end:
         said.append(

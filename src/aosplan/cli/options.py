@@ -1,4 +1,4 @@
-"""Options that commands share, made from the request's own table."""
+"""Options that commands share, created from the table of a request's options."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ COMMON = frozenset(
 """Options of a plan that ``--help`` shows; ``--help-all`` shows every option."""
 
 ALL = "aosplan.help_all"
-"""Key of a context whose help shows every option."""
+"""Key in the context of a command whose help shows every option."""
 
 
 class PanelCommand(TyperCommand):
     """A command whose help groups its options and ends with examples.
 
-    Its short help leaves out the options of a plan that are not in `common`.
+    The short help leaves out the options of a plan that are not in `common`.
     """
 
     common: frozenset[str] | None = None
@@ -58,7 +58,7 @@ class PanelCommand(TyperCommand):
         return common is not None and parameter.name in BY_NAME and parameter.name not in common
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write the options, panel by panel."""
+        """Write the options by panel."""
         panels: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
             if not ctx.meta.get(ALL) and self.is_hidden(parameter):
@@ -72,7 +72,7 @@ class PanelCommand(TyperCommand):
                 formatter.write_dl(records)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
-        """Write the examples as they are."""
+        """Write the examples without wrapping."""
         if self.epilog:
             formatter.write("\nExamples:\n")
             for line in self.epilog.splitlines():
@@ -95,7 +95,7 @@ def command(
     name, callback, summary, examples, parameters
         The command.
     common
-        Options of a plan that its short help shows; None: all options, and no ``--help-all``.
+        Options of a plan that the short help shows; None: all options, without ``--help-all``.
     """
     made = PanelCommand(
         name,
@@ -132,7 +132,7 @@ def _show_all(ctx: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
 
 
 def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options") -> TyperOption:
-    """An option that takes text, which the project itself reads."""
+    """An option with text, which the project parses itself."""
     return TyperOption(
         param_decls=[flag], type=str, metavar=metavar, help=help_text, rich_help_panel=panel
     )
@@ -141,7 +141,7 @@ def text_option(flag: str, metavar: str, help_text: str, panel: str = "Options")
 def flag_option(
     flag: str, help_text: str, panel: str = "Output", *, default: bool | None = False
 ) -> TyperOption:
-    """An option that is given or not."""
+    """An option without a value."""
     return TyperOption(
         param_decls=[flag], is_flag=True, default=default, help=help_text, rich_help_panel=panel
     )
@@ -155,7 +155,7 @@ def file_argument(name: str, help_text: str, *, required: bool = True) -> TyperA
 
 
 def request_options(only: Callable[[Option], bool] = lambda _: True) -> list[TyperOption]:
-    """The options of a plan's request, each once; None where they are not given."""
+    """The options of a plan's request; their value is None if they are not given."""
     return [
         flag_option(option.flag, option.help, option.panel, default=None)
         if option.kind == "flag"

@@ -1,4 +1,4 @@
-"""Output that commands share: JSON, warnings, files, and a bar while a cloud is read."""
+"""Output that commands share: JSON, warnings, files, and progress bars."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def print_json(document: Any) -> None:
-    """One JSON document on stdout."""
+    """Print one JSON document on stdout."""
     import json
 
     try:
@@ -36,7 +36,7 @@ def print_json(document: Any) -> None:
 
 
 def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
-    """Warnings on stderr, a line each."""
+    """Print warnings on stderr, one per line."""
     for warning in () if quiet else warnings:
         from aosplan.show.text.terminal import print_notice
 
@@ -46,7 +46,7 @@ def print_warnings(warnings: Iterable[Message], *, quiet: bool = False) -> None:
 def chosen_outputs(
     outputs: Sequence[str], name: str | None, *, force: bool
 ) -> list[tuple[Format, str]]:
-    """Formats and paths of the outputs, checked before any work is done for them.
+    """Formats and paths of the outputs, checked before any work is done.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def chosen_outputs(
 
 
 def check_apart(paths: Sequence[str]) -> None:
-    """Refuse a file that is given twice, be it under two names."""
+    """Refuse a file that is given twice, even under two names."""
     places = [os.path.realpath(path) for path in paths]
     for path, place in zip(paths, places, strict=True):
         if places.count(place) > 1:
@@ -78,12 +78,12 @@ def check_apart(paths: Sequence[str]) -> None:
 
 
 def writes_stdout(paths: Iterable[str | None], *, as_json: bool) -> bool:
-    """Whether one of the outputs goes to stdout, where nothing else may then be printed.
+    """Whether one of the outputs is stdout, on which nothing else may be printed then.
 
     Raises
     ------
     RequestError
-        If ``--json`` would print there as well.
+        If ``--json`` is also given, which prints on stdout.
     """
     found = "-" in paths
     if found and as_json:
@@ -99,14 +99,14 @@ def write_outputs(
     force: bool,
     quiet: bool = False,
 ) -> list[str]:
-    """Write missions, and pages by their paths, to all outputs or to none; what was written.
+    """Write missions, and pages by path, to all outputs or to none; return the written paths.
 
-    An output that needs several files has them numbered, with a hint that says so.
+    If an output needs several files, they are numbered, and a hint says so.
 
     Raises
     ------
     RequestError
-        If a mission is beyond the limits of a format, or two outputs share a file.
+        If a mission exceeds the limits of a format, or two outputs share a file.
     """
     if not chosen and not pages:
         return []
@@ -136,24 +136,24 @@ def write_outputs(
 
 
 def _leftovers(path: str, count: int) -> list[str]:
-    """What an earlier, longer mission of the same name has left beside the numbered files."""
+    """Hint about numbered files that an earlier, longer mission of the same name has left."""
     stem, suffix = os.path.splitext(path)
     after = f"{stem}-{count + 1}{suffix}"
     return [f"{after} is not of this mission" for _ in range(os.path.lexists(after))]
 
 
 PATIENCE_S = 1.0
-"""How long a search may take before a terminal shows what it tries."""
+"""Time after which the terminal shows what a search tries."""
 
 
 READING, PLACING = "reading points", "placing points"
-"""What has an end that is known."""
+"""Titles of steps whose end is known."""
 
 
 class Bar:
-    """What a plan is at, on a terminal's stderr: points that are read, then what a search tries.
+    """Progress of a plan on stderr, if it is a terminal: points read, then candidates of a search.
 
-    Where there is no terminal, or nothing takes long, it shows nothing and loads nothing.
+    If stderr is not a terminal, or the plan is fast, nothing is shown and rich is not imported.
     """
 
     def __init__(self, *, live: bool) -> None:
@@ -163,7 +163,7 @@ class Bar:
         self._title = ""
 
     def __call__(self, done: int, total: int) -> None:
-        """Show how many points are read, then placed, and what is done between and after that."""
+        """Show how many points are read, then placed, and the steps between and after that."""
         if 2 * done < total:
             title = READING
         elif 2 * done == total:
@@ -177,12 +177,12 @@ class Bar:
             self._shown.update(self._shown.task_ids[0], completed=done, total=total)
 
     def doing(self, title: str) -> None:
-        """Show what is being done."""
+        """Show the current step."""
         if self._live:
             self._show(title)
 
     def on_trial(self, problem: Problem, pattern: Sites, baseline_m: float) -> None:
-        """Show what a search tries, once it has lasted a while."""
+        """Show the candidate of a search, if the search has taken a while."""
         if not self._live:
             return
         from time import monotonic
@@ -199,13 +199,13 @@ class Bar:
             )
 
     def close(self) -> None:
-        """Leave the terminal as it was."""
+        """Remove the progress from the terminal."""
         self._live = False
         if self._shown is not None:
             _stop(self._shown)
 
     def _show(self, title: str) -> None:
-        """Begin to show something, in place of what was shown before."""
+        """Show a step instead of the previous one."""
         if title == self._title:
             return
         if self._shown is not None:
@@ -216,7 +216,7 @@ class Bar:
 
 
 def _progress(*, endless: bool) -> Any:
-    """A bar for what has an end, else a sign of life and the time that it has taken."""
+    """A progress bar for steps with a known end, otherwise a spinner with the elapsed time."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -229,7 +229,7 @@ def _progress(*, endless: bool) -> Any:
 
 @contextlib.contextmanager
 def drawn(progress: Progress) -> Iterator[Progress]:
-    """A bar on the screen, which is left as it was, whenever Ctrl-C comes."""
+    """Show a progress bar, and restore the screen even after Ctrl-C."""
     try:
         progress.start()
         yield progress
@@ -238,14 +238,15 @@ def drawn(progress: Progress) -> Iterator[Progress]:
 
 
 def _stop(progress: Progress) -> None:
-    with contextlib.suppress(IndexError):  # interrupted while it began, it cannot stop
+    # a bar that was interrupted while it started cannot be stopped
+    with contextlib.suppress(IndexError):
         progress.stop()
     progress.console.show_cursor()
 
 
 @contextlib.contextmanager
 def progress_bar(*, quiet: bool) -> Iterator[Bar]:
-    """What a plan is at, on a terminal's stderr."""
+    """Context manager for the progress of a plan on stderr."""
     bar = Bar(live=not quiet and _is_live())
     try:
         yield bar
@@ -254,13 +255,13 @@ def progress_bar(*, quiet: bool) -> Iterator[Bar]:
 
 
 def _is_live() -> bool:
-    """Whether stderr is a terminal that takes a line back."""
+    """Whether stderr is a terminal on which a line can be erased."""
     return sys.stderr.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 @contextlib.contextmanager
 def waiting_bar(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar on a terminal's stderr while something takes long, or None where there is none."""
+    """A progress bar on stderr for work that takes long; None if stderr is not a terminal."""
     if quiet or not _is_live():
         yield None
         return

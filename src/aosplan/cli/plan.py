@@ -50,7 +50,7 @@ def run(
     defaults: str | None,
     **flags: Any,
 ) -> None:
-    """Plan a flight, write it and show it."""
+    """Make a plan, write its files and print it."""
     if detection_map is not None:
         wanted = _looking(request, flags, defaults)
     else:
@@ -107,12 +107,12 @@ def run(
 
 
 def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -> PlanRequest:
-    """A request that looks for something: a person, unless it says otherwise."""
+    """A request with a target to search for, which is a person by default."""
     if flags.get("find") is None:
         try:
             wanted = request_of(request, flags, defaults=defaults)
         except RequestError:
-            wanted = None  # a signature, say, which is only wrong without something to look for
+            wanted = None  # may only be wrong because there is no target, such as a signature
         if wanted is not None and wanted.find is not None:
             return wanted
         flags = flags | {"find": PERSON}
@@ -120,7 +120,7 @@ def _looking(request: str | None, flags: dict[str, Any], defaults: str | None) -
 
 
 def _check_map(path: str | None, poa: str | None, others: list[str], *, force: bool) -> None:
-    """Refuse a detection map before any work is done for it."""
+    """Refuse a detection map that cannot be written, before any work is done."""
     if path is None:
         if poa is not None:
             raise RequestError("--poa without --detection-map", "give --detection-map POD.tif too")
@@ -142,7 +142,7 @@ def _check_map(path: str | None, poa: str | None, others: list[str], *, force: b
 
 
 def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int | None:
-    """The seed of the report's picture; None for a report without one."""
+    """The seed of the report's picture; None without a picture."""
     if report is None:
         unpaired = "--no-report-picture" if not picture else "--report-seed" if seed else ""
         if unpaired:
@@ -158,7 +158,7 @@ def _report_seed(report: str | None, seed: str | None, *, picture: bool) -> int 
 
 
 def _check_report(path: str, others: list[str], *, seed: int | None, force: bool) -> None:
-    """Refuse a report before any work is done for it."""
+    """Refuse a report that cannot be written, before any work is done."""
     from aosplan.files import check_output
     from aosplan.show.page.page import SUFFIXES, check_extra
 

@@ -46,7 +46,7 @@ def run(
     defaults: str | None,
     **flags: Any,
 ) -> None:
-    """Draw a figure, and say in words what it shows."""
+    """Draw a figure and print its description."""
     from aosplan.files import check_output, write_all
     from aosplan.show.figures.canvas import check_extra, form_of, rendered
 
@@ -76,7 +76,7 @@ def run(
 
 
 def document(kind: Kind, shown: Shown) -> dict[str, Any]:
-    """What ``plot --json`` prints."""
+    """The document that ``plot --json`` prints."""
     return {
         "schema": SCHEMA,
         "version": __version__,
@@ -88,7 +88,7 @@ def document(kind: Kind, shown: Shown) -> dict[str, Any]:
 
 
 def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> Look:
-    """How a figure is drawn, from the options that say so."""
+    """Appearance of a figure from the options."""
     from aosplan.show.figures.canvas import Look
     from aosplan.show.figures.style import DARK, LIGHT
 
@@ -124,7 +124,7 @@ def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Sh
 
 
 def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
-    """The numbers of a figure of a scene: one that is named, or that of a request."""
+    """The numbers of a figure of a scene, which is named or belongs to a request."""
     from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
 
@@ -140,7 +140,7 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
         given["scene"] = file
     if not given:
         raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
-    # A request needs an altitude, and these figures none.
+    # A request needs an altitude, which these figures do not use.
     ways = ("altitude", "gsd", "target_size")
     high = any(name in given for name in ways)
     request = request_from(given if high else given | {"altitude": 1.0})
@@ -177,7 +177,7 @@ def _of_results(
 
 
 def _is_request(path: str) -> bool:
-    """Whether a file is a request or an earlier result, and not a scene."""
+    """Whether a file is a request or an earlier result, rather than a scene."""
     from aosplan.files import read_table
 
     if not path.lower().endswith((".toml", ".json")):

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.review import Review
 
 MOST_NAMED = 20
-"""Missing sites that the table names."""
+"""Largest number of missing sites that the table names."""
 
 
 def run(
@@ -49,7 +49,7 @@ def run(
     defaults: str | None,
     **flags: Any,
 ) -> None:
-    """Hold recorded positions against a plan, and write a mission for what is missing."""
+    """Compare recorded positions with a plan, and write a mission for the missing sites."""
     from aosplan.planning.user_defaults import request_of
     from aosplan.units import positive
 
@@ -85,11 +85,11 @@ def run(
 
 
 MAP_SUFFIXES = (".tif", ".tiff", ".geojson", ".svg")
-"""Endings of a coverage map: the raster, the gaps, and a picture."""
+"""Extensions of a coverage map: raster, gaps, picture."""
 
 
 def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool) -> None:
-    """Refuse coverage maps before any work is done for them."""
+    """Refuse coverage maps that cannot be written, before any work is done."""
     if not paths:
         return
     from importlib.util import find_spec
@@ -114,8 +114,8 @@ def _check_maps(paths: list[str], others: list[str], *, area: bool, force: bool)
 
 
 def _map_file(found: Review, path: str) -> bytes:
-    """A coverage map in the form that a file's ending asks for."""
-    assert found.coverage is not None  # a plan over an area has one
+    """A coverage map in the format of a file's extension."""
+    assert found.coverage is not None  # a plan over an area has a coverage
     ending = os.path.splitext(path)[1].lower()
     if ending == ".geojson":
         return found.coverage.geojson()
@@ -149,7 +149,7 @@ def _show(found: Review, written: Sequence[str]) -> None:
 
 
 def _rows(found: Review) -> Iterator[tuple[str, str]]:
-    """What was flown, in words."""
+    """Rows about the photos and the missing sites."""
     strays, total = len(found.strays), len(found.sites)
     aside = f", {strays} of them at no site" if strays else ""
     yield "Photos", f"{len(found.views)}{aside} (within {found.tolerance_m:.3g} m)"
@@ -185,7 +185,7 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
 
 
 def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
-    """What of an area remains."""
+    """Rows about the gaps in an area."""
     known = coverage.document()
     yield (
         "Area",

@@ -9,7 +9,7 @@ from aosplan.scenes.presets import SCENES, scenes_by_word
 
 
 def run(*, word: str | None, as_json: bool) -> None:
-    """List the scenes, or those that a word is about."""
+    """List the scenes, or those that match a word."""
     found = SCENES
     if word is not None:
         found = {name: SCENES[name] for name in scenes_by_word(word)}

@@ -1,4 +1,4 @@
-"""``aosplan schema``: JSON Schemas of the documents read and printed."""
+"""``aosplan schema``: JSON Schemas of the documents that are read and printed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ DOCUMENTS = {
     "figure": ("show.figures.figure_schema", "FigureDocument"),
     "sweep": ("sweeps.sweep_schema", "SweepDocument"),
 }
-"""Module and class of each document by its name."""
+"""Module and class of each document by name."""
 
 
 def json_schema(name: str) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def json_schema(name: str) -> dict[str, Any]:
     Raises
     ------
     RequestError
-        If no document has the name.
+        If there is no document with this name.
     """
     from aosplan.cli.field_descriptions import meaning
 
@@ -58,7 +58,7 @@ def json_schema(name: str) -> dict[str, Any]:
 
 
 def run(document: str | None) -> None:
-    """Print the JSON Schema of one document, or of all by name."""
+    """Print the JSON Schema of one document, or of all documents by name."""
     if document is not None:
         print_json(json_schema(document))
     else:

@@ -45,7 +45,7 @@ def run(
     defaults: str | None,
     **flags: Any,
 ) -> None:
-    """Fly a plan over a forest in the computer, and hold its prediction against what is seen."""
+    """Simulate a plan over a forest and compare the result with its prediction."""
     wanted = request_of(request, flags, defaults=defaults)
     chosen = _settings(wanted, seed, precision, forest, max_targets)
     if wanted.find is not None and chosen.forest == "noise":
@@ -81,7 +81,7 @@ def run(
 
 
 def _search(result: Plan, settings: Settings, *, quiet: bool) -> SearchComparison | None:
-    """The search for what a plan looks for; None where it looks for nothing, or nothing hides it."""
+    """The simulated search for the target of a plan; None without a target or without occluders."""
     if result.detection is None or result.coverage is None:
         return None
     from aosplan.simulation.compare_search import compare_search
@@ -108,7 +108,7 @@ def _settings(
 
 
 def read_settings(settings: Settings, seed: str | None, precision: str | None) -> Settings:
-    """Settings with what ``--seed`` and ``--precision`` say."""
+    """Settings updated by ``--seed`` and ``--precision``."""
     if seed is not None:
         settings = settings._replace(seed=_seed(seed))
     if precision is not None:
@@ -127,7 +127,7 @@ def _seed(value: str) -> int:
 def _outputs(
     picture: str | None, occlusion_map: str | None, *, force: bool
 ) -> list[tuple[str, str]]:
-    """What is drawn where, checked before any work is done for it."""
+    """Names and paths of the pictures, checked before any work is done."""
     outputs = [
         (name, path)
         for name, path in (("picture", picture), ("occlusion_map", occlusion_map))
@@ -148,7 +148,7 @@ def _outputs(
 
 
 def _draw(simulation: Simulation, outputs: list[tuple[str, str]], *, force: bool) -> dict[str, Any]:
-    """Write the pictures; how similar the images are to the optimum, for the document."""
+    """Write the pictures; return their similarity to the infinite limit, for the document."""
     from aosplan.files import write_all
     from aosplan.simulation.compare import pictures
 

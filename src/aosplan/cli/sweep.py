@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from aosplan.sweeps.verify import Verification
 
 MOST_SCENARIOS = 1_000_000_000
-"""More scenarios than this are not begun without ``--yes``."""
+"""Largest number of scenarios that is started without ``--yes``."""
 
 
 def run(
@@ -66,7 +66,7 @@ def run(
     as_json: bool,
     defaults: str | None,
 ) -> None:
-    """Solve every scenario of a file; write a row for each, or say what came out."""
+    """Solve every scenario of a file, and write one row for each or print a summary."""
     from aosplan.sweeps.block_frame import chosen_results
     from aosplan.sweeps.run import gather
     from aosplan.sweeps.run import run as run_sweep
@@ -136,7 +136,7 @@ def run(
 
 
 def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None:
-    """Refuse a result that could not be written."""
+    """Refuse a result that cannot be written."""
     from aosplan.sweeps.parquet_folder import check_folder, is_folder
     from aosplan.sweeps.sweep import SUFFIXES
 
@@ -158,7 +158,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
 
 @contextlib.contextmanager
 def _kept() -> Iterator[None]:
-    """Say where what is done within is interrupted that it is kept."""
+    """Context manager that reports where the results are if the work is interrupted."""
     try:
         yield
     except KeyboardInterrupt:
@@ -175,7 +175,7 @@ def _check_plot(
     *,
     force: bool,
 ) -> None:
-    """Refuse a figure that could not be drawn, before anything is solved for it."""
+    """Refuse a figure that cannot be drawn, before anything is solved."""
     from aosplan.show.figures.canvas import check_extra, form_of
     from aosplan.show.figures.sweep import check_columns
 
@@ -210,7 +210,7 @@ def _draw(
 
 @contextlib.contextmanager
 def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
-    """A bar with rate and time left on a terminal's stderr."""
+    """A progress bar with rate and remaining time on stderr, if it is a terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -227,7 +227,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
     from rich.text import Text
 
     class Rate(ProgressColumn):
-        """Scenarios a second."""
+        """Column of the progress bar with the number of scenarios per second."""
 
         def render(self, task: Task) -> Text:
             speed = task.finished_speed or task.speed
@@ -332,7 +332,7 @@ COMMAND = command(
 
 
 def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> Drawn | None:
-    """What ``--simulate`` and the options beside it say; None without it."""
+    """Settings of ``--simulate`` and its options; None without ``--simulate``."""
     if simulate is None:
         for option, value in (("--seed", seed), ("--precision", precision)):
             if value is not None:
@@ -350,14 +350,14 @@ def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> D
 
 
 class Drawn(NamedTuple):
-    """How many rows to simulate, and how."""
+    """Number of rows to simulate, and settings of the simulation."""
 
     rows: int
     settings: Settings
 
 
 def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None) -> Gather:
-    """What a sweep is to gather."""
+    """The summary and sample to compute for a sweep."""
     from aosplan.sweeps.grouping import grouping
     from aosplan.sweeps.summary import Gather
     from aosplan.sweeps.verify import Drawing
@@ -369,10 +369,10 @@ def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None
 
 
 def _verified(sweep: Sweep, gathered: Gathered, drawn: Drawn, *, quiet: bool) -> Verification:
-    """The rows that were drawn, simulated."""
+    """Simulate the drawn rows."""
     from aosplan.sweeps.verify import verify
 
-    assert sweep.gather is not None  # a draw is gathered
+    assert sweep.gather is not None  # drawn rows are part of what is gathered
     assert sweep.gather.drawing is not None
     with waiting_bar("simulating", quiet=quiet) as progress:
         return verify(
@@ -394,10 +394,10 @@ def tell(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Simulate what was drawn, and print what was gathered: as a document, or as tables."""
+    """Simulate the drawn rows, and print the summary as a document or as tables."""
     from aosplan.sweeps.summary import summary_document
 
-    assert sweep.gather is not None  # something was gathered
+    assert sweep.gather is not None  # the caller has gathered a summary
     verification = None
     if drawn is not None:
         try:

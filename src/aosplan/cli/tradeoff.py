@@ -35,7 +35,7 @@ def run(
     defaults: str | None,
     **flags: Any,
 ) -> None:
-    """Show what each number of samples takes and gives, for every kind of grid asked for."""
+    """Show cost and benefit by number of samples, for every requested kind of grid."""
     from aosplan.files import check_output, write_all
     from aosplan.planning.planner import plan
 
@@ -76,7 +76,7 @@ def _cell(value: Any) -> str:
 
 
 def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
-    """The front and the chosen row as a table; where nothing meets the target, all rows."""
+    """Print the front and the chosen row as a table; if nothing meets the target, all rows."""
     from aosplan.show.text.tables import one_line, print_rows, show
 
     shown = [row for row in rows if row["front"] or row["chosen"]] or rows

@@ -1,4 +1,4 @@
-"""``aosplan visibility``: the equations as a calculator."""
+"""``aosplan visibility``: a calculator for the equations."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _density(
 
 
 def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, float]:
-    """Number of samples and shortfall of a trimmed grid, or of a whole one."""
+    """Number of samples and shortfall of a trimmed or complete grid."""
     if (samples is None) == (grid is None):
         raise RequestError(
             "exactly one of --samples and --grid is needed",
@@ -121,7 +121,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
     side = isqrt(count)
     if dhat >= 1.0:
         return count, 1.0 / count
-    if side * side == count:  # any size: nothing is trimmed
+    if side * side == count:  # a square of any size has no removed sites
         return count, line_shortfall(side, dhat) ** 2
     if count > MOST_SITES:
         raise RequestError(
@@ -136,10 +136,10 @@ def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, fl
     from aosplan.postflight.positions import read_positions
 
     points = read_positions(path)
-    # The model's occluders are squares along the heading.
+    # The occluders of the model are squares aligned with the heading.
     axis = heading_axis(heading_deg)
     if axis != (0.0, 1.0):
-        # (y, x): with the order of the axes in the file, heading 0 is no change.
+        # As (y, x), the order of the axes in the file, so that heading 0 changes nothing.
         points = [turned(x, y, axis)[::-1] for x, y in points]
     return len(points), positions_shortfall(points, spacing_m)
 

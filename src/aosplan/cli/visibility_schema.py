@@ -11,7 +11,7 @@ from aosplan.validation import Finite, OpenDocument
 
 
 class CalculatorDocument(OpenDocument):
-    """What `aosplan visibility --json` prints."""
+    """The document that `aosplan visibility --json` prints."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

@@ -1,4 +1,4 @@
-"""Figures on axes of Matplotlib: the caller's, or those of a new figure of pyplot."""
+"""Figures on Matplotlib axes: those of the caller, or of a new pyplot figure."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
     Parameters
     ----------
     kind, shown
-        What is drawn.
+        The kind of figure, and its numbers.
     ax
-        Axes to draw on, with the settings of their figure; None for a new figure of pyplot in the
+        Axes to draw on, with the settings of their figure; None for a new pyplot figure in the
         style of ``aosplan plot``.
 
     Returns
@@ -62,6 +62,6 @@ def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
     with plt.rc_context(settings):
         figure = plt.figure(figsize=(width, width * kind.height), layout="constrained")
         kind.draw(figure, shown, look.theme)
-        figure.draw_without_rendering()  # ticks take their settings when they are first drawn
+        figure.draw_without_rendering()  # ticks read their settings when they are first drawn
     panels = [panel for panel in figure.axes if panel.get_label() != "<colorbar>"]
     return panels[0] if len(panels) == 1 else np.array(panels)

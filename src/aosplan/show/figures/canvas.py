@@ -1,4 +1,4 @@
-"""From a drawing to the bytes of a file: the same for the same numbers, and with its words in it."""
+"""Figures as files: equal numbers give equal bytes, and the file contains the description."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXTRA = "figures"
 FORMATS = (".png", ".svg", ".pdf")
 
 WIDTHS_MM = (140.0, 1000.0)
-"""In less than that there is no room beside the words; a figure can be placed smaller than it is."""
+"""Allowed widths; below the smallest there is no room beside the text."""
 
 DPIS = (50.0, 1200.0)
 MOST_PIXELS = 100_000_000
@@ -31,19 +31,20 @@ INCH_MM = 25.4
 
 
 class Look(NamedTuple):
-    """How a figure is drawn: its colours, its width, and for PNG its pixels an inch."""
+    """How a figure is drawn: colours, width, and pixels per inch for PNG."""
 
     theme: Theme = LIGHT
     width_mm: float = 170.0
     dpi: float = 150.0
 
     def check(self) -> None:
-        """Refuse sizes that nobody can print or hold.
+        """Refuse sizes that are too small, or too large to handle.
 
         Raises
         ------
         RequestError
-            If the width or the resolution is outside its bounds, or both make too many pixels.
+            If the width or the resolution is outside its bounds, or if there would be too many
+            pixels.
         """
         for name, value, (least, most) in (
             ("--width-mm", self.width_mm, WIDTHS_MM),
@@ -51,7 +52,7 @@ class Look(NamedTuple):
         ):
             if not least <= value <= most:
                 raise RequestError(f"{name} {value:g} is not from {least:g} to {most:g}")
-        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # the highest figure is a square
+        pixels = (self.width_mm / INCH_MM * self.dpi) ** 2  # the tallest figure is square
         if pixels > MOST_PIXELS:
             raise RequestError(
                 f"--width-mm {self.width_mm:g} at --dpi {self.dpi:g} is a picture of more than "
@@ -61,7 +62,7 @@ class Look(NamedTuple):
 
 
 def form_of(path: str) -> str:
-    """The format of a path by its ending, without the dot.
+    """The format of a path by its extension, without the dot.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def form_of(path: str) -> str:
 
 
 def check_extra() -> None:
-    """Refuse to begin what cannot be drawn.
+    """Check that figures can be drawn, before work is done for them.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def check_extra() -> None:
 
 
 def drawn(kind: Kind, shown: Shown, look: Look) -> Figure:
-    """The figure itself, for who wants to look into it; `rendered` makes a file of it."""
+    """The figure as a Matplotlib object; `rendered` makes a file of it."""
     from matplotlib.figure import Figure
 
     width = look.width_mm / INCH_MM
@@ -106,7 +107,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
     Parameters
     ----------
     kind, shown
-        What is drawn.
+        The kind of figure, and its numbers.
     form
         ``png``, ``svg`` or ``pdf``.
     look
@@ -122,9 +123,9 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
 
     look = look or Look()
     file = io.BytesIO()
-    # Whatever somebody's own settings are, a figure looks the same.
+    # A figure looks the same with any Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of letters in a name that no font has
+        warnings.simplefilter("ignore")  # about characters of a name that no font has
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
         settings.update(rules(look.theme))
@@ -135,7 +136,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
 
 
 def _metadata(form: str, shown: Shown) -> dict[str, Any]:
-    """What says in words what the figure shows, and nothing that changes from run to run."""
+    """Metadata with the title and the description, without anything that differs between runs."""
     title, text = printable(shown.title), printable(shown.description())
     if form == "png":
         return {"Title": title, "Description": text, "Software": None}
@@ -146,9 +147,9 @@ def _metadata(form: str, shown: Shown) -> dict[str, Any]:
 
 
 def _with_words(svg: bytes, shown: Shown) -> bytes:
-    """An SVG with a title and a description that screen readers take for the picture."""
+    """An SVG with a title and a description that screen readers read instead of the picture."""
     title, text = escaped(shown.title), escaped(shown.description())
-    name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]  # several may share a page
+    name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]  # several figures may be on one page
     before, tag, after = svg.decode().partition("<svg ")
     attributes, close, rest = after.partition(">")
     role = f'role="img" aria-labelledby="title-{name} text-{name}" '

@@ -1,4 +1,4 @@
-"""How alike what two views hide is, by how far their cameras are apart and in which direction."""
+"""Correlation of what two views hide, by the distance and direction between their cameras."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SHOWN = 4
-"""Directions that have a line of their own, evenly chosen."""
+"""Number of directions that get their own lines, evenly chosen."""
 
 
 class Correlations(NamedTuple):
-    """A correlogram: ρ of each direction at each lag (camera offset over altitude)."""
+    """A correlogram: ρ for each direction and lag (camera offset divided by altitude)."""
 
     scene: str
     lags: tuple[float, ...]
@@ -28,16 +28,16 @@ class Correlations(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"Correlogram of {self.scene}"
 
     @property
     def mean(self) -> tuple[float, ...]:
-        """ρ of each lag, mean over the directions."""
+        """ρ for each lag, averaged over the directions."""
         return tuple(sum(column) / len(self.rho) for column in zip(*self.rho, strict=True))
 
     def description(self) -> str:
-        """The table in words."""
+        """Description of the table in words."""
         mean = self.mean
         below = next((lag for lag, rho in zip(self.lags, mean, strict=True) if rho < 0.5), None)
         spread = [max(column) - min(column) for column in zip(*self.rho, strict=True)]
@@ -63,12 +63,12 @@ class Correlations(NamedTuple):
 
 
 def correlations_of(found: LoadedScene) -> Correlations:
-    """The correlogram that a scene holds, or that of its voxels.
+    """The correlogram of a scene, or that of its voxels.
 
     Raises
     ------
     RequestError
-        If it has neither.
+        If the scene has neither a correlogram nor voxels.
     """
     table = found.correlogram
     if table is None and found.volume is not None:
@@ -90,7 +90,7 @@ def correlations_of(found: LoadedScene) -> Correlations:
 
 
 def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
-    """Lines of some directions between those of all, and all of them as a map."""
+    """Draw lines for some directions within the range of all, and a map of all directions."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     columns = list(zip(*shown.rho, strict=True))
     left.fill_between(

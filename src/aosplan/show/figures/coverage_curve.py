@@ -1,4 +1,4 @@
-"""The share of the occluders that neighbours tell apart, by baseline over altitude (Fig. 6b)."""
+"""Share of the occluders with d̂ >= 1, by baseline divided by altitude (Fig. 6b)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 SHARES = (0.5, 0.9)
-"""Shares whose baselines the description names, beside the one that is asked for."""
+"""Shares whose baselines the description names, in addition to the requested one."""
 
 
 class BaselineCurve(NamedTuple):
-    """Knots of the curve: b/h, and the share of occluders with d̂ >= 1 there.
+    """Knots of the curve: b/h, and the share of occluders with d̂ >= 1.
 
-    Where it is `stepped`, the share stays from each knot to the next, as of layers at one height
-    each; else it rises evenly.  `ratio` is the b/h of the wanted share, None where no baseline has it.
+    If the curve is `stepped`, as for layers at single heights, the share is constant from each knot
+    to the next; otherwise it is linear.  `ratio` is b/h for the requested share; None if no
+    baseline reaches it.
     """
 
     scene: str
@@ -37,11 +38,11 @@ class BaselineCurve(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"Occluders that neighbouring photos separate in {self.scene}"
 
     def description(self) -> str:
-        """The curve in words."""
+        """Description of the curve in words."""
         text = f"{self.title}: the share with d̂ of at least 1 rises from {self.knots[0][1]:.3g} at "
         text += (
             f"b/h = {self.knots[0][0]:.3g} to {self.knots[-1][1]:.3g} at {self.knots[-1][0]:.3g}"
@@ -65,7 +66,8 @@ class BaselineCurve(NamedTuple):
 def curve_of(
     scene: Scene | None, coverage: float, altitude_m: float | None = None
 ) -> BaselineCurve:
-    """The curve of a scene, heights from the focal plane, and the baseline of the coverage rule.
+    """The curve of a scene with heights above the focal plane, and the baseline of the coverage
+    rule.
 
     Raises
     ------
@@ -92,13 +94,13 @@ def curve_of(
 
 
 def draw(figure: Figure, shown: BaselineCurve, theme: Theme) -> None:
-    """The share against b/h, on a logarithmic axis; with an altitude, against b as well."""
+    """Draw the share over b/h on a logarithmic axis; with an altitude, also over b."""
     draw_panel(figure.subplots(), shown, theme)
     entitle(figure, shown.title)
 
 
 def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
-    """The curve on one panel, with its legend."""
+    """Draw the curve on one panel, with its legend."""
     first = [(shown.knots[0][0], 0.0)] if shown.stepped else []
     panel.plot(
         *zip(*first, *shown.knots, strict=True),
@@ -135,7 +137,7 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
     )
     logarithmic(panel.xaxis)
     if shown.altitude_m is not None:
-        altitude: Any = shown.altitude_m  # it multiplies arrays
+        altitude: Any = shown.altitude_m  # typed as Any because it multiplies arrays
         top = panel.secondary_xaxis(
             "top", functions=(lambda ratio: altitude * ratio, lambda b: b / altitude)
         )

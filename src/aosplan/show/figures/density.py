@@ -1,4 +1,4 @@
-"""What stands at each height, and how much of the ground it hides from above."""
+"""Density of occluders by height, and the share of the ground that they hide from above."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 class Density(NamedTuple):
-    """Densities of layers, bottom first, and the share of the ground hidden down to each bottom.
+    """Densities of layers from bottom to top, and the share of the ground hidden above each bottom.
 
-    `independent` is the hidden share were the layers independent of each other, `measured` that of
-    the voxels behind them, and None where there are none.  `hidden_pulses` is the share of the laser
-    pulses' energy that does not reach the ground by first, weighted and last returns, at the
-    pulses' own angles `pulses_zenith_deg`, and None for opacity that is not from pulses.
+    `independent` is the hidden share if the layers were independent.  `measured` is that of the
+    voxels, or None without voxels.  `hidden_pulses` is the share of the laser pulses' energy that
+    does not reach the ground according to first, weighted and last returns, at the pulses' own
+    angles `pulses_zenith_deg`.  It is None if the opacity is not from pulses.
     """
 
     scene: str
@@ -38,11 +38,11 @@ class Density(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"Density by height of {self.scene}"
 
     def description(self) -> str:
-        """The layers in words."""
+        """Description of the layers in words."""
         densest = max(range(len(self.density)), key=self.density.__getitem__)
         text = (
             f"{self.title}: {len(self.density)} layers from {self.bottom_m[0]:.3g} to "
@@ -68,7 +68,7 @@ class Density(NamedTuple):
 
 
 def density_of(found: LoadedScene) -> Density:
-    """Densities of a scene: of its voxels' slices where it has voxels, else of its layers.
+    """Densities of a scene: of the slices of its voxels if it has voxels, otherwise of its layers.
 
     Raises
     ------
@@ -118,19 +118,19 @@ def _hidden_pulses(volume: VoxelVolume | None) -> tuple[float, float, float] | N
     opacity = None if volume is None else volume.opacity
     if opacity is None or opacity.gap_weighted is None:
         return None
-    assert opacity.gap_first is not None  # all three are there, or none
+    assert opacity.gap_first is not None  # either all three are known or none
     assert opacity.gap_last is not None
     return 1.0 - opacity.gap_first, 1.0 - opacity.gap_weighted, 1.0 - opacity.gap_last
 
 
 def _slanted(shown: Density) -> str:
-    assert shown.pulses_zenith_deg is not None  # pulses have angles
+    assert shown.pulses_zenith_deg is not None  # opacity from pulses has their angles
     low, high = shown.pulses_zenith_deg
     return f"pulses {low:.0f}° to {high:.0f}° off the vertical"
 
 
 def draw(figure: Figure, shown: Density, theme: Theme) -> None:
-    """Bars of densities, and beside them what is hidden from above, both against height."""
+    """Draw bars of densities, and beside them the share hidden from above, both over height."""
     left, right = figure.subplots(1, 2, sharey=True)
     heights = [top - bottom for bottom, top in zip(shown.bottom_m, shown.top_m, strict=True)]
     thin = len(heights) > 40

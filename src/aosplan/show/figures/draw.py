@@ -1,9 +1,9 @@
-"""Figures: what a plan, a stand or a sweep looks like, and the same said in words.
+"""Kinds of figures, one module each.
 
-A file a kind.  Each has a class of plain numbers with a title, a `description` (the figure's text
-alternative) and a `document`; a function that makes them and knows nothing of matplotlib; and
-`draw`, which puts them on a figure.  `aosplan.show.figures.style` has the colours, `aosplan.show.figures.canvas`
-turns what is drawn into the bytes of a PNG, SVG or PDF file.
+Each module has a class of plain numbers with a title, a `description` (the text alternative of the
+figure) and a `document`; a function that creates it without Matplotlib; and `draw`, which draws it
+on a Matplotlib figure.  `aosplan.show.figures.style` has the colours, and
+`aosplan.show.figures.canvas` converts figures to the bytes of a PNG, SVG or PDF file.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ class Shown(Protocol):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
 
     def description(self) -> str:
-        """What it shows, in words: for who cannot see it."""
+        """Description in words, for readers who cannot see the figure."""
 
     def document(self) -> dict[str, Any]:
         """Its numbers as plain values."""
 
 
 class Kind(NamedTuple):
-    """A kind of figure: what it is made from, in which module, and its height over its width."""
+    """A kind of figure: name, source of its numbers, module, and ratio of height to width."""
 
     name: str
     summary: str
@@ -41,7 +41,7 @@ class Kind(NamedTuple):
     height: float
 
     def draw(self, figure: Figure, shown: Shown, theme: Theme) -> None:
-        """Put the numbers on a figure."""
+        """Draw the numbers on a figure."""
         import_module(f"aosplan.show.figures.{self.module}").draw(figure, shown, theme)
 
 
@@ -67,4 +67,4 @@ KINDS = {
         Kind("sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66),
     )
 }
-"""Every kind by its name."""
+"""All kinds by name."""

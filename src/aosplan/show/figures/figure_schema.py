@@ -10,7 +10,7 @@ from aosplan.validation import OpenDocument
 
 
 class FigureDocument(OpenDocument):
-    """What `aosplan plot --json` prints: a figure in words, and the numbers in it."""
+    """The document that `aosplan plot --json` prints: description and numbers of a figure."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

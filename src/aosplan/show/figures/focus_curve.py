@@ -1,4 +1,4 @@
-"""How well halves of a recording's views agree, by the height of the focal plane."""
+"""Agreement of halves of a recording's views, by the height of the focal plane."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class FocusCurve(NamedTuple):
-    """The curve, and its peaks: height, agreement and the height's standard deviation."""
+    """The curve and its peaks: height, agreement, and standard deviation of the height."""
 
     heights_m: tuple[float, ...]
     agreement: tuple[float, ...]
@@ -23,7 +23,7 @@ class FocusCurve(NamedTuple):
 
     @classmethod
     def of(cls, focus: Mapping[str, Any]) -> FocusCurve:
-        """From the document of a focus."""
+        """The curve from the document of a focus."""
         peaks = tuple(
             (name, peak["place"], peak["value"], peak["deviation"])
             for name in ("ground", "crowns")
@@ -33,11 +33,11 @@ class FocusCurve(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return "Agreement of integrals from disjoint halves of the views"
 
     def description(self) -> str:
-        """The curve in words."""
+        """Description of the curve in words."""
         return f"{self.title}: " + "; ".join(
             f"{name} at {place:.2f} m (± {deviation:.2g} m), agreement {value:.2f}"
             for name, place, value, deviation in self.peaks
@@ -49,7 +49,7 @@ class FocusCurve(NamedTuple):
 
 
 def draw(figure: Figure, shown: FocusCurve, theme: Theme) -> None:
-    """Agreement against height, with the peaks marked."""
+    """Draw agreement over height, with the peaks marked."""
     panel = figure.subplots()
     panel.plot(shown.heights_m, shown.agreement, color=theme.data[0])
     for index, (name, place, value, deviation) in enumerate(shown.peaks):

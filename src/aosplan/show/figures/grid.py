@@ -1,4 +1,4 @@
-"""The waypoints of a plan on the ground, in flight order and to scale, with what lies around them."""
+"""Map of the waypoints of a plan, in flight order and to scale, with area, zones and footprints."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     Polygon = tuple[Ring, ...]
 
 NUMBERED_MM = 4.6
-"""Spacing on paper from which each waypoint has its number."""
+"""Smallest spacing on paper for which each waypoint is numbered."""
 
 DOTTED_MM = 1.6
-"""Spacing on paper from which each waypoint has a dot."""
+"""Smallest spacing on paper for which each waypoint has a dot."""
 
 MOST_NUMBERS = 20
-"""Numbers of waypoints that are too close to have one each."""
+"""Number of numbered waypoints if they are too close together for all."""
 
 MOST_NUMBERED = 400
-"""More waypoints have no numbers but those at which a flight begins or ends."""
+"""Largest number of waypoints for which more than the ends of flights are numbered."""
 
 NARROWEST = 0.6
-"""Shorter side of the map over its longer side, at least."""
+"""Smallest ratio of the shorter to the longer side of the map."""
 
 STEPS = (1, 2, 5)
 
@@ -44,8 +44,9 @@ STEPS = (1, 2, 5)
 class Grid(NamedTuple):
     """Waypoints and shapes, in metres east and north of the origin.
 
-    A polygon is a tuple of rings, the outer one first; `footprint` is that of a photo in the middle
-    of the grid, of the first one over an area; `common` the ground that all photos show.
+    A polygon is a tuple of rings with the outer one first.  `footprint` is that of a photo at the
+    centre of the grid, or of the first photo of an area.  `common` is the ground that all photos
+    show.
     """
 
     scene: str
@@ -73,7 +74,7 @@ class Grid(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         over = "" if self.area_m2 is None else f" over {self.area_m2 / 1e4:.3g} ha"
         return f"{self.photos} photo{'s' if self.photos > 1 else ''}{over} for {self.scene}"
 
@@ -83,7 +84,7 @@ class Grid(NamedTuple):
         return max(self.east_m) - min(self.east_m), max(self.north_m) - min(self.north_m)
 
     def description(self) -> str:
-        """The way and what lies around it, in words."""
+        """Description of the path and the shapes in words."""
         first, last = ((self.east_m[k], self.north_m[k]) for k in (0, -1))
         text = (
             f"{self.title}: a path of {self.length_m:.4g} m in {len(self.flights)} "
@@ -104,7 +105,7 @@ class Grid(NamedTuple):
         return f"{text}."
 
     def document(self) -> dict[str, Any]:
-        """The numbers as plain values; the waypoints are in the plan's own document."""
+        """The numbers as plain values, without the waypoints, which are in the plan's document."""
         own = self._asdict()
         for name in ("east_m", "north_m", "photo", "area", "clear", "no_fly"):
             del own[name]
@@ -127,7 +128,7 @@ def grid_of(plan: Plan, area: Area | None = None) -> Grid:
     plan
         The plan.
     area
-        Its area, where it has one (`aosplan.planning.sites.over_area`).
+        The area of the plan, if it has one (`aosplan.planning.sites.over_area`).
     """
     ways, route = plan.waypoints, plan.route
     photos = len(ways) if ways.photo is None else sum(ways.photo)
@@ -167,7 +168,7 @@ def grid_of(plan: Plan, area: Area | None = None) -> Grid:
 def _rectangle(
     size_m: tuple[float, float], heading_deg: float, middle: tuple[float, float]
 ) -> Ring:
-    """Corners of a rectangle, its first size along the heading."""
+    """Corners of a rectangle; its first size is along the heading."""
     axis = heading_axis(heading_deg)
     corners = [turned(0.5 * sx * size_m[0], 0.5 * sy * size_m[1], axis) for sx, sy in CORNERS]
     return tuple((middle[0] + east, middle[1] + north) for east, north in corners)
@@ -196,9 +197,10 @@ def nice_length_m(span_m: float) -> float:
 
 
 def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]:
-    """Which waypoints have their number beside them, where they are this far apart on paper.
+    """Indices of the waypoints that are numbered, for a given spacing on paper.
 
-    All, or every so many; of very many only the first and the last of each flight.
+    All are numbered, or every n-th; if there are very many, only the first and the last of each
+    flight.
     """
     count, ends = flights[-1][1] + 1, {place for flight in flights for place in flight}
     if spacing_mm >= NUMBERED_MM:
@@ -212,13 +214,13 @@ def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]
 
 
 def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
-    """The map, north up, metres to both sides."""
+    """Draw the map with north up and metres along both axes."""
     legend_below(figure, draw_panel(figure.subplots(), shown, theme))
     entitle(figure, shown.title)
 
 
 def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
-    """The map on one panel; what its legend explains."""
+    """Draw the map on one panel; return the handles of its legend."""
     panel.set_aspect("equal")
     shapes = _shapes(shown, theme)
     for polygons, look in shapes.values():
@@ -228,10 +230,10 @@ def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
     span = max(high[0] - low[0], high[1] - low[1])
     panel.set_xlim(low[0], high[0])
     panel.set_ylim(low[1] - 0.1 * span, high[1])
-    # A part of a figure has no size of its own but its box.
+    # A subfigure has no size of its own except its bounding box.
     width, height = panel.figure.bbox.width, panel.figure.bbox.height
     shorter_in = float(min(width, height)) / panel.figure.dpi
-    # Axes of a figure with other panels are smaller than it; a layout has not yet placed them.
+    # Axes beside other panels are smaller than the figure, and the layout is not final yet.
     share = min(panel.get_position().width, panel.get_position().height) / 0.77
     paper_mm = 25.4 * 0.86 * min(share, 1.0) * shorter_in / span
     _ways(panel, shown, theme, paper_mm * _spacing_m(shown))
@@ -257,7 +259,7 @@ HOME: dict[str, Any] = {"ls": "", "marker": "P", "ms": 9, "zorder": 6}
 
 
 def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]]:
-    """What is drawn below the waypoints, by its name, with its look."""
+    """Shapes that are drawn below the waypoints, by name, with their appearance."""
     common = () if shown.common is None else ((shown.common,),)
     shapes: dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]] = {
         "area": (shown.area, {"fc": theme.shade, "ec": theme.text, "lw": 1.2}),
@@ -276,7 +278,7 @@ def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], d
 
 
 def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
-    """The path of each flight, and its waypoints as far as there is room for them."""
+    """Draw the path of each flight, and its waypoints as far as there is room."""
     from matplotlib.patheffects import withStroke
 
     blue, halo = theme.data[0], [withStroke(linewidth=2.0, foreground=theme.background)]
@@ -332,7 +334,7 @@ def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
 
 
 def _spacing_m(shown: Grid) -> float:
-    """Distance of neighbours in the way, the least of the first few thousand."""
+    """Smallest distance between consecutive waypoints, among the first few thousand."""
     count = min(len(shown.east_m), 2000)
     steps = (
         math.hypot(shown.east_m[k + 1] - shown.east_m[k], shown.north_m[k + 1] - shown.north_m[k])
@@ -342,7 +344,7 @@ def _spacing_m(shown: Grid) -> float:
 
 
 def window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lower and upper corner of all that is drawn, with a margin."""
+    """Lower and upper corner of everything that is drawn, with a margin."""
     rings = [shown.footprint, *(polygon[0] for polygon in (*shown.area, *shown.clear))]
     places = [point for ring in rings for point in ring]
     places += [shown.takeoff] if shown.takeoff is not None else []

@@ -1,4 +1,4 @@
-"""From a plan or a scene to the numbers of a figure of some kind."""
+"""The numbers of a figure from a plan or a scene."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def shown_of_scene(
     loaded
         The scene.
     focal_height_m, coverage, altitude_m
-        Of the baseline curve: the height of the focal plane, the share of occluders that is wanted,
-        and the altitude for an axis of baselines.
+        For the baseline curve: height of the focal plane, requested share of occluders, and
+        altitude for an additional axis of baselines.
     """
     if kind.name == "density":
         from aosplan.show.figures.density import density_of

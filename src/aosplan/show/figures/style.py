@@ -1,7 +1,8 @@
-"""The one style of all figures: colours, lines, letters.
+"""The common style of all figures: colours, lines, fonts.
 
-The colours of data differ in lightness by at least `LEAST_STEP`, so that they survive a grey print,
-and for eyes that see two colours of three; each has a line style and a marker of its own as well.
+The lightness of the colours of data differs by at least `LEAST_STEP`, so that they can be
+distinguished in greyscale and by colour-blind readers.  Each also has its own line style and
+marker.
 """
 
 from __future__ import annotations
@@ -13,25 +14,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEAST_CONTRAST = 3.0
-"""Of everything that is drawn to its background: WCAG 2.2, 1.4.11; of text 4.5."""
+"""Smallest contrast of graphics to their background (WCAG 2.2, 1.4.11); for text it is 4.5."""
 
 LEAST_STEP = 10.0
-"""Between the lightness (CIE L*) of any two colours of data."""
+"""Smallest difference of lightness (CIE L*) between two colours of data."""
 
 LONGEST = 60
-"""Letters of a name in a legend."""
+"""Largest number of characters of a name in a legend."""
 
 TITLE = 95
-"""Letters of a title."""
+"""Largest number of characters of a title."""
 
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "s", "^", "D")
 
 
 class Theme(NamedTuple):
-    """Colours on a background.
+    """Colours for a background.
 
-    `data` are told apart whatever the eye or the printer; `shade` fills the areas behind them.
+    The colours in `data` can always be distinguished; `shade` is for areas behind them.
     """
 
     name: str
@@ -67,7 +68,7 @@ DARK = Theme(
 
 
 def rules(theme: Theme) -> dict[str, Any]:
-    """Settings of matplotlib for a theme, on top of its own defaults."""
+    """Matplotlib settings of a theme, in addition to Matplotlib's defaults."""
     return {
         "figure.facecolor": theme.background,
         "savefig.facecolor": theme.background,
@@ -112,24 +113,24 @@ def rules(theme: Theme) -> dict[str, Any]:
 
 
 def printable(text: str) -> str:
-    """Words with a name from a request or a file, without the letters that steer a terminal."""
+    """Text from a request or a file without control characters."""
     return "".join(letter if letter.isprintable() else "\ufffd" for letter in text)
 
 
 def plain(text: str, longest: int = LONGEST) -> str:
-    """Words with a name from a request or a file as a figure shows them: short, no mathematics."""
+    """Text from a request or a file for a figure: shortened, and without mathematical markup."""
     shown = printable(text)
     shown = shown if len(shown) <= longest else f"{shown[: longest - 1]}…"
     return shown.replace("$", r"\$")
 
 
 def entitle(figure: Figure, title: str) -> None:
-    """Put a title over a figure, at its left."""
+    """Add a title above a figure, aligned left."""
     figure.suptitle(plain(title, TITLE), x=0.01, ha="left", size=9.5, wrap=True)
 
 
 def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
-    """Label a logarithmic axis at these steps of each decade, in plain numbers."""
+    """Label a logarithmic axis at these multiples in each decade, with plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=steps))
@@ -138,8 +139,8 @@ def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
 
 
 def legend_below(figure: Figure, handles: list[Any]) -> None:
-    """A legend below a figure, in as many columns as there is room for."""
+    """Add a legend below a figure, with as many columns as fit."""
     longest = max(len(handle.get_label()) for handle in handles)
-    column = 4.4 * longest + 36.0  # points: letters of 7.5 and what stands before them
+    column = 4.4 * longest + 36.0  # points: characters of 7.5 and the symbol before them
     room = 72.0 * figure.get_size_inches()[0] - 12.0
     figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

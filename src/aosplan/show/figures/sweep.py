@@ -1,7 +1,6 @@
-"""Results of a sweep: two of their columns against each other, or a third as a map over them.
+"""Figures of a sweep's results: two columns against each other, or a third one as a map over two.
 
-The table is streamed: what stays in memory is a number for each cell that is drawn, however many
-rows there are.
+The table is streamed.  Only one number per drawn cell is kept in memory, for any number of rows.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 DEFAULT_X, DEFAULT_Y = "samples", "flight_time_s"
-"""The trade-off that is drawn unless columns are named."""
+"""Columns of the default figure, a trade-off."""
 
 MORE_IS_BETTER = (
     "visibility_minimum",
@@ -39,26 +38,26 @@ MORE_IS_BETTER = (
     "visibility_effective_samples",
     "visibility_contrast",
 )
-"""Results of which more is better; of all others less is."""
+"""Results of which larger values are better; of all others smaller values are."""
 
 BINS = (200, 150)
-"""Cells of a scatter along x and y: what lies in one is one point."""
+"""Cells of a scatter along x and y; all rows in a cell are one point."""
 
 FEW = 500
-"""Points that may be large."""
+"""Largest number of points that are drawn large."""
 
 MOST_VALUES = 400
-"""Different values along a side of a map."""
+"""Largest number of different values along a side of a map."""
 
 MOST_TICKS = 12
 
 WIDE, WIDE_MAP = 30.0, 20.0
-"""The most over the least from which an axis, and the colours of a map, are logarithmic."""
+"""Ratio of largest to smallest value above which an axis, or the colours of a map, are logarithmic."""
 
 UNITS = {"_m": "m", "_s": "s", "_deg": "°", "_px": "px", "_mps": "m/s"}
 
 OPTION_UNITS = {"M": "m", "M|RANGE": "m", "S": "s", "DEG": "°", "M/S": "m/s", "MIN": "min"}
-"""Units of the options that are swept, by what stands for their values in the help."""
+"""Units of options by the placeholder of their value in the help."""
 
 SYMBOLS = {
     "samples": "samples N",
@@ -74,9 +73,9 @@ SYMBOLS = {
 
 
 class Scatter(NamedTuple):
-    """Two results against each other: a point for each cell that holds rows, and the front.
+    """Two results against each other: one point for each cell that has rows, and the Pareto front.
 
-    On the front no other row is as good in both and better in one.
+    For a row on the front, no other row is at least as good in both results and better in one.
     """
 
     x: str
@@ -88,11 +87,11 @@ class Scatter(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"{_word(self.y)} against {_word(self.x)} of {self.rows} scenarios"
 
     def description(self) -> str:
-        """The front in words."""
+        """Description of the front in words."""
         few = (
             self.front
             if len(self.front) <= 5
@@ -108,7 +107,7 @@ class Scatter(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """Scenarios with the same x and y: how many, how many are met, and the mean value of those."""
+    """Scenarios with the same x and y: number, number with a plan, and mean value of these."""
 
     rows: int
     met: int
@@ -116,7 +115,7 @@ class Cell(NamedTuple):
 
 
 class Map(NamedTuple):
-    """A result over two other columns: a cell for each pair of their values; None: no scenario."""
+    """A result over two columns: a cell for each pair of their values, None without scenarios."""
 
     x: str
     y: str
@@ -129,12 +128,12 @@ class Map(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         mean = "Mean " if any(cell and cell.rows > 1 for row in self.cells for cell in row) else ""
         return f"{mean}{_word(self.value)} by {_word(self.x)} and {_word(self.y)}"
 
     def description(self) -> str:
-        """The extremes in words, and where scenarios cannot be met."""
+        """Description of the extremes, and of where scenarios have no plan."""
         text = (
             f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of {self.rows} "
             f"scenarios, {self.rows - self.met} of which cannot be met"
@@ -173,7 +172,7 @@ def check_columns(
     Raises
     ------
     RequestError
-        If a name is unknown, or a map has no two columns to lie over.
+        If a name is unknown, or a map lacks one of its two columns.
     """
     if value is not None and (x is None or y is None):
         raise RequestError(f"{flags}value without {flags}x and {flags}y", "a map needs two columns")
@@ -188,16 +187,16 @@ def check_columns(
 def results_of(
     path: str, x: str | None = None, y: str | None = None, value: str | None = None
 ) -> Scatter | Map:
-    """What is drawn of the results of a sweep.
+    """The numbers of a figure of a sweep's results.
 
     Parameters
     ----------
     path
         A result of ``aosplan sweep``: .csv, .parquet or .jsonl, or a folder.
     x, y
-        Columns: results for a scatter, any for a map.
+        Columns: results for a scatter, any columns for a map.
     value
-        A result: a map of it over x and y.
+        A result that is drawn as a map over x and y; None for a scatter.
 
     Raises
     ------
@@ -213,7 +212,7 @@ def results_of(
 def frame_of(
     lazy: pl.LazyFrame, x: str | None = None, y: str | None = None, value: str | None = None
 ) -> Scatter | Map:
-    """What is drawn of the rows of a sweep; parameters and errors as of `results_of`."""
+    """The numbers of a figure of a sweep's rows; parameters and errors are those of `results_of`."""
     check_columns(_collected(lazy.head(0)).columns, x, y, value)
     if value is None:
         return _scatter(lazy, x or DEFAULT_X, y or DEFAULT_Y)
@@ -234,7 +233,7 @@ def _scan(path: str) -> pl.LazyFrame:
             "results of a sweep have one of them",
         )
     check_input(path)
-    # A name with brackets is no pattern of other names.
+    # Brackets in a file name must not be taken for a pattern.
     return scans[ending](escape(path))  # type: ignore[no-any-return]
 
 
@@ -272,14 +271,14 @@ def _scatter(lazy: Any, x: str, y: str) -> Scatter:
         for axis, (name, place) in enumerate((("x", "i"), ("y", "j")))
     ]
     binned = kept.with_columns(*places)
-    # Of each cell its lower left corner among the rows: a mean would depend on their order.
+    # The point of a cell is the corner of its rows, because a mean would depend on their order.
     points = _collected(binned.group_by("i", "j").agg(pl.min("x", "y"))).select("x", "y").rows()
     front = _front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER)
     return Scatter(x, y, total, met, tuple(sorted(points)), tuple(front))
 
 
 def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]:  # noqa: FBT001
-    """Rows that no other is better than, of each bin along x the best, in rising order."""
+    """Rows that no other row is better than, found among the best of each bin, in order of x."""
     pl = polars()
     signs = [-1.0 if more else 1.0 for more in (more_x, more_y)]
     rated = binned.select("i", pl.col("x") * signs[0], pl.col("y") * signs[1])
@@ -304,7 +303,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> Map:
                 f"leave out the value for a scatter, or sweep fewer values of {name}",
             )
     ok = pl.col("status") == "ok"
-    # The order in which rows are added up changes the last digits only.
+    # The order of the addition only affects the last digits, which are rounded away.
     found = pl.col(value).cast(pl.Float64, strict=False).filter(ok).mean().round_sig_figs(12)
     table = _collected(
         lazy.group_by(pl.col(x).alias("x"), pl.col(y).alias("y")).agg(
@@ -331,7 +330,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> Map:
 
 
 def _order(value: Any) -> tuple[int, Any]:
-    """Numbers before text, and nothing last."""
+    """Sort key: numbers before text, and missing values last."""
     return (
         (2, 0)
         if value is None
@@ -342,7 +341,7 @@ def _order(value: Any) -> tuple[int, Any]:
 
 
 def _word(column: str) -> str:
-    """A column's name with spaces, its symbol and its unit."""
+    """Name of a column with spaces, symbol and unit."""
     if column in SYMBOLS:
         return SYMBOLS[column]
     if column in BY_NAME:
@@ -364,7 +363,7 @@ def _shown(value: Any) -> str:
 
 
 def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
-    """A scatter with its front, or a map."""
+    """Draw a scatter with its front, or a map."""
     handles = draw_panel(figure.subplots(), shown, theme)
     if handles:
         legend_below(figure, handles)
@@ -372,7 +371,7 @@ def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
 
 
 def draw_panel(panel: Axes, shown: Scatter | Map, theme: Theme) -> list[Any]:
-    """A scatter or a map on one panel; what its legend explains."""
+    """Draw a scatter or a map on one panel; return the handles of its legend."""
     if isinstance(shown, Scatter):
         _draw_scatter(panel, shown, theme)
         return []
@@ -459,7 +458,7 @@ def _draw_map(panel: Axes, shown: Map, theme: Theme) -> list[Any]:
     panel.set(xlabel=plain(_word(shown.x)), ylabel=plain(_word(shown.y)))
     panel.grid(visible=False)
     figure = panel.get_figure()
-    assert figure is not None  # the panel is on one
+    assert figure is not None  # the panel belongs to a figure
     scale = figure.colorbar(
         image, ax=panel, label=plain(_word(shown.value)) + (", log scale" if wide else "")
     )
@@ -469,7 +468,7 @@ def _draw_map(panel: Axes, shown: Map, theme: Theme) -> list[Any]:
 
 
 def ticked(labels: Sequence[str]) -> range:
-    """Places of a side whose labels are shown: evenly spread, the roundest labels."""
+    """Indices of the labels that are shown along a side: evenly spaced, preferring round ones."""
     step = next(
         digit * 10**power
         for power in range(len(str(len(labels))) + 1)

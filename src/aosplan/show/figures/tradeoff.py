@@ -1,4 +1,4 @@
-"""What each number of samples takes: baseline, extent and flight time, and which rows are the front."""
+"""Baseline, extent and flight time by number of samples, and the rows on the Pareto front."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Point(NamedTuple):
-    """A row of `aosplan tradeoff`: a number of samples, and what it takes."""
+    """A row of `aosplan tradeoff`: a number of samples with its cost and benefit."""
 
     grid: str
     samples: int
@@ -31,7 +31,7 @@ class Point(NamedTuple):
 
 
 class Tradeoff(NamedTuple):
-    """Rows of all kinds of grid that were asked for."""
+    """Rows of all requested kinds of grid."""
 
     scene: str
     altitude_m: float
@@ -41,11 +41,11 @@ class Tradeoff(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"Trade-off over {self.scene}, from {self.altitude_m:g} m, {self.target}"
 
     def description(self) -> str:
-        """The front and the plan, in words."""
+        """Description of the front and the plan in words."""
         front = sorted((p for p in self.points if p.front), key=lambda p: p.samples)
         several = len({p.grid for p in self.points}) > 1
         missed = sum(not p.meets for p in self.points)
@@ -75,10 +75,10 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
     Raises
     ------
     RequestError
-        If nothing is hidden.
+        If there are no occluders.
     """
     rows = plan.tradeoff()
-    assert plan.problem is not None  # or there is no trade-off
+    assert plan.problem is not None  # otherwise there is no trade-off
     return Tradeoff(
         scene=plan.scene.title or plan.scene.name,
         altitude_m=plan.altitude_m,
@@ -112,16 +112,17 @@ LAST = {
     "visibility": ("samples", "expected", "visibility $V$"),
     "contrast": ("samples", "contrast", "contrast"),
 }
-"""The last panel, for the objectives that are maximised; else time against extent."""
+"""The last panel for objectives that are maximised; for others it is time over extent."""
 
 
 def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
-    """Baseline, extent and time against N, and time against extent."""
+    """Draw baseline, extent and time over N, and time over extent."""
     axes = figure.subplots(2, 2)
     looks = _looks(shown, theme)
     (own,) = (p for p in shown.points if p.chosen)
     last = LAST.get(shown.objective, ("extent_m", "time_s", "flight time [s]"))
-    several = [p for p in shown.points if p.samples > 1] or shown.points  # one has no baseline
+    # a single sample has no baseline
+    several = [p for p in shown.points if p.samples > 1] or shown.points
     for panel, (x, y, label) in zip(axes.flat, (*PANELS, last), strict=True):
         for grid, look in looks.items():
             rows = [p for p in shown.points if p.grid == grid]
@@ -131,7 +132,7 @@ def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
                 ([not p.meets for p in rows], {"color": theme.muted, "ls": (0, (1, 1.5))}),
                 ([p.front for p in rows], FRONT | {"mfc": look["color"], "mec": theme.text}),
             ):
-                # A line has gaps where rows of the other kind lie.
+                # The line is interrupted at rows that are drawn by the other line.
                 up = [
                     getattr(p, y) if keep else math.nan for p, keep in zip(rows, kept, strict=True)
                 ]
@@ -152,7 +153,7 @@ PLAN: dict[str, Any] = {"ls": "", "marker": "*", "ms": 13, "zorder": 5}
 
 
 def _looks(shown: Tradeoff, theme: Theme) -> dict[str, dict[str, Any]]:
-    """Colour and line of each kind of grid."""
+    """Colour and line style of each kind of grid."""
     grids = dict.fromkeys(point.grid for point in shown.points)
     return {
         grid: {"color": theme.data[place % 4], "ls": LINES[place % 4]}

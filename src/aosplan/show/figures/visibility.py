@@ -1,4 +1,4 @@
-"""V̂ and V against the number of samples and the baseline, and where the plan lies between them."""
+"""V̂ and V over the number of samples and the baseline, with the plan marked."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import Problem
 
 BASELINES = (1.0, 0.5, 0.25, 2.0)
-"""Of the plan's baseline: those whose curves are drawn, the plan's own first."""
+"""Baselines of the curves as multiples of the plan's; the plan's own is first."""
 
 SAMPLES = (1.0, 0.5, 0.25, 2.0)
-"""The same of its number of samples."""
+"""Numbers of samples of the curves as multiples of the plan's; the plan's own is first."""
 
 POINTS = 24
-"""Points of a curve, about."""
+"""Approximate number of points of a curve."""
 
 
 class Curve(NamedTuple):
-    """V̂ and V along `x`, samples or metres, while `fixed`, the other of the two, stays."""
+    """V̂ and V over `x`, which is samples or metres; `fixed` is the other of the two."""
 
     fixed: float
     x: tuple[float, ...]
@@ -39,11 +39,11 @@ class Curve(NamedTuple):
 
 
 class Visibility(NamedTuple):
-    """Curves around a plan; its target is None where it is the best there is.
+    """Curves around a plan; the target is None if the plan maximises an objective.
 
-    `by_samples` are curves at one baseline each, `by_baseline` at one number of samples each; the
-    plan's own come first.  `independent_m` is the baseline from which neighbours share no occluder,
-    None where there is none.
+    Each curve in `by_samples` has a fixed baseline, and each in `by_baseline` a fixed number of
+    samples; the plan's own is first.  `independent_m` is the baseline from which neighbours share
+    no occluder, or None if there is none.
     """
 
     scene: str
@@ -64,11 +64,11 @@ class Visibility(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, in one line."""
+        """Title in one line."""
         return f"Visibility of {self.scene}, from {self.altitude_m:g} m ({self.model} model)"
 
     def description(self) -> str:
-        """The plan's point and its curves, in words."""
+        """Description of the plan and its curves in words."""
         first, second = self.by_samples[0], self.by_baseline[0]
         symbol = "V̂" if self.target_quantity == "normalized" else "V"
         target = "" if self.target is None else f"; the target is {symbol} = {self.target:.6g}"
@@ -91,18 +91,18 @@ class Visibility(NamedTuple):
 
 
 def _stations(curve: Curve, form: str) -> str:
-    """A few points of a curve in words."""
+    """A few points of a curve as text."""
     places = sorted({0, len(curve.x) // 4, len(curve.x) // 2, len(curve.x) - 1})
     return ", ".join(form.format(curve.x[at], curve.normalized[at]) for at in places)
 
 
 def visibility_of(plan: Plan) -> Visibility:
-    """The curves around a plan, by the model that it was solved with.
+    """The curves around a plan, computed with its model.
 
     Raises
     ------
     RequestError
-        If nothing is hidden.
+        If there are no occluders.
     """
     problem, solution = plan.problem, plan.solution
     if problem is None:
@@ -136,7 +136,9 @@ def visibility_of(plan: Plan) -> Visibility:
 def by_samples(
     problem: Problem, most: int, base: float, own: int, points: int = POINTS
 ) -> Iterator[Curve]:
-    """Yield curves up to `most` samples, one of them `own`: at the baseline `base` [m] first."""
+    """Yield curves with up to `most` samples, including `own`; the first has the baseline `base`
+    [m].
+    """
     counts = {round(1 + (most - 1) * (k / points) ** 2) for k in range(points + 1)} | {own}
     patterns = {problem.grid.pattern(count) for count in sorted(counts)}
     inside = sorted((p for p in patterns if p.samples <= most), key=lambda p: p.samples)
@@ -144,7 +146,7 @@ def by_samples(
     for factor in BASELINES:
         baseline = factor * base
         if factor > 1.0 and base * inside[-1].nearest >= independent * (1.0 - 1e-9):
-            continue  # a wider baseline would gain nothing
+            continue  # a larger baseline would not improve V̂
         found = [
             (p, problem.model.predict(p, baseline))
             for p in inside
@@ -162,7 +164,7 @@ def by_samples(
 def by_baseline(
     problem: Problem, samples: int, widest: float, own: float, points: int = POINTS
 ) -> Iterator[Curve]:
-    """Yield curves up to a baseline `widest`, one of them `own` [m]: of so many samples first."""
+    """Yield curves with baselines up to `widest` [m], including `own`; the first has `samples`."""
     baselines = sorted({widest * k / points for k in range(1, points + 1)} | {own})
     drawn = set()
     for factor in SAMPLES:
@@ -185,12 +187,12 @@ def by_baseline(
 
 
 def _fits(problem: Problem, extent_m: float) -> bool:
-    """Whether the scene can tell something of an aperture."""
+    """Whether the scene is large enough for an aperture."""
     return extent_m <= problem.model.widest_aperture_m * (1.0 + 1e-9)
 
 
 def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
-    """Two columns, against N and against b; V̂ above, V below."""
+    """Draw two columns, over N and over b, with V̂ above V."""
     axes = figure.subplots(2, 2, sharex="col", sharey="row")
     quantities = (
         ("normalized", r"normalised visibility $\hat{V}$"),

@@ -1,4 +1,4 @@
-"""The report: a plan as one self-contained page.
+"""The report: a plan as one self-contained HTML page.
 
-`aosplan.show.page.page` fills ``page.html`` from a plan.
+`aosplan.show.page.page` fills the template ``page.html`` with a plan.
 """

@@ -1,4 +1,4 @@
-"""Bounds of a plan along the axes of its curves: what the samples and the baseline may not pass."""
+"""Limits of samples and baseline that are marked on the axes of a plan's curves."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 class Bound(NamedTuple):
-    """A value that the quantity along the axis meets or may not pass, and why."""
+    """A limit of the quantity along an axis, and the reason."""
 
     value: float
     text: str
 
 
 def baseline_bounds(problem: Problem, pattern: Sites) -> list[Bound]:
-    """Baselines beyond which nothing is gained, allowed or known."""
+    """Baselines beyond which there is no gain, or which are limits."""
     model, bounds = problem.model, problem.bounds
     found = [
         Bound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
@@ -34,7 +34,7 @@ def baseline_bounds(problem: Problem, pattern: Sites) -> list[Bound]:
 
 
 def sample_bounds(problem: Problem, solution: Solution) -> list[Bound]:
-    """Numbers of samples that are asked for, or needed."""
+    """Numbers of samples that are required or are limits."""
     bounds, required = problem.bounds, solution.samples_required
     found = [] if required is None else [Bound(required, "fewest that meet the target")]
     if bounds.max_samples is not None:

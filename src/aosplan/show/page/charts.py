@@ -1,4 +1,4 @@
-"""Charts of the page: curves as lines of an SVG picture, with axes, bounds and the plan itself."""
+"""Charts of the page: curves as lines of an SVG image, with axes, limits and the plan."""
 
 from __future__ import annotations
 
@@ -15,33 +15,34 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 LEFT, RIGHT, TOP, BOTTOM = 46, 326, 14, 240
-"""The picture, and the frame of its axes, in units of which a letter is about 12 high."""
+"""Frame of the axes within the image; a character is about 12 units high."""
 
 TICKS_Y = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 
 
 class Tick(NamedTuple):
-    """A place along an axis, and what is written there."""
+    """A position along an axis, and its label."""
 
     place: float
     text: str
 
 
 FEW, COUNTED = 12, 2000
-"""Points of a measured stand's curve, where each photo of each is a count over all voxels.
+"""Number of points of a curve of a measured stand, and largest number of photos of all points.
 
-They are fewer, down to half, where their photos together would be more than the second.
+Every photo of every point is counted over all voxels.  If `FEW` points would have more than
+`COUNTED` photos in total, there are fewer points, but at least half of `FEW`.
 """
 
 MANY = 10_000
-"""Photos of a plan whose curve goes on to twice as many."""
+"""Largest number of photos of a plan whose curve is continued to twice as many."""
 
 APART = 13.0
-"""Distance of labels below each other."""
+"""Vertical distance between labels."""
 
 
 class Line(NamedTuple):
-    """A straight line across the frame, and its label: where it stands, and how it is aligned."""
+    """A straight line across the frame, and its label with position and alignment."""
 
     place: float
     text: str
@@ -50,24 +51,24 @@ class Line(NamedTuple):
 
 
 class Chart(NamedTuple):
-    """A picture ready to be drawn, and the numbers behind it.
+    """A chart ready to be drawn, with its numbers.
 
     Attributes
     ----------
     name, title, axis, column
-        Of the element, of the picture, of the axis, and of the table's first column.
+        Name of the element, title, label of the axis, name of the table's first column.
     summary
-        What it shows, in a sentence.
+        Description in one sentence.
     x_ticks, y_ticks
-        Places along the axes.
+        Ticks along the axes.
     normalized, expected
-        Lines of V̂ and V, as SVG has points.
+        Points of the curves of V̂ and V in the format of SVG.
     chosen
-        The plan: along the axis, V̂ and V.
+        Position of the plan: along the axis, V̂ and V.
     bounds, levels
-        Lines up and down with what bounds the plan, and across with target and limits.
+        Vertical lines for the limits of the plan, and horizontal lines for target and limits of V.
     rows
-        The numbers of the lines: along the axis, V̂ and V.
+        Numbers of the curves: along the axis, V̂ and V.
     """
 
     name: str
@@ -86,13 +87,13 @@ class Chart(NamedTuple):
 
 
 def charts_of(plan: Plan) -> list[Chart]:
-    """Visibility against the number of samples, and against the baseline; none of a clear view."""
+    """Charts of visibility over samples and over baseline; none without occluders."""
     problem, solution = plan.problem, plan.solution
     if problem is None or solution.baseline_m == 0.0:
         return []
     samples, baseline = solution.pattern.samples, solution.baseline_m
     bounds = baseline_bounds(problem, solution.pattern)
-    # Of each only the first, the plan's own, is asked for.
+    # Only the first curve of each, which is the plan's own, is computed.
     rising = problem.model.rises_with_baseline
     points = POINTS if rising else min(max(COUNTED // samples, FEW // 2), FEW)
     many = next(by_samples(problem, _most_samples(samples), baseline, samples, points), None)
@@ -126,7 +127,7 @@ def charts_of(plan: Plan) -> list[Chart]:
 
 
 def _most_samples(planned: int) -> int:
-    """The last of the numbers: twice the plan's, but of very many, which take long, no more."""
+    """Largest number of samples of a chart: twice the plan's, unless this would take too long."""
     return max(2 * planned, 8) if planned <= MANY else planned
 
 
@@ -173,7 +174,7 @@ def _chart(
 
 
 def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: float) -> list[Line]:
-    """Bounds within the frame; those at one place share a line and a label."""
+    """Limits within the frame; limits at the same place share a line and a label."""
     places: dict[float, list[str]] = {}
     for bound in bounds:
         if bound.value <= high * (1.0 + 1e-9):
@@ -187,7 +188,7 @@ def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: flo
 
 
 def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
-    """What one photo and endless ones see, and the target if the plan was made for one."""
+    """Visibility of one photo and of infinitely many, and the target if the plan has one."""
     from aosplan.solver.solution import BEST
 
     requirement, prediction = plan.requirement, plan.solution.prediction
@@ -202,12 +203,12 @@ def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
 
 
 def scale(high: float, start: float, end: float) -> Callable[[float], float]:
-    """A map from values, from zero to the highest, to places."""
+    """Function that maps values from 0 to `high` to positions."""
     return lambda value: start + value / high * (end - start)
 
 
 def ticks(low: float, high: float) -> list[float]:
-    """Round values between two, four to six of them."""
+    """Four to six round values between two values."""
     rough = (high - low) / 6.0
     unit = 10.0 ** math.floor(math.log10(rough))
     step = next(unit * factor for factor in (1, 2, 5, 10) if unit * factor >= rough)

@@ -1,4 +1,4 @@
-"""The page's curve of the probability of detection over the contrast of the target."""
+"""Curve of the probability of detection over the contrast of the target, for the page."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ if TYPE_CHECKING:
 
 
 class DetectionCurve(NamedTuple):
-    """A picture ready to be drawn, and what it says in words.
+    """A curve ready to be drawn, with its description.
 
     Attributes
     ----------
     text
-        The detection in the words of a search.
+        The probability of detection in a sentence.
     summary
-        What the picture shows, in a sentence.
+        Description of the picture in one sentence.
     x_ticks, y_ticks
-        Places along the axes.
+        Ticks along the axes.
     points
-        The curve, as SVG has points.
+        Points of the curve in the format of SVG.
     chosen
-        Place of the plan's own contrast.
+        Position of the plan's own contrast.
     """
 
     text: str
@@ -36,13 +36,13 @@ class DetectionCurve(NamedTuple):
 
 
 def detection_curve(plan: Plan) -> DetectionCurve | None:
-    """The curve of a plan that looks for something; None for another."""
+    """The curve of a plan with a target to search for; None for other plans."""
     found = plan.detection
     if found is None:
         return None
     from aosplan.planning.detection import detection_text
 
-    # A negative contrast is found as a positive one is: the axis has its amount.
+    # Negative contrasts are equivalent to positive ones, so the axis has absolute values.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)
     x, y = scale(curve[-1][0], LEFT, RIGHT), scale(1.0, BOTTOM, TOP)
     own = abs(found.signature.contrast)

@@ -1,4 +1,4 @@
-"""The heights along a way over terrain: ground, top of the canopy and flight, as a picture."""
+"""Height profile of a path over terrain: ground, top of the canopy and flight."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 MOST = 400
-"""Waypoints of a picture; of more only every so many are drawn, and the last."""
+"""Largest number of waypoints that are drawn; of more, every n-th and the last."""
 
 
 class Profile(NamedTuple):
-    """A picture ready to be drawn.
+    """A profile ready to be drawn.
 
-    `lines` have a name, points as SVG has them, and the height of their label; `ground` is the
-    outline of what lies below the lowest.
+    `lines` have a name, points in the format of SVG, and the height of their label.  `ground` is
+    the outline of the area below the ground line.
     """
 
     title: str
@@ -31,7 +31,7 @@ class Profile(NamedTuple):
 
 
 def profile_of(plan: Plan) -> Profile | None:
-    """The heights at the waypoints of a plan; None where the ground is not known."""
+    """The profile of a plan; None if the height of the ground is not known."""
     ways, route = plan.waypoints, plan.route
     if ways.ground_m is None:
         return None

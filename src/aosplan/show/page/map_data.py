@@ -1,4 +1,4 @@
-"""What the page's map draws: waypoints as columns of bytes, and all that lies around them."""
+"""Data of the page's map: waypoints as columns of bytes, and shapes around them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class Column(NamedTuple):
-    """A column of all waypoints: its name, how it is packed, and the text of it.
+    """A column of all waypoints: name, packing, and text.
 
-    `packing` is ``f8`` for floats of eight bytes, ``u1`` for truth values of one, both
-    little-endian and in base64, or ``same`` for the one value that all waypoints have.
+    `packing` is ``f8`` for floats of eight bytes and ``u1`` for booleans of one byte, both
+    little-endian and in base64, or ``same`` for a single value that all waypoints have.
     """
 
     name: str
@@ -28,7 +28,7 @@ class Column(NamedTuple):
 
 
 def columns_of(waypoints: Waypoints) -> list[Column]:
-    """The columns of waypoints, every digit of them."""
+    """The columns of waypoints at full precision."""
     return [_column(name, values) for name, values in waypoints.columns().items()]
 
 
@@ -45,10 +45,11 @@ def _column(name: str, values: Sequence[Any]) -> Column:
 
 
 def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
-    """All of a plan and its grid that lies around the waypoints, in metres east and north, as plain values.
+    """Everything around the waypoints of a plan, in metres east and north, as plain values.
 
-    Size of the grid is given where there is one grid: neither over an area nor along a line that
-    is flown on.  Where the take-off is not known, it is below the first waypoint.
+    The size of the grid is given if there is a single grid, that is neither for an area nor for a
+    line without end.  If the take-off point is not known, it is assumed to be below the first
+    waypoint.
     """
     one_grid = plan.layout.area is None and plan.inputs.line_length_m is None
     east, north = grid.takeoff or (grid.east_m[0], grid.north_m[0])
@@ -67,7 +68,7 @@ def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
 
 
 def _rings(polygons: tuple[Polygon, ...]) -> list[list[float]]:
-    """The rings of polygons to a centimetre, each east and north by turns; holes as they come."""
+    """The rings of polygons, rounded to centimetres, as alternating east and north; holes follow."""
     return [
         [round(value, 2) for point in ring for value in point]
         for polygon in polygons

@@ -1,4 +1,4 @@
-"""Numbers of a plan's document as a page shows them: rounded, with units, and exact beside it."""
+"""Numbers of a plan's document on the page: rounded, with units, and exact in a tooltip."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 LONGEST = 120
-"""Letters of a name that are shown at once."""
+"""Largest number of characters of a name that are shown directly."""
 
 
 def _length(value: float) -> str:
@@ -21,7 +21,7 @@ def _length(value: float) -> str:
 
 
 def spacing(value: float) -> str:
-    """A length to a centimetre, as far as that says something."""
+    """A length rounded to centimetres, or to significant digits if it is very short or long."""
     return f"{value:.2f} m" if value == 0.0 or 0.1 <= value < 1000.0 else f"{_length(value)} m"
 
 
@@ -38,22 +38,22 @@ KINDS: dict[str, Callable[[Any], str]] = {
     "count": lambda value: f"{value:,}",
     "plain": lambda value: f"{value:.4g}",
 }
-"""How a number of each kind is written."""
+"""How a number of each kind is formatted."""
 
 
 class NumberFormatter:
-    """Numbers of a document by their place: ``number("visibility.expected", "%")``."""
+    """Formats numbers of a document by their place: ``number("visibility.expected", "%")``."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         self.document = document
 
     def __call__(self, place: str, kind: str) -> Markup:
-        """The number as text, within an element that holds all its digits.
+        """The number as text, in an element that also contains all its digits.
 
         Parameters
         ----------
         place
-            Names and places within lists, with points between them.
+            Names, and indices in lists, joined by dots.
         kind
             One of `KINDS`.
         """
@@ -68,11 +68,11 @@ class NumberFormatter:
 
 
 def long(text: str, most: int = LONGEST) -> bool:
-    """Whether a text is too long to be shown at once."""
+    """Whether a text is too long to be shown directly."""
     return len(text) > most
 
 
 def short(text: str, most: int = LONGEST) -> str:
-    """The beginning of a text, in one line and without signs that cannot be seen."""
+    """The beginning of a text in one line, without unprintable characters."""
     shown = printable(text[:most])
     return f"{shown}…" if long(text, most) else shown

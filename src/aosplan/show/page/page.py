@@ -1,10 +1,10 @@
-"""The report: a plan as one self-contained page, to look at, to print and to run again.
+"""The report: a plan as one self-contained HTML page, to view, to print and to run again.
 
-`report_page` gathers what the page shows from a plan, and fills ``page.html``; its style is
-``page.css``, its script `SCRIPTS`.  The page holds the plan's JSON document, waypoints as
-columns of bytes; every number on it is one of the document's, rounded.  Nothing is loaded from
-elsewhere: a content security policy forbids it, and admits the page's own style and script by
-their hashes alone.
+`report_page` fills the template ``page.html``.  The style is ``page.css`` and the script consists
+of `SCRIPTS`.  The page contains the plan's JSON document, with waypoints as columns of bytes.
+Every number on the page is a rounded number of the document.  Nothing is loaded from elsewhere: a
+content security policy forbids it, and allows only the page's own style and script, by their
+hashes.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 EXTRA = "report"
 
 SUFFIXES = (".html", ".htm")
-"""Endings of a report's file."""
+"""Extensions of report files."""
 
 SCRIPTS = ("waypoints.js", "map.js", "page.js")
-"""Parts of the page's script, in the order in which they build upon each other."""
+"""Parts of the page's script; later parts use earlier ones."""
 
 SEED = 1
-"""Of the simulated picture, unless told otherwise."""
+"""Default seed of the simulated picture."""
 
 
 def check_extra(*, picture: bool) -> None:
-    """Refuse to begin what cannot be written.
+    """Check that a report can be written, before work is done for it.
 
     Raises
     ------
@@ -54,16 +54,16 @@ def report_page(
     detection_map: DetectionMap | None = None,
     success: Success | None = None,
 ) -> bytes:
-    """The page of a plan, UTF-8; the same bytes for the same plan and seed.
+    """The page of a plan in UTF-8; the bytes depend only on the plan and the seed.
 
     Parameters
     ----------
     plan
-        What to show.
+        The plan to show.
     seed
-        Of the simulated picture; None for a page without one.
+        Random seed of the simulated picture; None for a page without one.
     detection_map, success
-        Probability of detection by place, and what the search is worth with a prior.
+        Probability of detection by place, and probability of success with a prior.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def report_page(
     rows = len(document.pop("waypoints"))
     grid = grid_of(plan, plan.layout.area)
     style, script = _read("page.css"), "\n".join(_read(name) for name in SCRIPTS)
-    # The hash of a style or a script is that of the text between its tags, to the letter.
+    # The hash of a style or script is that of the exact text between its tags.
     policy = {"style": _hash(style), "script": _hash(script)}
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_read),
@@ -129,7 +129,7 @@ def report_page(
         request_toml=tomli_w.dumps(document["request"]),
         request_json=json.dumps(document["request"], ensure_ascii=False, indent=1),
     )
-    # A file name may hold bytes that are no text.
+    # A file name may contain bytes that are not Unicode.
     return text.encode(errors="replace")
 
 
@@ -138,7 +138,7 @@ def _read(name: str) -> str:
 
 
 def _place(latitude: float, longitude: float) -> str:
-    """A place on earth in words, to about a tenth of a metre."""
+    """Latitude and longitude as text, to about a tenth of a metre."""
     south, west = "NS"[latitude < 0.0], "EW"[longitude < 0.0]
     return f"{abs(latitude):.6f}° {south}, {abs(longitude):.6f}° {west}"
 

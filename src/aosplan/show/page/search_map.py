@@ -1,4 +1,4 @@
-"""The page's map of the probability of detection: cells in ten colours, north up."""
+"""Map of the probability of detection for the page: cells in ten colours, with north up."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ if TYPE_CHECKING:
     from aosplan.maps.detection_map import DetectionMap, Success
 
 WIDTH = 640.0
-"""Of the picture; its height follows from what is shown."""
+"""Width of the map; its height depends on the ground."""
 
 TALLEST = 640.0
 
 LEGEND = 56.0
-"""Height of the lines below the map."""
+"""Height of the legend below the map."""
 
 COLOURS = (
     "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
     "#1f9e89", "#35b779", "#6dcd59", "#b4de2c", "#fde725",
 )  # fmt: skip
-"""From a probability of 0 to 1 (viridis, which does not depend on the sense of colours)."""
+"""Colours for probabilities from 0 to 1 (viridis, which colour-blind readers can distinguish)."""
 
 UNSEEN = "#8a8a8a"
-"""Of ground that no photo sees."""
+"""Colour of ground that no photo sees."""
 
 
 class SearchMap(NamedTuple):
-    """A map ready to be drawn, and what it says in words.
+    """A map ready to be drawn, with its description.
 
     Attributes
     ----------
     summary, text
-        What the picture shows, and what the search is worth.
+        Description of the picture, and results of the search in sentences.
     height
-        Of the picture, which is `WIDTH` wide.
+        Height of the picture, which is `WIDTH` wide.
     cells
-        Colours and the outlines of the cells that have them.
+        Colours, each with the outlines of its cells.
     bar
-        Length of the scale's bar, and what it stands for.
+        Length of the scale bar, and its label.
     swatches
-        Places and colours of the legend.
+        Positions and colours of the legend.
     """
 
     summary: str
@@ -59,7 +59,7 @@ class SearchMap(NamedTuple):
 
 
 def search_map(found: DetectionMap | None, success: Success | None) -> SearchMap | None:
-    """The picture of a detection map; None without one."""
+    """The picture of a detection map; None without a map."""
     if found is None:
         return None
     cells = found.cells
@@ -92,7 +92,7 @@ def search_map(found: DetectionMap | None, success: Success | None) -> SearchMap
 
 
 def coverage_picture(coverage: CoverageMap) -> bytes:
-    """The share of the planned photos that see each place, and the gaps outlined, as SVG."""
+    """An SVG of the share of the planned photos that see each place, with the gaps outlined."""
     cells = coverage.cells
     rows, columns = cells.inside.shape
     unit = min(WIDTH / columns, TALLEST / rows)
@@ -142,7 +142,7 @@ def coverage_picture(coverage: CoverageMap) -> bytes:
 
 
 def _rim(cells: NDArray[np.bool_], unit: float, left: float) -> str:
-    """The sides between cells that are marked and those that are not, as a path."""
+    """An SVG path of the sides between marked and unmarked cells."""
     wide = np.pad(cells, 1)
     line, column = np.nonzero(wide[1:, 1:-1] != wide[:-1, 1:-1])
     level = "".join(
@@ -157,7 +157,7 @@ def _rim(cells: NDArray[np.bool_], unit: float, left: float) -> str:
 
 
 def _outline(cells: NDArray[np.bool_], unit: float, left: float) -> str:
-    """Runs of cells along their rows, as a path."""
+    """An SVG path of runs of cells along rows."""
     edges = np.diff(np.pad(cells.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     row, start = np.nonzero(edges == 1)
     stop = np.nonzero(edges == -1)[1]

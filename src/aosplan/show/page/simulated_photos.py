@@ -1,4 +1,4 @@
-"""What one photo and the integral of all would show: a quick simulation of the very plan."""
+"""Simulated pictures for the page: one photo, and the integral image of all photos of the plan."""
 
 from __future__ import annotations
 
@@ -12,26 +12,27 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import ViewKind
 
 MOST_VIEWS = 500
-"""More photos than these take longer than the few seconds that a page is worth."""
+"""Largest number of photos that are simulated, which takes a few seconds."""
 
 
 class Views(NamedTuple):
-    """Pictures of a simulation as addresses that hold them, or why there are none.
+    """Pictures of a simulation as data URLs, or the reason why there are none.
 
     Attributes
     ----------
     seed
-        Of everything random.
+        Random seed.
     missing
-        Why there are no pictures, or empty.
+        Why there are no pictures; empty if there are.
     single, integral, endless
-        A resolution chart through the trees: in the middle photo, in all, in endless ones.
+        A resolution chart through the trees: in the middle photo, in the integral image of all
+        photos, and for infinitely many photos.
     size
-        Columns and rows of each.
+        Number of columns and rows of each.
     expected, single_visibility
-        V of the integral, and share of the targets that the middle photo shows, in this volume.
+        V of the integral image, and share of targets visible in the middle photo, in this volume.
     predicted
-        The model's V for rays such as these.
+        V predicted by the model for the same rays.
     view
         ``perspective`` or ``telecentric``.
     """
@@ -49,7 +50,7 @@ class Views(NamedTuple):
 
 
 def views_of(plan: Plan, seed: int | None) -> Views:
-    """Fly a plan over one volume of the forest that its scene describes."""
+    """Simulate a plan over one volume of the forest that corresponds to its scene."""
     if seed is None:
         return Views(None, "left out on request")
     if plan.solution.pattern.samples > MOST_VIEWS:
@@ -89,7 +90,7 @@ def views_of(plan: Plan, seed: int | None) -> Views:
 
 
 def _view(plan: Plan) -> ViewKind:
-    """The measured model's own view; else all the ground in all photos, where there is any."""
+    """The view of the measured model; otherwise perspective if all photos have common ground."""
     if plan.inputs.view is not None:
         return "perspective" if plan.inputs.view == "perspective" else "telecentric"
     return "perspective" if min(plan.common_footprint_m) > 0.0 else "telecentric"

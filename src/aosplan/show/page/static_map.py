@@ -1,4 +1,4 @@
-"""The map and the table of waypoints for readers whose browser runs no script."""
+"""Map and table of the waypoints for browsers without scripts."""
 
 from __future__ import annotations
 
@@ -14,40 +14,40 @@ if TYPE_CHECKING:
     from aosplan.show.figures.grid import Grid, Polygon
 
 MOST_SITES = 5000
-"""More waypoints would weigh more than the page, which says so in place of the map."""
+"""Largest number of waypoints of a static map; with more, the page says that there is none."""
 
 MOST_ROWS = 1000
-"""Of the table."""
+"""Largest number of rows of the table."""
 
 WIDTH = 640.0
-"""Of the picture; its height follows from what is shown."""
+"""Width of the map; its height depends on the content."""
 
 MARGIN = 16.0
 
 
 class StaticMap(NamedTuple):
-    """A map ready to be drawn, north up and to scale, and the rows of its table.
+    """A map ready to be drawn, with north up and to scale, and the rows of its table.
 
     Attributes
     ----------
     summary
-        The way in words.
+        Description of the path in words.
     height
-        Of the picture, which is `WIDTH` wide.
+        Height of the map, which is `WIDTH` wide.
     shapes
-        Class and outline of what lies below the way, lowest first.
+        Class and outline of the shapes below the path, lowest first.
     way
-        The path, flight by flight.
+        The path of each flight.
     sites, turns
-        Waypoints with a photo and without, as lines of no length.
+        Waypoints with a photo and without, as lines of zero length.
     first, last, takeoff
-        Places of marks; the take-off, where it is not known, is below the first waypoint.
+        Positions of marks.  If the take-off point is not known, it is below the first waypoint.
     dot
-        Diameter of a site.
+        Diameter of the dot of a site.
     bar
-        Length of the scale's bar, and what it stands for.
+        Length of the scale bar, and its label.
     columns, rows
-        Of the table, as text; no rows where they were more than `MOST_ROWS`.
+        Content of the table as text; no rows if there would be more than `MOST_ROWS`.
     """
 
     summary: str
@@ -66,14 +66,14 @@ class StaticMap(NamedTuple):
 
 
 def static_map_of(plan: Plan, grid: Grid) -> StaticMap | None:
-    """What a page shows of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
+    """The map of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
     ways = plan.waypoints
     if len(ways) > MOST_SITES:
         return None
     low, high = window(grid)
     wide, tall = high[0] - low[0], high[1] - low[1]
     unit = (WIDTH - 2.0 * MARGIN) / max(wide, tall)
-    # A tall map is as high as it would be wide; the scale's bar has the lowest line for itself.
+    # The height of a tall map is limited to the width. The scale bar has the lowest line.
     left = 0.5 * (WIDTH - unit * wide)
     height = unit * tall + 2.0 * MARGIN + 24.0
 
@@ -131,7 +131,7 @@ def _dots(places: Iterable[tuple[float, float]]) -> str:
 
 
 def _cell(name: str, value: float) -> str:
-    """A value, truth or a number to about a centimetre."""
+    """A value as text: a boolean, or a number rounded to about a centimetre."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if name in ("latitude", "longitude"):

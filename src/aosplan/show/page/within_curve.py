@@ -1,4 +1,4 @@
-"""The page's curve of the objective over the time of the flight, of a search within a time."""
+"""Curve of the objective over flight time for the page, for a search within a time."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 SHARES = {"detection": "probability of detection", "visibility": "visibility V"}
-"""Objectives that lie between 0 and 1, which the curve is drawn of."""
+"""Objectives between 0 and 1, for which the curve is drawn."""
 
 
 class WithinCurve(NamedTuple):
-    """A picture ready to be drawn, and what it says in words.
+    """A curve ready to be drawn, with its description.
 
     Attributes
     ----------
     title, summary
-        What the picture is of, and what it shows, in a sentence.
+        Title of the picture, and its description in one sentence.
     rows
-        The best within half the time, the time, and twice it, in words.
+        The best plans within half the time, the time, and twice the time, as text.
     x_ticks, y_ticks
-        Places along the axes.
+        Ticks along the axes.
     points
-        The curve, as SVG has points.
+        Points of the curve in the format of SVG.
     marks
-        Places of its points.
+        Positions of its points.
     chosen
-        Place of the plan.
+        Position of the plan.
     """
 
     title: str
@@ -44,7 +44,7 @@ class WithinCurve(NamedTuple):
 
 
 def within_curve(plan: Plan) -> WithinCurve | None:
-    """The curve of a plan that a search has chosen; None for another."""
+    """The curve of a plan that a search has chosen; None for other plans."""
     answer = plan.within
     if answer is None or answer.asked.optimize not in SHARES or len(answer.curve) < 2:
         return None

@@ -1,1 +1,1 @@
-"""Text on a terminal: tables, drawings of grids, and the styles of both."""
+"""Text on a terminal: tables, drawings of grids, and the style of both."""

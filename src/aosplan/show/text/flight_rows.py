@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    """Rows of what is flown, a heading and a text each."""
+    """Rows about the flight, each with a heading and a text."""
     route, flight = plan.route, plan.inputs.flight
     yield "Flight", f"{route.length_m:,.0f} m, {duration(route.time_s)} (first photo to last)"
     if flight.trigger == "distance":
@@ -49,7 +49,7 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     if route.datum is not None:
         low = plan.altitude_m + plan.inputs.focal_height_m - route.closer_by_m
         ground = plan.waypoints.ground_m
-        assert ground is not None  # the terrain gave it
+        assert ground is not None  # the terrain set it
         yield (
             "Terrain",
             f"{min(ground):.0f} to {max(ground):.0f} m above {route.datum}; "

@@ -1,7 +1,7 @@
-"""Pictures of grids and flights as text: site by site where there is room, else to scale.
+"""Drawings of grids and flights as text: site by site if there is room, otherwise to scale.
 
-A picture to scale has 2 x 4 dots a character, as the Braille block of Unicode offers them, or one
-letter a character where there is nothing but ASCII.
+A drawing to scale has 2 x 4 dots per character, from the Braille block of Unicode, or one letter
+per character if only ASCII is available.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import Pattern, Sites
 
 WIDTH, HEIGHT = 72, 20
-"""Largest picture, in characters and lines."""
+"""Size of the largest drawing, in characters and lines."""
 
 MOST_POINTS = 20_000
-"""A spiral, or a flight, of more sites is drawn from every second, third, ... of them."""
+"""Largest number of sites that are drawn; of a longer spiral or flight, only every n-th site is."""
 
 BRAILLE = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
 """Bits of the dots of U+2800, by line and column."""
 
 
 class Marks(NamedTuple):
-    """Characters of a picture."""
+    """Characters of a drawing."""
 
     site: str
     first: str
@@ -42,7 +42,7 @@ UNICODE, ASCII = Marks("●", "▶", "■", "→"), Marks("o", "S", "E", "->")
 
 
 def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> list[str]:
-    """A grid and its legend, x to the right and y down; nothing for a single site."""
+    """A grid and its legend, with x to the right and y down; empty for a single site."""
     if pattern.samples < 2:
         return []
     marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
@@ -59,7 +59,7 @@ def grid_picture(pattern: Sites, *, plain: bool = False, width: int = WIDTH) -> 
 def flight_picture(
     points: Sequence[tuple[float, float]], *, plain: bool = False, width: int = WIDTH
 ) -> list[str]:
-    """A flight from above, north up, and its legend; `points` are metres east and north."""
+    """A flight from above with north up, and its legend; `points` are metres east and north."""
     if len(points) < 2:
         return []
     marks, width = ASCII if plain else UNICODE, min(width, WIDTH)
@@ -72,7 +72,7 @@ def flight_picture(
 
 
 def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
-    """Each site a character, where that fits: two characters a baseline, of a line even one."""
+    """One character per site, if this fits: two columns per baseline, or one for a single line."""
     for apart in (2, 1) if pattern.rows == 1 and not isinstance(pattern, Spiral) else (2,):
         if pattern.samples > WIDTH * HEIGHT:
             return []
@@ -88,9 +88,9 @@ def _site_by_site(pattern: Sites, marks: Marks, width: int) -> list[str]:
 
 
 def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
-    """Where the sites are drawn, as (line, character) in flight order.
+    """Positions of the sites in the drawing, as (line, character) in flight order.
 
-    Rows farther apart than one baseline are drawn with one empty line between them.
+    Rows that are more than one baseline apart are drawn with one empty line in between.
     """
     if isinstance(pattern, Spiral):
         offsets = list(pattern.offsets())
@@ -101,7 +101,7 @@ def _places(pattern: Sites, apart: int) -> list[tuple[int, int]]:
 
 
 def _thinned(pattern: Sites, width: int) -> Iterable[tuple[float, float]]:
-    """Sites in flight order, from the first to the last, no more than a picture can tell apart."""
+    """Sites in flight order, from the first to the last, reduced to what a drawing can show."""
     if isinstance(pattern, Spiral):
         every = -(-pattern.samples // MOST_POINTS)
         yield from islice(pattern.offsets(), 0, pattern.samples - 1, every)
@@ -123,13 +123,13 @@ def _thinned(pattern: Sites, width: int) -> Iterable[tuple[float, float]]:
 def _end(
     pattern: Pattern, gone: set[tuple[int, int]], row: int, columns: range
 ) -> tuple[float, float]:
-    """The first site of a row, in an order of its columns."""
+    """The first site of a row, for a given order of its columns."""
     column = next(column for column in columns if (row, column) not in gone)
     return float(column), row * pattern.row_pitch
 
 
 def _spread(count: int, most: int) -> list[int]:
-    """All of a number of rows, or as many of them as are of use, evenly spread."""
+    """Indices of all rows, or of at most `most` rows that are evenly spaced."""
     if count <= most:
         return list(range(count))
     return [round(index * (count - 1) / (most - 1)) for index in range(most)]
@@ -143,18 +143,19 @@ def to_scale(
     plain: bool,
     even: bool = False,
 ) -> tuple[list[str], float]:
-    """Points, x to the right and y down, in a picture to scale; and what a dot's width stands for.
+    """Draw points to scale, with x to the right and y down; return the drawing and the width of a
+    dot.
 
-    The first and the last are marked, in a character of their own.  With `even`, units of the
-    points that are wider than a dot are whole numbers of dots.
+    The first and the last point have characters of their own.  With `even`, a unit of the points
+    that is wider than a dot is a whole number of dots.
     """
     per_column, per_line = (1, 1) if plain else (2, 4)
-    flat = 2.0 if plain else 1.0  # a character is twice as high as wide, four dots as two
+    flat = 2.0 if plain else 1.0  # a character is twice as high as wide, like four dots by two
     (left, right), (top, bottom) = ((min(c), max(c)) for c in zip(*points, strict=True))
     step = max(
         (right - left) / (per_column * width - 1), (bottom - top) / flat / (per_line * HEIGHT - 1)
     )
-    if step < 1.0:  # a whole number of dots from site to site: even spacing
+    if step < 1.0:  # an even spacing needs a whole number of dots between sites
         step = 1.0 / math.floor(1.0 / step) if even and step > 0.0 else step or 1.0
     cells: dict[tuple[int, int], int] = {}
 
@@ -176,7 +177,7 @@ def to_scale(
 
 
 def _scale_text(pattern: Sites, step: float, *, plain: bool) -> str:
-    """How many sites a dot of a picture stands for."""
+    """Text that says how many sites a dot of the drawing represents."""
     dot = "letter" if plain else "dot"
     if isinstance(pattern, Spiral):
         return f"a {dot} is {step:.2g} baselines"

@@ -1,4 +1,4 @@
-"""Rows of the table of a scene: where its opacity comes from, and what the pulses say of it."""
+"""Rows of a scene's table about its opacity: the source, and results from the pulses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
-    """Rows for the opacity of a point cloud, as ``scene --json`` has it."""
+    """Rows for the opacity of a point cloud, from the document of ``scene --json``."""
     if opacity["source"] != "pulses":
         return [("Opacity", "a voxel with a point in it is opaque (not measured)")]
     first, weighted, last, sampled = (

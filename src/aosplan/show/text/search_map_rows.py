@@ -1,4 +1,4 @@
-"""What a search by place is worth, in words."""
+"""Results of a detection map in sentences."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def sentences(found: DetectionMap, success: Success | None) -> list[str]:
-    """What a search is worth, in words."""
+    """Results of a detection map in sentences."""
     document = found.document(success)
     ground = "area" if found.ground == "area" else "ground that the photos show"
     photos = document["photos"]

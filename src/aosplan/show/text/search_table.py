@@ -1,4 +1,4 @@
-"""A search in the computer, beside the detection that was predicted."""
+"""Table of a simulated search beside the predicted detection."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def print_search(found: SearchComparison) -> None:
-    """What was predicted and what was found, and whether they agree."""
+    """Print predicted and simulated values, and whether they agree."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", "predicted", "found", "standard error"):
         table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")

@@ -1,4 +1,4 @@
-"""What came out of a sweep, for people: tables in 80 columns or fewer."""
+"""Results of a sweep as tables of at most 80 columns."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 STATUSES = {"ok": "met", "infeasible": "infeasible", "invalid": "invalid"}
 
 MOST_REASONS = 10
-"""Kinds of reasons that are shown; the document has more."""
+"""Largest number of kinds of reasons that are shown; the document has more."""
 
 
 def print_summary(document: dict[str, Any]) -> None:
-    """Counts, results with their extremes, and each input's values."""
+    """Print counts, results with their extremes, and the values of each input."""
     where = document["where"]
     kept = "" if where is None else f"; {document['rows']} kept by --where {where}"
     show(one_line(f"{document['scenarios']} scenarios{kept}"))
@@ -69,7 +69,7 @@ def _print_reasons(document: dict[str, Any]) -> None:
 
 
 def _print_results(results: Mapping[str, Any], rows: dict[int, Mapping[str, Any]]) -> None:
-    """Print the extremes, and note the rows that have them."""
+    """Print the extremes, and collect the rows that have them."""
 
     def line(name: str, found: Mapping[str, Any]) -> list[str]:
         cells = [name]
@@ -128,7 +128,7 @@ def _label(group: Mapping[str, Any]) -> str:
 
 
 def print_verification(document: Mapping[str, Any]) -> None:
-    """The simulated rows, and whether chance explains the worst of them."""
+    """Print the simulated rows, and whether the worst of them can be due to chance."""
     worst, comparisons = document["worst"], document["comparisons"]
     simulated = document["simulated"]
     rows = "row" if simulated == 1 else "rows"
@@ -158,7 +158,7 @@ def print_verification(document: Mapping[str, Any]) -> None:
         f"--seed {request['seed']}",
         f"--precision {document['precision']:g}",
     ]
-    # As it can be copied: lines that a screen breaks would be commands of their own.
+    # Folded with backslashes, so that the command can be copied; wrapped lines could not.
     show("Again:", *map(one_line, _folded(["aosplan simulate", *again])))
 
 
@@ -191,7 +191,7 @@ SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 
 def _compared(row: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[str]:
-    """A row's comparison that chance explains least."""
+    """Cells for the least probable comparison of a row."""
     if found is None:
         return ["", "-", "-", "-", "-"]
     name, errors = found["quantity"], found["standard_errors"]
@@ -205,7 +205,7 @@ def _compared(row: Mapping[str, Any], found: Mapping[str, Any] | None) -> list[s
 
 
 def options(request: Mapping[str, Any]) -> list[str]:
-    """The options of a request as one would type them, each with its value."""
+    """The options of a request as command-line arguments."""
     words = []
     for name, value in request.items():
         option = BY_NAME[name]
@@ -217,7 +217,7 @@ def options(request: Mapping[str, Any]) -> list[str]:
 
 
 def _folded(words: Iterable[str]) -> list[str]:
-    """A command in lines that fit the screen, each but the last ending in a backslash."""
+    """A command in lines that fit the screen; each line except the last ends with a backslash."""
     lines = [""]
     for word in words:
         longer = f"{lines[-1]} {word}".strip()
@@ -248,12 +248,12 @@ def _figure(value: float | None) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share; neither end is said of what only comes near to it."""
+    """A share in per cent; 0 % and 100 % are only shown for exact values."""
     return "< 0.1 %" if 0.0 < share < 0.0005 else percent(share)
 
 
 def _print(header: Sequence[str], rows: Iterable[Sequence[str]], *, left_from: int = 99) -> None:
-    """A table whose first column, and those from `left_from`, are text and the others figures."""
+    """Print a table; the first column and those from `left_from` on are text, the others numbers."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for place, name in enumerate(header):
         text = place == 0 or place >= left_from

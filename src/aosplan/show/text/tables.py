@@ -1,4 +1,4 @@
-"""Results for people: tables and a picture of the grid, in 80 columns or fewer."""
+"""Results as tables, with a drawing of the grid, in at most 80 columns."""
 
 from __future__ import annotations
 
@@ -46,36 +46,36 @@ if TYPE_CHECKING:
 WIDTH = 80
 
 NARROWEST = 20
-"""Columns below which a terminal has to wrap lines itself."""
+"""Smallest assumed width; narrower terminals wrap lines themselves."""
 
 PADDING = re.compile(r" +((?:\x1b\[[0-9;]*m)*)$")
-"""Spaces at the end of a line, and the escape sequences behind them."""
+"""Matches spaces at the end of a line, and escape sequences after them."""
 
 UNBROKEN = 20
-"""Cells up to so many characters stay on one line."""
+"""Largest number of characters of a cell that is never wrapped."""
 
 BANDS = 20
-"""Most bands of a profile."""
+"""Largest number of bands of a profile."""
 
 MOST_NAMED = 60
-"""Characters of a name that are shown."""
+"""Largest number of characters of a name that are shown."""
 
 CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
-"""Contrasts, whatever their sign, at which a detection is shown."""
+"""Absolute contrasts for which the probability of detection is shown."""
 
 HEADLINES = ("Baseline", "Samples", "Visibility")
-"""Rows of a plan that are what was asked for: in colour, where there are colours."""
+"""Rows of a plan with the main results, which are coloured if the terminal has colours."""
 
 ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Bound by": "yellow"}
 
 
 def screen_width() -> int:
-    """Columns to write in: those of the terminal, at most 80; in a pipe 80."""
+    """Width of the output: that of the terminal, at most 80; 80 if it is not a terminal."""
     return max(min(Console().width, WIDTH), NARROWEST) if is_terminal(sys.stdout) else WIDTH
 
 
 def show(*parts: RenderableType) -> None:
-    """Print to stdout, no wider than 80 columns: styled on a terminal, plain text in a pipe."""
+    """Print to stdout with at most 80 columns: styled on a terminal, plain text otherwise."""
     screen = Console(
         width=screen_width(),
         highlight=False,
@@ -86,7 +86,7 @@ def show(*parts: RenderableType) -> None:
     )
     with screen.capture() as capture:
         screen.print(*parts, sep="\n")
-    # Tables are padded to the right, which nobody wants in a file.
+    # Tables are padded on the right, which is not useful in a file.
     print("\n".join(PADDING.sub(r"\1", line) for line in capture.get().splitlines()))
 
 
@@ -96,7 +96,7 @@ def print_plan(
     found: DetectionMap | None = None,
     success: Success | None = None,
 ) -> None:
-    """The summary of a plan, with its detection map if it has one, its grid, and what to do next."""
+    """Print the summary of a plan, its detection map if there is one, its grid, and the next steps."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
@@ -108,7 +108,7 @@ def print_plan(
 
 
 def _picture(plan: Plan) -> list[str]:
-    """The flight over an area, or the grid of a plan."""
+    """Drawing of the flight over an area, or of the grid of a plan."""
     plain, width = not speaks_unicode(), screen_width() - 2
     if plan.layout.survey is None:
         return grid_picture(plan.solution.pattern, plain=plain, width=width)
@@ -175,7 +175,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 
 
 def _ground_text(plan: Plan) -> str:
-    """What the plan shows of the ground that it is for, beside what holds below its middle."""
+    """Visibility over the ground of the plan, compared with that below its centre."""
     ground = plan.ground
     assert ground is not None
     x, y = ground.size_m
@@ -187,7 +187,7 @@ def _ground_text(plan: Plan) -> str:
 
 
 def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    """How likely what is looked for is found, in the words of a search, and by contrast."""
+    """Rows with the probability of detection, as a sentence and by contrast."""
     from aosplan.planning.detection import detection_text
 
     found = plan.detection
@@ -201,7 +201,7 @@ def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
 
 
 def _map_rows(found: DetectionMap | None, success: Success | None) -> Iterable[tuple[str, str]]:
-    """The search's probability of detection, from its map."""
+    """Rows with the results of a detection map."""
     if found is None:
         return
     from aosplan.show.text.search_map_rows import sentences
@@ -212,7 +212,7 @@ def _map_rows(found: DetectionMap | None, success: Success | None) -> Iterable[t
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
-    """What the planned grid would show of other scenes, and what they would be planned with."""
+    """Rows with the visibility of the planned grid for other scenes, and the grids for them."""
     for index, change in enumerate(changes):
         name = change.quantity.removeprefix("occluder_")
         text = f"{name} {100.0 * (change.factor - 1.0):+.0f} %: "
@@ -228,7 +228,7 @@ def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
 
 
 def _error(standard_error: float | None) -> str:
-    """A standard error behind its value, in per cent."""
+    """A standard error in per cent, to follow its value."""
     if standard_error is None:
         return ""
     percent = 100.0 * standard_error
@@ -292,7 +292,7 @@ def _scene_text(scene: Scene, *, custom_base: bool) -> str:
 
 
 def one_line(text: str, style: str = "") -> Text:
-    """Text without markup and control characters, in characters that the screen has."""
+    """Text without markup and control characters, in characters that the terminal supports."""
     return Text(readable(text), style=style)
 
 
@@ -301,7 +301,7 @@ def _named(title: str, name: str) -> str:
 
 
 def _short(name: str) -> str:
-    """A name, which a file may have made as long as it likes."""
+    """A name, shortened because names from files may be long."""
     return name if len(name) <= MOST_NAMED else f"{name[: MOST_NAMED - 1]}…"
 
 
@@ -321,7 +321,7 @@ def _next_step(plan: Plan, written: Sequence[str]) -> str:
 
 
 def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """A plain table with a header; where it is too wide for the terminal, a paragraph a row."""
+    """Print a table with a header; if it is too wide for the terminal, one paragraph per row."""
     shown = [[readable(cell) for cell in row] for row in rows]
     names = [readable(name) for name in header]
     columns = list(zip(names, *shown, strict=True))
@@ -349,7 +349,7 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 
 def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
-    """Names and what there is to say of each."""
+    """Print names and texts as two columns."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
@@ -359,7 +359,7 @@ def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
 
 
 def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
-    """Sets of samples side by side: their numbers, and what each shows."""
+    """Print sets of samples side by side: their numbers, and the predictions."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
     for name in ("", *columns):
         table.add_column(one_line(name), justify="right" if name else "left", overflow="fold")
@@ -379,7 +379,7 @@ def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
 def print_simulation(
     simulation: Simulation, similar: dict[str, Any], written: Sequence[str]
 ) -> None:
-    """A prediction beside its simulation, and whether they agree."""
+    """Print a prediction with its simulation, and whether they agree."""
     plan, found, settings = simulation.plan, simulation.simulated, simulation.settings
     pattern = plan.solution.pattern
     view = "" if settings.forest == "noise" else f", {settings.view} view"
@@ -392,7 +392,7 @@ def print_simulation(
             continue
         models = (plan.solution.prediction, simulation.predicted)
         numbers = [*(getattr(model, name) for model in models), value]
-        # Rounding around 0 is no minus.
+        # Rounding must not give -0.
         shown = [percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
         table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
     verdict = ["They agree."] if simulation.agree else ["They disagree:"]
@@ -419,7 +419,7 @@ def print_simulation(
 
 
 def print_scene(document: dict[str, Any]) -> None:
-    """Occluder statistics: the summary, and a profile of the layers."""
+    """Print occluder statistics: the summary, and a profile of the layers."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
@@ -461,7 +461,7 @@ def print_scene(document: dict[str, Any]) -> None:
 
 
 def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
-    """The density at a few angles, between those that were measured."""
+    """The density at a few angles, interpolated between those that were computed."""
     shown = []
     for wanted in (0.0, 10.0, 20.0, 30.0, 40.0):
         for (low, before), (high, after) in pairwise(pairs):
@@ -473,7 +473,7 @@ def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
 
 
 def density_profile(layers: Sequence[dict[str, float]]) -> list[Text]:
-    """Density by height as bars, from the top down, in at most twenty bands."""
+    """Bars of density by height, from the top down, in at most twenty bands."""
     if not layers:
         return []
     top = max(layer["top_m"] for layer in layers)

@@ -1,7 +1,8 @@
-"""What the output is written to: its colours, its characters, and text that suits them.
+"""Properties of the output stream: colours, characters, and text that suits them.
 
 Colours follow https://no-color.org, https://force-color.org and https://bixense.com/clicolors:
-``NO_COLOR`` beats ``FORCE_COLOR`` and ``CLICOLOR_FORCE``, which beat what the terminal is.
+``NO_COLOR`` has priority over ``FORCE_COLOR`` and ``CLICOLOR_FORCE``, which override the detection
+of a terminal.
 """
 
 from __future__ import annotations
@@ -49,19 +50,19 @@ PLAIN = {
     "\xa0": " ",
     "\ufffd": "?",
 }
-"""What is written for the project's own characters where there is nothing but ASCII."""
+"""ASCII text that replaces the project's special characters."""
 
 HANDLER = "aosplan-plain"
-"""Name of the error handler that writes them."""
+"""Name of the error handler that makes these replacements."""
 
 POOR_TERMINALS = ("dumb", "linux", "unknown")
-"""Terminals with few characters, whatever the locale says."""
+"""Terminals with few characters, independently of the locale."""
 
 MOST_PATHS = 6
-"""Files that are named of those that were written."""
+"""Largest number of written files that are named."""
 
 STYLES = {"error": "1;31", "warning": "1;33", "hint": "36", "note": "36"}
-"""ANSI colours of the words that lines on stderr begin with."""
+"""ANSI colours of the first word of lines on stderr."""
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
@@ -71,7 +72,7 @@ def _plain(error: UnicodeError) -> tuple[str, int]:
 
 
 def letter_of(character: str) -> str:
-    """A letter without its accents, which names of people have; else a question mark."""
+    """A letter without accents, or a question mark if there is no such letter."""
     from unicodedata import normalize
 
     first = normalize("NFD", character)[0]
@@ -82,7 +83,7 @@ codecs.register_error(HANDLER, _plain)
 
 
 def is_terminal(stream: TextIO) -> bool:
-    """Whether a stream is a terminal; a closed one is none."""
+    """Whether a stream is a terminal; a closed stream is not."""
     try:
         return stream.isatty()
     except (AttributeError, ValueError):
@@ -90,28 +91,28 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def is_forced() -> bool:
-    """Whether styles are wanted even where there is no terminal."""
+    """Whether styles are requested even if the output is not a terminal."""
     if os.environ.get("FORCE_COLOR"):
         return True
     return os.environ.get("CLICOLOR_FORCE", "0") not in ("", "0")
 
 
 def is_styled(stream: TextIO) -> bool:
-    """Whether a stream takes escape sequences at all, such as bold type."""
+    """Whether a stream accepts escape sequences, such as those for bold text."""
     return is_forced() or (
         is_terminal(stream) and os.environ.get("TERM") not in ("dumb", "unknown")
     )
 
 
 def is_coloured(stream: TextIO) -> bool:
-    """Whether colours are wanted on a stream."""
+    """Whether output on a stream is coloured."""
     if os.environ.get("NO_COLOR") or not is_styled(stream):
         return False
     return is_forced() or os.environ.get("CLICOLOR") != "0"
 
 
 def speaks_unicode(stream: TextIO | None = None) -> bool:
-    """Whether a stream, by default stdout, shows more than ASCII."""
+    """Whether a stream, by default stdout, shows characters beyond ASCII."""
     stream = sys.stdout if stream is None else stream
     if is_terminal(stream) and os.environ.get("TERM") in POOR_TERMINALS:
         return False
@@ -119,25 +120,25 @@ def speaks_unicode(stream: TextIO | None = None) -> bool:
 
 
 def readable(text: str, stream: TextIO | None = None) -> str:
-    """Text without control characters, which a file may hold, in characters that a stream shows."""
+    """Text without control characters, in characters that a stream supports."""
     text = "".join(c if c.isprintable() else "?" for c in text)
     return text if speaks_unicode(stream) else text.encode("ascii", HANDLER).decode("ascii")
 
 
 def print_notice(word: str, text: str) -> None:
-    """One line on stderr: ``error:``, ``warning:``, ``hint:`` or ``note:``, and what it is."""
+    """Print one line on stderr: ``error:``, ``warning:``, ``hint:`` or ``note:``, and a text."""
     begin = f"\x1b[{STYLES[word]}m{word}:\x1b[0m" if is_coloured(sys.stderr) else f"{word}:"
     print(begin, readable(text, sys.stderr), file=sys.stderr)
 
 
 def wrote(paths: Sequence[str]) -> str:
-    """What was written, the first few by name."""
+    """Text that names the files that were written, at most `MOST_PATHS` of them."""
     more = f" and {len(paths) - MOST_PATHS} more" if len(paths) > MOST_PATHS else ""
     return f"Wrote {', '.join(paths[:MOST_PATHS])}{more}"
 
 
 def flowed(parts: Sequence[str], width: int, gap: str = "   ") -> list[str]:
-    """Short texts beside each other, in as many lines as a width takes."""
+    """Short texts side by side, in as few lines of a given width as possible."""
     lines: list[str] = []
     for part in parts:
         if lines and len(lines[-1]) + len(gap) + len(part) <= width:

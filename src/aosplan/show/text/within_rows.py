@@ -1,4 +1,4 @@
-"""Rows of the table of a plan: the best within half the time, the time, and twice it."""
+"""Rows of a plan's table: the best plans within half the time, the time, and twice the time."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ OBJECTIVES = {
     "aperture": "extent {:.1f} m",
     "time": "{:.0f} s",
 }
-"""How the objectives are written."""
+"""How the objectives are written in the table."""
 
 
 def within_rows(answer: Answer) -> Iterator[tuple[str, str]]:
-    """Name and text of each row."""
+    """Yield heading and text of each row."""
     for index, row in enumerate(answer.rows):
         first, second = row_text(row, answer.asked.optimize)
         yield "Within" if index == 0 else "", first
@@ -31,7 +31,7 @@ def within_rows(answer: Answer) -> Iterator[tuple[str, str]]:
 
 
 def row_text(row: Row, objective: str) -> tuple[str, str]:
-    """What the best within a time shows, and how it is flown."""
+    """The value of the best plan within a time, and how it is flown."""
     start = f"{row.minutes:.4g} min: "
     if row.timed is None or row.value is None:
         return start + "nothing can be flown", ""
