@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from aosplan.numerics import heading_axis, turned
+from aosplan.numerics import heading_axis, smallest, smallest_root, turned
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,29 @@ def test_turning_twice_gives_back_the_positions_as_floats_and_as_arrays():
     assert x[0] == pytest.approx(
         math.hypot(3.0, 0.5) * math.cos(math.atan2(3.0, 0.5) - math.radians(33.0))
     )
+
+
+FALLING = {
+    "saturating": (lambda b: 0.9 - (1.0 - math.exp(-5.0 * b)), 0.0, 100.0),
+    "a straight line": (lambda b: 3.0 - 7.0 * b, 0.0, 1.0),
+    "flat to the ninth order": (lambda b: -((b - 0.3) ** 9), -1.0, 7.0),
+    "a step": (lambda b: 1.0 if b < math.pi else -1e-300, 0.0, 1e6),
+    "0 from the root on": (lambda b: max(0.7 - b, 0.0), 0.0, 50.0),
+    "at the lower end": (lambda b: 5e-324 - b, 0.0, 2.8),
+}
+
+
+@pytest.mark.parametrize("name", FALLING)
+def test_the_smallest_root_is_that_of_bisection_in_fewer_evaluations(name):
+    function, low, high = FALLING[name]
+    asked = []
+
+    def excess(at):
+        asked.append(at)
+        return function(at)
+
+    root = smallest_root(excess, low, high)
+    assert root == smallest(lambda at: function(at) <= 0.0, low, high)
+    assert function(math.nextafter(root, -math.inf)) > 0.0
+    smooth = name in ("saturating", "a straight line")  # bisection takes 50 and more
+    assert len(asked) <= (25 if smooth else 200)

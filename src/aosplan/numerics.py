@@ -143,26 +143,38 @@ def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
 def smallest_root(excess: Callable[[float], float], low: float, high: float) -> float:
     """Smallest number in [low, high] for which a function that never increases is at most 0.
 
-    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with a
-    bisection at every fourth step.  The function is at most 0 for the result and, within rounding,
-    above 0 for the next smaller float.
+    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with two
+    additions: a bisection if four steps have not made the interval eight times narrower, and a step
+    to the next float if the root is at an end of the interval within rounding.  The function is at
+    most 0 for the result and, within rounding, above 0 for the next smaller float.
     """
     above, below = excess(low), excess(high)
     if above <= 0.0:
         return low
+    width, moved, beside_end = high - low, 0, False
     for step in count(1):
         middle = 0.5 * (low + high)
         if not low < middle < high:
             break
-        guess = high - below * (high - low) / (below - above) if below < 0.0 else middle
-        if step % 4 == 0 or not low < guess < high:
-            guess = middle
+        guess = high - below * (high - low) / (below - above)
+        if low < guess < high:
+            beside_end = False
+        elif beside_end:  # the function is 0 around the end
+            guess, beside_end = middle, False
+        else:
+            guess = math.nextafter(low, high) if guess <= low else math.nextafter(high, low)
+            beside_end = True
+        if step % 4 == 0:
+            guess = middle if high - low > 0.125 * width else guess
+            width = high - low
         value = excess(guess)
         # The value at an end that is kept twice is halved, so that the next step moves this end.
         if value <= 0.0:
-            above, high, below = (0.5 * above if guess != middle else above), guess, value
+            above *= 0.5 if moved == 1 else 1.0
+            high, below, moved = guess, value, 1
         else:
-            below, low, above = (0.5 * below if guess != middle else below), guess, value
+            below *= 0.5 if moved == -1 else 1.0
+            low, above, moved = guess, value, -1
     return high
 
 

@@ -28,7 +28,7 @@ import numpy as np
 from aosplan.grid.pair_offsets import offset_counts
 from aosplan.grid.patterns import Pattern, Sites
 from aosplan.grid.spiral import Spiral
-from aosplan.models.layered_pairs import TERMS_AT_ONCE, RayPairs, Slices
+from aosplan.models.layered_pairs import RayPairs, Slices
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
 from aosplan.models.position_noise import NEGLIGIBLE
@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 
 GROUPS = 64
 """Number of groups of offsets along an axis, for the bound on the shortfall."""
+
+OFFSETS_AT_ONCE = 1_000_000
+"""Offsets between known positions computed at a time."""
 
 COUNTS_KEPT = 1 << 14
 """Largest number of offsets for which the counts of pairs of a pattern are stored."""
@@ -211,7 +214,7 @@ def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
     N².
     """
     count = len(points)
-    block = max(1, TERMS_AT_ONCE // count)
+    block = max(1, OFFSETS_AT_ONCE // count)
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
