@@ -16,7 +16,7 @@ def _no_window():
 
 @pytest.fixture(scope="module")
 def placed():
-    return aosplan.plan(altitude=40, vhat=0.9, origin=(48.3, 14.3))
+    return aosplan.plan(altitude=40, vhat=0.9, max_samples=20, origin=(48.3, 14.3))
 
 
 def test_a_plan_is_drawn_on_new_axes_or_on_given_ones(placed):

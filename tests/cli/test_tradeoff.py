@@ -30,7 +30,9 @@ def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
 
 
 def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
-    status, out, err = command("tradeoff", "--altitude", "40", "--grid", "best")
+    status, out, err = command(
+        "tradeoff", "--altitude", "40", "--grid", "best", "--max-samples", "60"
+    )
     assert (status, err) == (0, "")
     assert all(len(line) <= 80 for line in out.splitlines())
     assert sum("◀" in line for line in out.splitlines()) == 2  # the plan, and the note

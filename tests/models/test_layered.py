@@ -12,6 +12,7 @@ from reference import exact
 
 from aosplan.grid.patterns import Pattern, pattern_for
 from aosplan.models import layered as layered_module
+from aosplan.models import layered_pairs as pairs_module
 from aosplan.models.equations import visibility, visibility_shortfall
 from aosplan.models.layered import LayeredModel, layered_shortfall, layered_visibility
 from aosplan.models.positions import pattern_shortfall, positions_shortfall
@@ -135,11 +136,15 @@ def test_one_slice_at_any_positions_is_the_uniform_sum():
 def test_the_size_of_a_block_does_not_matter(monkeypatch, terms_at_once):
     layers = [Layer(1.0, 3.0, 0.1, 0.2), Layer(4.0, 9.0, 0.4, 0.5), Layer(9.0, 12.0, 0.2, 0.1)]
     points = np.random.default_rng(2).uniform(-3.0, 3.0, (25, 2))
-    model = LayeredModel(layers, 50.0)
-    grid, scattered = model.predict(Pattern(9, 11), 0.6), model.positions_shortfall(points)
-    monkeypatch.setattr(layered_module, "TERMS_AT_ONCE", terms_at_once)
-    assert model.predict(Pattern(9, 11), 0.6).shortfall == near(grid.shortfall, rel=1e-14)
-    assert model.positions_shortfall(points) == near(scattered, rel=1e-14)
+
+    def found():
+        model = LayeredModel(layers, 50.0)  # a new one, which remembers nothing
+        return model.predict(Pattern(9, 11), 0.6).shortfall, model.positions_shortfall(points)
+
+    at_once = found()
+    monkeypatch.setattr(layered_module, "OFFSETS_AT_ONCE", terms_at_once)
+    monkeypatch.setattr(pairs_module, "TERMS_AT_ONCE", terms_at_once)
+    assert found() == near(at_once, rel=1e-14)
 
 
 # --- Against exact enumeration -------------------------------------------------------------

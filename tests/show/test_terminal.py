@@ -20,7 +20,7 @@ TABLES = [
     ["plan", "--altitude", "40"],
     ["plan", "--altitude", "40", "--samples", "10000"],
     ["plan", "--altitude", "40", "--grid", "spiral", "--samples", "400"],
-    ["tradeoff", "--altitude", "40", "--vhat", "0.9"],
+    ["tradeoff", "--altitude", "40", "--vhat", "0.9", "--max-samples", "25"],
     ["scene", "paper-forest"],
     ["visibility", "--density", "0.5", "--samples", "50", "--dhat", "1"],
     *([name] for name in LISTS),

@@ -4,7 +4,7 @@ from aosplan.cli.app import run
 
 CAMPAIGN = """
 [sweep]
-altitude = { start = 10, stop = 120, count = 12 }
+altitude = { start = 10, stop = 120, count = 6 }
 vhat = [0.9, "98%"]
 max_aperture = [8, 40]
 density = { start = 0.001, stop = 0.02, count = 4, spacing = "log" }

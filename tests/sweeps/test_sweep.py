@@ -51,8 +51,8 @@ def test_rows_are_crossed_in_the_order_written_with_the_last_fastest(campaign, t
     out = tmp_path / "r.csv"
     assert sweep(campaign, "--out", out) == 0
     frame = pl.read_csv(out)
-    assert frame.height == 12 * 2 * 2 * 4
-    assert frame["altitude"].to_list() == [10.0 + 10 * (row // 16) for row in range(192)]
+    assert frame.height == 6 * 2 * 2 * 4
+    assert frame["altitude"].to_list() == [10.0 + 22 * (row // 16) for row in range(96)]
     assert frame["max_aperture"].to_list()[:8] == [8.0] * 4 + [40.0] * 4
     assert frame["density"][:4].to_list() == pytest.approx(
         [0.001 * 20 ** (step / 3) for step in range(4)]

@@ -65,8 +65,8 @@ def test_a_row_has_the_numbers_of_plan(folder, capsys):
 
 @pytest.mark.usefixtures("mine")
 def test_a_trade_off_takes_them_as_plan_does(capsys):
-    for line in (["tradeoff", "--vhat", "0.8"], ["plan", "--vhat", "0.8"]):
-        assert run([*line, "--json"]) == 0
+    for line in (["tradeoff", "--max-samples", "9"], ["plan"]):
+        assert run([*line, "--vhat", "0.8", "--json"]) == 0
         request = json.loads(capsys.readouterr().out)["request"]
         assert (request["altitude"], request["drone"], request["speed"]) == (50.0, "dji-m30t", 3.0)
     assert run(["tradeoff", "--vhat", "0.8", "--defaults", "none"]) == 2

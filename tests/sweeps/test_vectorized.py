@@ -182,7 +182,10 @@ def test_scenarios_of_one_geometry_share_its_views_whatever_their_order(monkeypa
 def test_blocks_are_smaller_the_more_scenarios_are_solved_alone(tmp_path):
     def rows_a_block(text):
         path = tmp_path / "s.toml"
-        path.write_text("[sweep]\naltitude = { start = 40, stop = 99, count = 300000 }\n" + text)
+        path.write_text(
+            "[sweep]\naltitude = { start = 40, stop = 99, count = 600 }\n"
+            "speed = { start = 1, stop = 9, count = 512 }\n" + text
+        )
         return read_scenarios(str(path)).block(0).rows
 
     (tmp_path / "scene.toml").write_text(
