@@ -54,10 +54,10 @@ AREAS = {
 PERSON = {"find": "person", "optimize": "detection"}
 
 CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
-    "field, spruce at noon": (
+    "field, spruce, hot canopy": (
         "field, 4 ha",
         {"scene": "conifer-forest", "within": 25, "altitude": "40..80", "drone": "dji-m3t",
-         "signature": "thermal-noon"},
+         "contrast": 2, "canopy_offset": 1, "crown_share": 0.2},
     ),
     "field, dense forest": (
         "field, 4 ha",
@@ -67,10 +67,10 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
         "field, 4 ha",
         {"scene": "dense-forest", "within": 9, "altitude": "60..100", "drone": "dji-m3t"},
     ),
-    "strip, broadleaf in colour": (
+    "strip, broadleaf, little contrast": (
         "strip, 3 ha",
         {"scene": "broadleaf-forest", "within": 15, "altitude": "50..90", "drone": "dji-m3e",
-         "signature": "colour"},
+         "contrast": 1, "canopy_offset": 1, "crown_share": 0.3},
     ),
     "strip, batteries of 8 min": (
         "strip, 3 ha",
@@ -85,7 +85,7 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
     "bent, tropical": (
         "bent, 2 ha",
         {"scene": "tropical-forest", "within": 8, "altitude": "60..90", "drone": "dji-m30t",
-         "signature": "thermal-noon"},
+         "contrast": 2.5, "canopy_offset": -1, "crown_share": 0.4},
     ),
     "place, dense forest": (
         None, {"scene": "dense-forest", "within": 1.5, "altitude": "40..70", "drone": "dji-m3t"}
@@ -95,10 +95,10 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
         {"scene": "dense-forest", "within": 2, "altitude": 45, "drone": "dji-m3t",
          "trigger": "stop"},
     ),
-    "place, mixed forest at noon": (
+    "place, mixed forest, hot canopy": (
         None,
         {"scene": "mixed-forest", "within": 1, "altitude": "40..60", "drone": "dji-m30t",
-         "signature": "thermal-noon"},
+         "contrast": 2, "canopy_offset": 2, "crown_share": 0.3},
     ),
 }  # fmt: skip
 

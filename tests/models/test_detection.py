@@ -211,6 +211,40 @@ def test_crowns_have_the_covariance_of_drawn_fields():
     assert (error < 0.03).all()
 
 
+@pytest.mark.parametrize("scattered", [False, True], ids=["grid", "scattered"])
+def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
+    """Against the sum over every pair of photos and of heights, of the box by quadrature."""
+    altitude, heights = 40.0, np.array([3.0, 9.0, 16.0])
+    ends, made = np.array([0.2, 0.5, 0.3]), kernels(PERSON, 0.3)
+    x, y = np.meshgrid([0.0, 5.0, 10.0], [-2.0, 1.5])
+    sites = np.column_stack([x.ravel(), y.ravel()])
+    if scattered:
+        sites = sites + np.random.default_rng(1).normal(0.0, 2.0, sites.shape)
+    window, box = crown_covariances(sites, heights, ends, altitude, PERSON, made)
+    near = 1.0 - ends @ heights / altitude
+    pair = near**2 * (PERSON.width_m**2 + PERSON.length_m**2) / 12.0
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    side, weights = 0.5 * near * PERSON.box_m * nodes, 0.5 * weights
+    places = (sites[:, None] * (heights / altitude)[:, None]).reshape(-1, 2)
+    share = np.tile(ends, len(sites)) / len(sites)
+    apart = places[:, None] - places
+    shares = np.outer(share, share)
+
+    def mean(variance, offsets, weights):
+        """Of the correlation, a Gaussian blurred by a variance, averaged over offsets."""
+        wide = CROWN_LENGTH_M**2 + variance
+        field = np.exp(-0.5 * (apart[..., None] + offsets) ** 2 / wide) @ weights
+        return CROWN_LENGTH_M**2 / wide * float((shares * field.prod(axis=2)).sum())
+
+    one = np.zeros(1), np.ones(1)
+    moved = pair + 0.5 * (near * made.step_m) ** 2
+    two = np.subtract.outer(side, side).ravel(), np.outer(weights, weights).ravel()
+    wanted = [mean(spread, *one) for spread in (pair, moved, moved, pair)]
+    assert window == pytest.approx(wanted, rel=1e-5)
+    wanted = [mean(0.5 * pair, side, weights), mean(0.0, *two)]
+    assert box == pytest.approx(wanted, rel=1e-5)
+
+
 def test_points_that_nearly_always_see_give_certain_detection():
     thin = (Layer(9.9, 10.1, 1e-6, 0.2),)
     found = detection(thin, 9, 2.0)

@@ -8,6 +8,8 @@ from support.command_line import FIELD
 
 from aosplan import PlanRequest, plan
 from aosplan.errors import InfeasibleError, RequestError
+from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.within import NEARLY, Search
 
 HARD = {"scene": "dense-forest", "find": "person", "optimize": "detection", "drone": "dji-m3t"}
 """A search that does not find everyone."""
@@ -170,3 +172,15 @@ def test_a_request_without_a_search_is_as_it_was():
     request = PlanRequest(altitude=40)
     assert (request.grid, request.trigger, request.heading) == ("trimmed", "stop", 0.0)
     assert not replace(request, vhat=0.9).searches
+
+
+def test_no_small_step_from_what_is_flown_is_better_within_the_time():
+    request = PlanRequest(area=FIELD[1], within=6.0, **(HARD | {"altitude": 60.0}))
+    loaded = load_scene(request)
+    search = Search(request, "", lambda _: loaded)
+    best = search.best(360.0)
+    score = search.score(best.candidate.shape)
+    for shape in search.space.neighbours(best.candidate.shape):
+        timed = search.time(search.least(shape))
+        if timed is not None and timed.time_s <= 360.0:
+            assert search.score(shape) <= score * (1.0 + NEARLY)

@@ -7,9 +7,14 @@ show the field at points that are d = c H/h - c' H'/h apart, in addition to the 
 targets.  A wide aperture and a deep canopy spread each crown over the ground, which reduces its
 clutter.
 
-The means over the detector's window and box use a Gaussian for the window, which is small compared
-with a crown, and the exact shape of the box, which is parallel to the axes.  d is sampled from the
-photos and from the heights at which rays end.
+The mean of a covariance K(d) over all pairs of photos and of heights is an integral of its spectrum,
+
+    ∫∫ |φ(k)|² K̂(k) dk/(2π)²,   φ(k) = Σ_H P(H) (1/N) Σ_c exp(i k·c H/h).
+
+K̂ is a Gaussian, multiplied by the spectra of the detector's window and box.  The window is
+described by a Gaussian, since it is small compared with a crown; the box has its exact shape and is
+parallel to the axes.  The integral is computed by the trapezoidal rule.  Its error is negligible if
+the period 2π/dk exceeds the largest d plus the reach of K.
 """
 
 from __future__ import annotations
@@ -28,10 +33,14 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-DRAWN = 4096
-"""Number of pairs of rays that are sampled."""
+HIGHEST = 5.0
+"""Highest wave number times the length of the crowns; a part of 1e-6 of the spectrum is higher."""
 
-SEED = 1
+REACH = 6.0
+"""Distance, divided by the length of the crowns, beyond which their covariance is negligible."""
+
+HEIGHTS = 32
+"""Largest number of heights at which rays end; of more, neighbours are merged."""
 
 
 def crown_covariances(
@@ -42,71 +51,80 @@ def crown_covariances(
     target: Target,
     kernels: Kernels,
 ) -> tuple[Floats, Floats]:
-    """Covariances of the crowns' field for two rays that both end in the canopy.
+    """Covariances of the crowns' field for rays that both end in canopy.
 
     Parameters
     ----------
     sites_m
-        Camera positions, shape (N, 2).
+        Camera positions, horizontally from the target, shape (N, 2).
     heights_m, ends
         Heights at which rays end, and their probabilities.
     altitude_m
-        Altitude of the cameras.
+        Of the cameras.
     target, kernels
-        The window, and the kernels with their steps.
+        The window, and the steps of its kernels.
 
     Returns
     -------
     window, box
         Shapes (4,) and (2,), in the order of the kernels.
     """
-    rng = np.random.default_rng(SEED)
-    places = []
-    for _ in (0, 1):
-        sites = sites_m[rng.integers(0, len(sites_m), DRAWN)]
-        heights = heights_m[rng.choice(len(heights_m), DRAWN, p=ends)]
-        places.append(sites * (heights / altitude_m)[:, None])
-    apart = places[0] - places[1]
     near = 1.0 - float(ends @ heights_m) / altitude_m
+    heights_m, ends = _grouped(heights_m, ends)
+    slopes = heights_m / altitude_m
+    half = 0.5 * near * target.box_m
+    # The largest distance between two points of the field, along the longer axis.
+    ends_m = [sites_m * slope for slope in (slopes.min(), slopes.max())]
+    apart_m = float(np.ptp(np.concatenate(ends_m), axis=0).max())
+    step = 2.0 * math.pi / (apart_m + 2.0 * half + REACH * CROWN_LENGTH_M)
+    count = math.ceil(HIGHEST / (CROWN_LENGTH_M * step))
+    k = step * np.arange(-count, count + 1.0)
+    power = np.abs(_characteristic(sites_m, slopes, ends, k)) ** 2
+    field = CROWN_LENGTH_M * step / math.sqrt(2.0 * math.pi) * _blurred(k, CROWN_LENGTH_M**2)
     # Second moments along an axis: of the offset of two points of the window, and with a shift.
     pair = near**2 * (target.width_m**2 + target.length_m**2) / 12.0
     moved = pair + 0.5 * (near * kernels.step_m) ** 2
-    length = CROWN_LENGTH_M
-
-    def gaussian(spread: float) -> float:
-        """Mean of ρ over the sampled offsets and a Gaussian with a variance per axis."""
-        wide = length**2 + spread
-        return float((length**2 / wide * np.exp(-0.5 * (apart**2).sum(axis=1) / wide)).mean())
-
-    half = 0.5 * near * target.box_m
-    wide = math.sqrt(length**2 + 0.5 * pair)
-    mixed = _over_box(apart, wide, half) * length / wide
-    both = _over_two_boxes(apart, length, half)
-    window = np.array([gaussian(pair), gaussian(moved), gaussian(moved), gaussian(pair)])
-    return window, np.array([mixed.prod(axis=1).mean(), both.prod(axis=1).mean()])
+    inside = np.sinc(k * half / math.pi)
+    kept = [_blurred(k, spread) for spread in (pair, moved, moved, pair)]
+    kept += [_blurred(k, 0.5 * pair) * inside, inside**2]
+    spectra = field * np.array(kept)
+    # |φ(k)|² = |φ(-k)|²: wave numbers along x that are not negative are sufficient.
+    along_x = spectra[:, count:] * np.where(k[count:] > 0.0, 2.0, 1.0)
+    found = ((spectra @ power) * along_x).sum(axis=1)
+    return found[:4], found[4:]
 
 
-def _over_box(apart: Floats, spread: float, half: float) -> Floats:
-    """Mean of exp(-x²/(2 spread²)) over an interval around each offset."""
-    from scipy.special import ndtr
+def _grouped(heights_m: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Heights and their probabilities, with neighbours merged if there are many."""
+    starts = np.arange(0, len(ends), math.ceil(len(ends) / HEIGHTS))
+    share = np.add.reduceat(ends, starts)
+    return np.add.reduceat(ends * heights_m, starts) / share, share
 
-    area: Floats = ndtr((apart + half) / spread) - ndtr((apart - half) / spread)
-    return area * (math.sqrt(2.0 * math.pi) * spread / (2.0 * half))
 
-
-def _over_two_boxes(apart: Floats, spread: float, half: float) -> Floats:
-    """Mean of exp(-x²/(2 spread²)) over the offsets between points of two equal intervals."""
-    from scipy.special import ndtr
-
-    def integral(x: Floats) -> Floats:
-        """Second antiderivative of exp(-x²/(2 s²))/(√(2 π) s)."""
-        value: Floats = x * ndtr(x / spread) + spread / math.sqrt(2.0 * math.pi) * np.exp(
-            -0.5 * (x / spread) ** 2
+def _characteristic(
+    sites_m: Floats, slopes: Floats, ends: Floats, k: Floats
+) -> NDArray[np.complex128]:
+    """φ at wave numbers along y (rows) and at those along x that are not negative (columns)."""
+    rounded = np.round(sites_m, 6)
+    x, y = (np.unique(axis) for axis in rounded.T)
+    positive = k[len(k) // 2 :]
+    if len(x) * len(y) == len(sites_m) == len(np.unique(rounded, axis=0)):
+        # On a grid, φ is a product of the means over rows and columns.
+        along_x, along_y = (
+            np.exp(1j * waves[:, None, None] * slopes[:, None] * axis).mean(axis=2)
+            for waves, axis in ((positive, x), (k, y))
         )
-        return value
-
-    side = 2.0 * half
-    second = integral(apart + side) - 2.0 * integral(apart) + integral(apart - side)
-    scale = math.sqrt(2.0 * math.pi) * spread / side**2
-    found: Floats = second * scale
+        along_y = along_y * ends
+    else:
+        places = (sites_m[:, None] * slopes[:, None]).reshape(-1, 2)
+        weights = np.tile(ends, len(sites_m)) / len(sites_m)
+        along_x = np.exp(1j * np.outer(positive, places[:, 0]))
+        along_y = np.exp(1j * np.outer(k, places[:, 1])) * weights
+    found: NDArray[np.complex128] = along_y @ along_x.T
     return found
+
+
+def _blurred(k: Floats, variance: float) -> Floats:
+    """Spectrum of a Gaussian with a variance and the integral 1."""
+    left: Floats = np.exp(-0.5 * k**2 * variance)
+    return left

@@ -28,6 +28,7 @@ from aosplan.planning.search_shapes import (
     shape_time_s,
     ways_of,
 )
+from aosplan.planning.shape_space import MOST_ROWS, ShapeSpace
 from aosplan.planning.solved_plan import Memo, problem_of
 from aosplan.planning.within_answer import (
     PHOTO_INTERVAL_S,
@@ -43,9 +44,6 @@ if TYPE_CHECKING:
     from aosplan.messages import Message
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
-
-MOST_ROWS = 16
-"""Rows of a grid that are tried."""
 
 MOST_SAMPLES = 400
 """Samples of a grid, unless --max-samples allows more."""
@@ -70,6 +68,9 @@ ROUNDS = 3
 
 QUICKER = 2
 """Flights that are laid out to find a quicker one that is nearly as good."""
+
+POLISHED = 4
+"""Neighbours of the best flight that are laid out, at most, in each step to a better one."""
 
 COUNTED = 2
 """Of them, those whose detection is counted in the voxels of a stand."""
@@ -157,7 +158,13 @@ class Search:
         self.inputs, self.altitude_m = highest.inputs, highest.altitude_m
         self.over_area = self.inputs.area is not None
         x, y = self.inputs.footprint_m
-        self.view = x / self.altitude_m, y / self.altitude_m
+        self.space = ShapeSpace(
+            request,
+            self.altitude_m,
+            (x / self.altitude_m, y / self.altitude_m),
+            over_area=self.over_area,
+            most_samples=self.most_samples,
+        )
 
     # What a shape shows
 
@@ -269,7 +276,7 @@ class Search:
                 elif timed is not None:
                     over.append(timed.time_s / longest_s)
             if found:
-                return self._preferred(candidates, found)
+                return self._polished(self._preferred(candidates, found), longest_s)
             # The least times are too low here: no-fly zones, terrain, or gaps in the area.
             allowed_s /= max(min(over, default=1.0), 1.02)
         return None
@@ -295,6 +302,27 @@ class Search:
         timed = [self.time(each) for each in near[:QUICKER]]
         return min([best, *(each for each in timed if each)], key=lambda each: each.time_s)
 
+    def _polished(self, best: Timed, longest_s: float) -> Timed:
+        """The best that is found from a flight by small steps, each of them to a better one."""
+        if self._wanted > 1:
+            return best
+        while True:
+            score = self.score(best.candidate.shape)
+            near = [self.least(shape) for shape in self.space.neighbours(best.candidate.shape)]
+            near = [
+                each
+                for each in near
+                if self._least_known_s(each) <= longest_s
+                and self.score(each.shape) > score + NEARLY * abs(score)
+            ]
+            near.sort(key=lambda each: (-self.score(each.shape), each.shape))
+            timed = map(self.time, near[:POLISHED])
+            better = (each for each in timed if each and each.time_s <= longest_s)
+            found = next(better, None)
+            if found is None:
+                return best
+            best = found
+
     def enough_s(self) -> float:
         """The time from which on twice as much gains next to nothing."""
         least = min((self.least(shape).least_s for shape in self._families(1)), default=math.inf)
@@ -310,8 +338,8 @@ class Search:
         return 0.5 * longest_s
 
     def _families(self, columns: int) -> Iterator[Shape]:
-        for rows in self._rows():
-            shape = self._shape(rows, columns, 1.0, 1.0)
+        for rows in self.space.rows:
+            shape = self.space.shape(rows, columns, 1.0, 1.0)
             if shape is not None:
                 yield shape
 
@@ -323,7 +351,7 @@ class Search:
         shares = OVER_AREA if self.over_area else AT_PLACE
         coarse = [(1.0, 1.0)] if self.over_area else [(each, each) for each in shares[::2]]
         found: dict[int, set[Shape]] = {}
-        for rows in self._rows():
+        for rows in self.space.rows:
             shapes: set[Shape] = set()
             for share in coarse:
                 shapes |= self._fitting(rows, share, longest_s, FEWER[:2])
@@ -336,15 +364,10 @@ class Search:
         ranked = sorted(best, key=lambda rows: self.score(best[rows]), reverse=True)
         chosen = {shape for shapes in found.values() for shape in shapes}
         for rows in ranked[:REFINED]:
-            for share in near_shares(best[rows], shares, self._filled):
+            for share in near_shares(best[rows], shares, self.space.filled):
                 chosen |= self._fitting(rows, share, longest_s, FEWER[:1])
-            chosen |= self._fitting(rows, self._filled(best[rows]), longest_s, FEWER)
+            chosen |= self._fitting(rows, self.space.filled(best[rows]), longest_s, FEWER)
         return chosen
-
-    def _filled(self, shape: Shape) -> tuple[float, float]:
-        """Shares of the room along and across that a shape fills."""
-        x, y = self._room(shape.rows, shape.columns)
-        return shape.along / x, shape.across / y
 
     def _fitting(
         self, rows: int, share: tuple[float, float], longest_s: float, parts: tuple[float, ...]
@@ -355,12 +378,14 @@ class Search:
         if request.samples is not None:
             columns = {request.samples // rows} if request.samples % rows == 0 else set()
         elif request.optimize in BEST:
-            most = last_number(most, lambda n: self._fits(self._shape(rows, n, *share), longest_s))
+            most = last_number(
+                most, lambda n: self._fits(self.space.shape(rows, n, *share), longest_s)
+            )
             columns = {math.floor(part * most) for part in parts} | {max(most - 1, 0)}
         else:
-            missed = last_number(most, lambda n: self._misses(self._shape(rows, n, *share)))
+            missed = last_number(most, lambda n: self._misses(self.space.shape(rows, n, *share)))
             columns = {missed + 1} if missed < most else set()
-        shapes = (self._shape(rows, each, *share) for each in columns if each)
+        shapes = (self.space.shape(rows, each, *share) for each in columns if each)
         return {shape for shape in shapes if shape and self._fits(shape, longest_s)}
 
     def _misses(self, shape: Shape | None) -> bool:
@@ -368,54 +393,6 @@ class Search:
 
     def _fits(self, shape: Shape | None, longest_s: float) -> bool:
         return shape is not None and self._least_known_s(self.least(shape)) <= longest_s
-
-    def _rows(self) -> range:
-        request = self.request
-        if request.grid == "line":
-            return range(1, 2)
-        if isinstance(request.lanes, int):
-            return range(request.lanes, request.lanes + 1)
-        fewest = 1 if request.grid == "best" else 2
-        return range(fewest, min(MOST_ROWS, self.most_samples) + 1)
-
-    def _room(self, rows: int, columns: int) -> tuple[float, float]:
-        """The widest spacing along and across that leaves a target in all images."""
-        (x, y), bound = self.view, self.request.max_aperture
-        if self.over_area:  # the grid and a pitch, so that every point has a grid around it
-            along, across = x / columns, y / rows
-        else:
-            from aosplan.planning.option_parsers import PERSON, target_m
-
-            side = max(target_m(self.request.find or PERSON)) / self.altitude_m
-            along = (x - side) / max(columns - 1, 1)
-            across = (y - side) / max(rows - 1, 1)
-        if bound is not None:
-            along = min(along, bound / self.altitude_m / max(columns - 1, 1))
-            across = min(across, bound / self.altitude_m / max(rows - 1, 1))
-        return along, across
-
-    def _shape(self, rows: int, columns: int, along: float, across: float) -> Shape | None:
-        """A shape that fills shares of the room; None if its lines would lie too close."""
-        x, y = self._room(rows, columns)
-        x, y = x * along, y * across
-        request = self.request
-        if min(x, y) <= 0.0:
-            return None
-        if request.baseline is not None:
-            asked = request.baseline / self.altitude_m
-            if asked > x * (1.0 + 1e-9):
-                return None
-            x = asked
-        if rows == 1 and not self.over_area:
-            return Shape(rows, columns, x, x)
-        x = min(x, y) if request.baseline is None else x
-        if isinstance(request.lane_pitch, float):
-            if request.baseline is None:
-                x = min(x, y / request.lane_pitch)
-            if x * request.lane_pitch > y * (1.0 + 1e-9):
-                return None
-            y = x * request.lane_pitch
-        return Shape(rows, columns, x, y) if y >= x else None
 
     # What is told of it
 

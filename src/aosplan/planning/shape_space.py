@@ -1,0 +1,132 @@
+"""The shapes of grids that a request allows, by how much of the images' width they fill.
+
+A *share* of the room along or across the heading is the spacing over the widest spacing at which
+a target is still in all images of its grid.  See `aosplan.planning.within`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aosplan.planning.search_shapes import Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from aosplan.planning.request import PlanRequest
+
+MOST_ROWS = 16
+"""Rows of a grid that are tried."""
+
+STEP = 0.92
+"""Factor between neighbouring shares of the room."""
+
+
+class ShapeSpace:
+    """The shapes that a request allows.
+
+    Parameters
+    ----------
+    request
+        What is asked for.
+    altitude_m
+        The highest that is allowed, above the focal plane.
+    view
+        The footprint, along the heading and across it, over the altitude.
+    over_area
+        Whether an area is searched, not one place.
+    most_samples
+        Photos of each point, at most.
+    """
+
+    def __init__(
+        self,
+        request: PlanRequest,
+        altitude_m: float,
+        view: tuple[float, float],
+        *,
+        over_area: bool,
+        most_samples: int,
+    ) -> None:
+        self.request = request
+        self.altitude_m = altitude_m
+        self.view = view
+        self.over_area = over_area
+        self.most_samples = most_samples
+
+    @property
+    def rows(self) -> range:
+        """Numbers of rows."""
+        request = self.request
+        if request.grid == "line":
+            return range(1, 2)
+        if isinstance(request.lanes, int):
+            return range(request.lanes, request.lanes + 1)
+        fewest = 1 if request.grid == "best" else 2
+        return range(fewest, min(MOST_ROWS, self.most_samples) + 1)
+
+    def filled(self, shape: Shape) -> tuple[float, float]:
+        """Shares of the room along and across that a shape fills."""
+        x, y = self._room(shape.rows, shape.columns)
+        return shape.along / x, shape.across / y
+
+    def shape(self, rows: int, columns: int, along: float, across: float) -> Shape | None:
+        """A shape that fills shares of the room; None if its lines would lie too close."""
+        x, y = self._room(rows, columns)
+        x, y = x * along, y * across
+        request = self.request
+        if min(x, y) <= 0.0:
+            return None
+        if request.baseline is not None:
+            asked = request.baseline / self.altitude_m
+            if asked > x * (1.0 + 1e-9):
+                return None
+            x = asked
+        if rows == 1 and not self.over_area:
+            return Shape(rows, columns, x, x)
+        x = min(x, y) if request.baseline is None else x
+        if isinstance(request.lane_pitch, float):
+            if request.baseline is None:
+                x = min(x, y / request.lane_pitch)
+            if x * request.lane_pitch > y * (1.0 + 1e-9):
+                return None
+            y = x * request.lane_pitch
+        return Shape(rows, columns, x, y) if y >= x else None
+
+    def neighbours(self, shape: Shape) -> Iterator[Shape]:
+        """Shapes of a row or a column more or less, and of spacings a step wider or closer."""
+        x, y = self.filled(shape)
+        steps = (STEP, 1.0, 1.0 / STEP)
+        shares = (
+            (min(along * x, 1.0), min(across * y, 1.0)) for along in steps for across in steps
+        )
+        wanted = [(shape.rows, shape.columns, *share) for share in shares]
+        wanted += [
+            (shape.rows + rows, shape.columns + columns, x, y)
+            for rows in (-1, 0, 1)
+            for columns in (-1, 0, 1)
+        ]
+        for rows, columns, *share in dict.fromkeys(wanted):
+            asked = self.request.samples
+            if rows not in self.rows or columns < 1 or asked not in (None, rows * columns):
+                continue
+            if rows * columns <= max(self.most_samples, asked or 0):
+                found = self.shape(rows, columns, *share)
+                if found is not None and found != shape:
+                    yield found
+
+    def _room(self, rows: int, columns: int) -> tuple[float, float]:
+        """The widest spacing along and across that leaves a target in all images."""
+        (x, y), bound = self.view, self.request.max_aperture
+        if self.over_area:  # the grid and a pitch, so that every point has a grid around it
+            along, across = x / columns, y / rows
+        else:
+            from aosplan.planning.option_parsers import PERSON, target_m
+
+            side = max(target_m(self.request.find or PERSON)) / self.altitude_m
+            along = (x - side) / max(columns - 1, 1)
+            across = (y - side) / max(rows - 1, 1)
+        if bound is not None:
+            along = min(along, bound / self.altitude_m / max(columns - 1, 1))
+            across = min(across, bound / self.altitude_m / max(rows - 1, 1))
+        return along, across
