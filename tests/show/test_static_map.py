@@ -53,7 +53,8 @@ def test_the_map_shows_every_site_to_scale(name):
     turns = [row for row in ways if not row.photo]
     unit = metres_a_pixel(still)
     x0, y0 = still.first
-    for rows, path in ((taken, still.sites), (turns, still.turns), (list(ways), still.way)):
+    way, sites = map("".join, zip(*still.flights, strict=True))
+    for rows, path in ((taken, sites), (turns, still.turns), (list(ways), way)):
         drawn = places(path)
         assert len(drawn) == len(rows)
         for (x, y), row in zip(drawn, rows, strict=True):
@@ -63,7 +64,7 @@ def test_the_map_shows_every_site_to_scale(name):
             assert unit * (y0 - y) == pytest.approx(row.north_m - ways.north_m[0], **near)
             assert 0.0 < x < WIDTH
             assert 0.0 < y < still.height
-    assert still.last == places(still.way)[-1]
+    assert still.last == places(still.flights[-1][0])[-1]
     for _, outline in still.shapes:
         assert all(0.0 <= x <= WIDTH and 0.0 <= y <= still.height for x, y in places(outline))
 

@@ -199,10 +199,11 @@ def nice_length_m(span_m: float) -> float:
 def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]:
     """Indices of the waypoints that are numbered, for a given spacing on paper.
 
-    All are numbered, or every n-th; if there are very many, only the first and the last of each
-    flight.
+    All are numbered, or every n-th; if there are very many, only the first of each flight and the
+    last of all.
     """
-    count, ends = flights[-1][1] + 1, {place for flight in flights for place in flight}
+    count = flights[-1][1] + 1
+    ends = {*(first for first, _ in flights), count - 1}
     if spacing_mm >= NUMBERED_MM:
         return list(range(count))
     if count > MOST_NUMBERED:
@@ -281,27 +282,28 @@ def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
     """Draw the path of each flight, and its waypoints as far as there is room."""
     from matplotlib.patheffects import withStroke
 
-    blue, halo = theme.data[0], [withStroke(linewidth=2.0, foreground=theme.background)]
+    halo = [withStroke(linewidth=2.0, foreground=theme.background)]
     each = spacing_mm >= NUMBERED_MM
-    for first, last in shown.flights:
-        places = slice(first, last + 1)
+    for flight, (first, last) in enumerate(shown.flights):
+        places, colour = slice(first, last + 1), flight_colour(theme, flight)
         panel.plot(
             shown.east_m[places],
             shown.north_m[places],
             "-",
-            color=blue,
+            color=colour,
             lw=0.9 if spacing_mm > DOTTED_MM else 0.5,
             zorder=2,
         )
-    if spacing_mm >= DOTTED_MM or len(shown.east_m) == 1:
-        taken = [k for k in range(len(shown.east_m)) if shown.photo is None or shown.photo[k]]
+        if spacing_mm < DOTTED_MM and len(shown.east_m) > 1:
+            continue
+        taken = [k for k in range(first, last + 1) if shown.photo is None or shown.photo[k]]
         panel.plot(
             [shown.east_m[k] for k in taken],
             [shown.north_m[k] for k in taken],
             "o",
             ms=10.5 if each else min(max(1.1 * spacing_mm, 1.5), 4.0),
-            mfc=theme.background if each else blue,
-            mec=blue,
+            mfc=theme.background if each else colour,
+            mec=colour,
             mew=0.9,
             zorder=3,
         )
@@ -331,6 +333,11 @@ def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
             weight="bold" if end else "normal",
             path_effects=[] if each else halo,
         )
+
+
+def flight_colour(theme: Theme, flight: int) -> str:
+    """Return the colour of a flight: flights on different batteries alternate between two."""
+    return theme.data[2 if flight % 2 else 0]
 
 
 def _spacing_m(shown: Grid) -> float:
@@ -385,8 +392,17 @@ def _legend(shown: Grid, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    way: dict[str, Any] = {"color": theme.data[0], "marker": "o", "ms": 5, "mfc": theme.background}
-    handles: list[Any] = [Line2D([], [], label="path, waypoints numbered from 0", **way)]
+    labels = ["path, waypoints numbered from 0"]
+    if len(shown.flights) > 1:
+        names = (
+            ("flight 1", "flight 2") if len(shown.flights) == 2 else ("odd flights", "even flights")
+        )
+        labels = [f"{names[0]}, waypoints numbered from 0", names[1]]
+    dots: dict[str, Any] = {"marker": "o", "ms": 5, "mfc": theme.background}
+    handles: list[Any] = [
+        Line2D([], [], label=label, color=flight_colour(theme, flight), **dots)
+        for flight, label in enumerate(labels)
+    ]
     if shown.takeoff is not None:
         home = HOME | {"mfc": theme.data[3], "mec": theme.background}
         handles.append(Line2D([], [], label="take-off", **home))

@@ -95,7 +95,7 @@ function inks() {
   if (state.printing) probe.style.colorScheme = "light";
   document.body.append(probe);
   const found = {};
-  for (const name of ["ink", "faint", "line", "paper", "panel", "blue", "orange", "green", "red", "violet", "sky"]) {
+  for (const name of ["ink", "faint", "line", "paper", "panel", "blue", "orange", "green", "red", "violet", "sky", "teal"]) {
     probe.style.color = `var(--${name})`;
     found[name] = getComputedStyle(probe).color;
   }
@@ -166,23 +166,26 @@ function visible(ax, ay, bx, by) {
   return [from, to];
 }
 
+/** Flights of different batteries have two colours by turns. */
+const flightInk = (ink, flight) => (flight % 2 ? ink.teal : ink.blue);
+
 function paintPath(pen, ink) {
   const { places, starts } = path;
   if (places.length > MOST_CORNERS && scenery.spacing_m * view.scale < 3) return;
   pen.lineWidth = 1.5;
-  pen.strokeStyle = ink.blue;
   pen.globalAlpha = 0.7;
-  pen.beginPath();
+  const lines = scenery.flights.map(() => new Path2D());
   const arrows = [];
+  let flight = 0;
   let since = 60;
   for (let k = 1; k < places.length; k += 1) {
     const [i, j] = [places[k - 1], places[k]];
-    if (starts.has(j)) continue;
+    if (starts.has(j)) { flight += 1; continue; }
     const [ax, ay, bx, by] = [pixelX(east[i]), pixelY(north[i]), pixelX(east[j]), pixelY(north[j])];
     const [from, to] = visible(ax, ay, bx, by);
     if (from >= to) continue;
-    pen.moveTo(ax, ay);
-    pen.lineTo(bx, by);
+    lines[flight].moveTo(ax, ay);
+    lines[flight].lineTo(bx, by);
     const length = Math.hypot(bx - ax, by - ay);
     const legs = Math.max(j - i, 1);
     since += (to - from) * length;
@@ -191,12 +194,12 @@ function paintPath(pen, ink) {
     for (let n = 1; n <= most; n += 1) {
       // Between two sites, where no dot hides it.
       const share = (Math.floor((from + ((to - from) * n) / (most + 1)) * legs) + 0.5) / legs;
-      arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax)]);
+      arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax), flight]);
     }
   }
-  pen.stroke();
+  lines.forEach((line, index) => { pen.strokeStyle = flightInk(ink, index); pen.stroke(line); });
   pen.globalAlpha = 1;
-  for (const [x, y, angle] of arrows) triangle(pen, x, y, 4.5, angle, ink.blue);
+  for (const [x, y, angle, index] of arrows) triangle(pen, x, y, 4.5, angle, flightInk(ink, index));
 }
 
 function paintSites(pen, ink) {
@@ -212,10 +215,12 @@ function paintSites(pen, ink) {
   canvas.dataset.sites = String(many);
   if (many > MANY) return dust(pen, ink);
   const dot = radius();
-  pen.fillStyle = ink.blue;
   pen.strokeStyle = ink.faint;
   pen.lineWidth = 1.2;
+  let flight = 0;
   for (const i of inside) {
+    while (i > scenery.flights[flight][1]) flight += 1;
+    pen.fillStyle = flightInk(ink, flight);
     const [x, y] = [pixelX(east[i]), pixelY(north[i])];
     if (!photo(i)) { pen.strokeRect(x - dot * 0.7, y - dot * 0.7, dot * 1.4, dot * 1.4); continue; }
     if (dot < 1.5) { pen.fillRect(x - dot, y - dot, 2 * dot, 2 * dot); continue; }

@@ -36,10 +36,10 @@ class StaticMap(NamedTuple):
         Height of the map, which is `WIDTH` wide.
     shapes
         Class and outline of the shapes below the path, lowest first.
-    way
-        The path of each flight.
-    sites, turns
-        Waypoints with a photo and without, as lines of zero length.
+    flights
+        Path and sites of each flight; sites are lines of zero length.
+    turns
+        Waypoints without a photo, as lines of zero length.
     first, last, takeoff
         Positions of marks.  If the take-off point is not known, it is below the first waypoint.
     dot
@@ -53,8 +53,7 @@ class StaticMap(NamedTuple):
     summary: str
     height: float
     shapes: list[tuple[str, str]]
-    way: str
-    sites: str
+    flights: list[tuple[str, str]]
     turns: str
     first: tuple[float, float]
     last: tuple[float, float]
@@ -97,8 +96,13 @@ def static_map_of(plan: Plan, grid: Grid) -> StaticMap | None:
         summary=grid.description(),
         height=round(height, 1),
         shapes=[(name, _outline(parts, place)) for name, parts in shapes.items() if parts],
-        way="".join(_line(places[first : last + 1]) for first, last in grid.flights),
-        sites=_dots(at for at, taken in zip(places, photo, strict=True) if taken),
+        flights=[
+            (
+                _line(places[first : last + 1]),
+                _dots(places[k] for k in range(first, last + 1) if photo[k]),
+            )
+            for first, last in grid.flights
+        ],
         turns=_dots(at for at, taken in zip(places, photo, strict=True) if not taken),
         first=places[0],
         last=places[-1],
