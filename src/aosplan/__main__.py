@@ -21,7 +21,7 @@ def main() -> None:
             # The shell has closed this stream. Without a replacement, the next file that is opened
             # would get its descriptor.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
-    gc.set_threshold(100_000)  # looking for garbage among imports takes a twentieth of a plan
+    gc.set_threshold(100_000)  # otherwise garbage collection of imports takes a twentieth of a plan
     # If Ctrl-C is ignored, as it is for a background job of a shell, it stays ignored.
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
@@ -47,7 +47,7 @@ def main() -> None:
         finally:
             if heeded:
                 signal.signal(signal.SIGINT, _leave)
-    except KeyboardInterrupt:  # before or after `run`, which handles it otherwise
+    except KeyboardInterrupt:  # not during `run`, which handles it
         status = 130
     leave(status)
 

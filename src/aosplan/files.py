@@ -434,7 +434,7 @@ def _remove(path: str) -> None:
     if path:
         try:
             os.unlink(path)
-        except OSError:  # it may not exist
+        except OSError:  # the file may not exist
             return
 
 

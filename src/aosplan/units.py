@@ -79,7 +79,7 @@ def at_least_zero(value: Any, name: str, unit: str = "") -> float:
     result = number(value, name, unit)
     if result < 0.0:
         raise RequestError(f"{name} {shown(value)} is below zero", _unit_hint(unit))
-    return result + 0.0  # -0.0 would be written out as such
+    return result + 0.0  # -0.0 would be printed with its sign
 
 
 def whole(value: Any, name: str) -> int:
@@ -286,7 +286,7 @@ def shown(value: Any) -> str:
     """A value for a message: one line of printable characters, shortened if it is long."""
     try:
         text = value if isinstance(value, str) else repr(value)
-    except ValueError:  # an integer with thousands of digits
+    except ValueError:  # repr of an integer with thousands of digits
         text = f"a number of {value.bit_length()} bits"
     text = text.encode("unicode_escape").decode() if not text.isprintable() else text
     return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"

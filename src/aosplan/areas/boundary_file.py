@@ -39,7 +39,7 @@ BROKEN = (
     zlib.error,
     lzma.LZMAError,
     struct.error,
-    RuntimeError,  # encrypted, or an unknown compression
+    RuntimeError,  # encrypted members, or an unknown compression
     EOFError,
     LookupError,
     OSError,

@@ -153,7 +153,7 @@ def flights_of(
     if whole.time_s <= longest_s:
         return (whole,)
     parts = list(_parts(track, timing))
-    # Start and end of a flight to each part alone, on the clock of the path without breaks.
+    # Times at which a flight to one part alone would start and end, on the clock of the whole path.
     begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
     landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
     worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])

@@ -157,7 +157,7 @@ class Terrain:
         x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
         a, b, left, d, e, top = self._transform
         x = np.asarray(x)
-        # longitudes may start at 0 or at -180, and the raster may cross the end of the range
+        # Longitudes may start at 0 or at -180, and the raster may cross the end of this range.
         if self._turn:
             x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
         along, down = x - left, np.asarray(y) - top

@@ -119,7 +119,7 @@ class CoverageMap(NamedTuple):
         west = self.cells.left_m + columns * self.cells.cell_m
         north = self.cells.top_m - rows * self.cells.cell_m
         side = self.cells.cell_m
-        with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
+        with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
             whole = shapely.union_all(shapely.box(west, north - side, west + side, north))
         parts = [part for part in shapely.get_parts(whole).tolist() if part.area > 0.0]
         return sorted(parts, key=lambda part: -part.area)
@@ -174,7 +174,7 @@ class Coverage:
         if area is not None and not area.clear.is_empty:
             import shapely
 
-            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
+            with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
                 self._clear = shapely.contains_xy(area.clear, *self._places.T)
         self._planned_sets = self._sets(self._sites)
         self._predict = self._depth = None

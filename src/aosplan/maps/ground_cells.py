@@ -73,7 +73,7 @@ def cells_over(shape: Any, cell_m: float) -> GroundCells:
     columns = max(math.ceil((east - left) / cell_m), 1)
     rows = max(math.ceil((top - south) / cell_m), 1)
     cells = GroundCells(left, top, cell_m, np.ones((rows, columns), np.bool_))
-    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
         shapely.prepare(shape)
         inside = shapely.contains_xy(shape, *cells.middles_m.T)
     return cells._replace(inside=inside.reshape(rows, columns))
@@ -98,5 +98,5 @@ def footprints(points_m: Floats, footprint_m: tuple[float, float], heading_deg: 
     across = np.array([math.cos(heading), -math.sin(heading)])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.5 * np.array(footprint_m)
     ring = corners @ np.stack([along, across])
-    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves flags set
+    with np.errstate(divide="ignore", invalid="ignore"):  # GEOS leaves floating-point flags
         return shapely.union_all(shapely.polygons(points_m[:, None, :] + ring))

@@ -187,7 +187,7 @@ def independent_windows(level: float, roughness: float, area_m2: float = HECTARE
     """n_w: number of independent windows in an area, for a level of u standard deviations."""
     from scipy.special import erfcx
 
-    level = max(level, 1.5)  # below, the Euler characteristic is not the number of peaks
+    level = max(level, 1.5)  # for lower levels, χ is not the number of peaks
     # exp(-u²/2)/Φ̄(u), without overflow.
     ratio = 2.0 / float(erfcx(level / math.sqrt(2.0)))
     peaks = area_m2 * math.pi * roughness * (level * level - 1.0) / (2.0 * math.pi) ** 2

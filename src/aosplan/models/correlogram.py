@@ -198,7 +198,7 @@ class CorrelogramModel:
         )
         pair_error_m = math.sqrt(2.0) * self.hold_error_m
         rho = self._expected(tables.correlation_at, apart_m, heading_deg, pair_error_m)
-        rho[~apart_m.any(axis=1)] = 1.0  # a view and itself
+        rho[~apart_m.any(axis=1)] = 1.0  # a view with itself
         return Prediction(density, 1.0 - density, max(float(rho @ pairs / pairs.sum()), 0.0))
 
     def _expected(

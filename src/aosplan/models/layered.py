@@ -218,7 +218,7 @@ def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
-        # each pair once, with the later site second
+        # Each pair once, with the later site second.
         near = np.triu((x < reach_m) & (y < reach_m), 1)
         total += float(pairs.at(x[near], y[near]).sum())
     return (count + 2.0 * total) / count**2

@@ -313,7 +313,7 @@ class MeasuredModel:
     def flown(self, pattern: Sites, baseline_m: float) -> Flown:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
-        # in one call, because the views share most of the work
+        # In one call, because the views share most of the work.
         views = self._views(np.concatenate(flights))
         window = self.interior(np.concatenate(flights))
         found = [self._predict(islice(views, pattern.samples), window) for _ in flights]

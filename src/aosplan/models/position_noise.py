@@ -118,7 +118,7 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     along_x = overlaps(pattern.columns, dhat, spread)
     along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, spread)
     samples = pattern.samples
-    if len(pattern.removed) > samples:  # removing most of a rectangle would cost digits
+    if len(pattern.removed) > samples:  # subtracting most of a rectangle would lose digits
         pairs = _pair_sum(tuple(sorted(pattern.sites())), along_y, along_x)
     else:
         pairs = _line_sum(pattern.columns, along_x) * _line_sum(pattern.rows, along_y)

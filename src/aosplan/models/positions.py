@@ -54,7 +54,7 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
         return blurred_shortfall(pattern, dhat, spread)
     samples = pattern.samples
     if isinstance(pattern, Spiral):
-        if dhat * pattern.nearest > 1.0 - 1e-15:  # the quotient was rounded
+        if dhat * pattern.nearest > 1.0 - 1e-15:  # d̂ may be rounded
             return 1.0 / samples
         upward = sorted((y, x) for x, y in pattern.offsets())
         return _pair_sum(tuple(upward), dhat, dhat) / samples**2
@@ -64,7 +64,7 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
     if not pattern.removed:
         return float(whole)
-    if len(pattern.removed) > samples:  # removing most of a rectangle would cost digits
+    if len(pattern.removed) > samples:  # subtracting most of a rectangle would lose digits
         return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(

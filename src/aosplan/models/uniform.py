@@ -131,7 +131,7 @@ class UniformModel(NamedTuple):
 
         points = np.asarray(positions_m, dtype=np.float64)
         shortfall = positions_shortfall(points, self.unit_baseline_m)
-        apart = shortfall * len(points) <= 1.0 + 1e-9  # all are at least the rule's baseline apart
+        apart = shortfall * len(points) <= 1.0 + 1e-9  # no two are closer than the rule's baseline
         if self.slices is not None and not apart:
             return self._with_own_digits(self.slices().predict_positions(points))
         if self.rays != "nadir":

@@ -125,7 +125,7 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
         return float(min(mask.shape))
     if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
         return _sampled_range(mask, density)
-    from scipy import fft  # for the many slices of a stand, twice as fast as numpy
+    from scipy import fft  # for the many slices of a stand twice as fast as numpy's
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
     return float(np.sqrt(area))

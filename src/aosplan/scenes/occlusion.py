@@ -441,7 +441,7 @@ def popcount(words: Words) -> NDArray[np.int64]:
     """Number of set bits along the last axis."""
     if hasattr(np, "bitwise_count"):
         bits = np.bitwise_count(words)
-    else:  # numpy 1
+    else:  # numpy 1 has no bitwise_count
         bits = BYTE_COUNTS[np.ascontiguousarray(words).view(np.uint8)]
     return np.asarray(bits.sum(axis=-1, dtype=np.int64))
 

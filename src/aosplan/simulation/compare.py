@@ -408,7 +408,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
     """Size of the ground that all samples see, across and along the heading."""
     along, across = plan.common_footprint_m
     if view == "telecentric":
-        return across, along  # has no effect, because each target has its own aperture
+        return across, along  # no effect: each target has its own aperture
     if min(along, across) <= 0.0:
         raise RequestError(
             "no ground is seen by all samples, and that is what would be simulated",

@@ -73,7 +73,7 @@ class Gathering:
         """Add the result of a part, unless it was added before."""
         if part.part in self.done:
             return
-        assert part.gathered is not None  # the sweep has a `gather`
+        assert part.gathered is not None  # a sweep with `gather` sets it
         self.done.add(part.part)
         self.gathered = self.gather.joined(self.gathered, part.gathered)
         if time.monotonic() - self._written_s >= EVERY_S:

@@ -157,7 +157,7 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
 
-# On a worker
+# --- Functions that run on a worker ---
 
 
 def write_part(versions: dict[str, str], pickled: bytes) -> Part:
@@ -226,7 +226,7 @@ def _difference(place: str, there: dict[str, str], here: dict[str, str]) -> str:
 _SAME_VERSIONS = "all machines of a cluster need the same versions: pip install 'aosplan[cluster]'"
 
 
-# On this machine
+# --- Functions that run on this machine ---
 
 
 def dask() -> Any:

@@ -139,7 +139,7 @@ def solve_row(
             inputs,
             memo=memo,
             count_required="samples_required" in results,
-            seek_remedy=False,  # a row has no hint
+            seek_remedy=False,  # rows have no hints
         )
         found = _results(solved, *_flight(solved))
         if inputs.find is not None and not set(DETECTION).isdisjoint(results):

@@ -205,7 +205,7 @@ def _solved(
                 afterwards.callback(parts.drop_begun)
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:
-                process.terminate()  # its part is incomplete
+                process.terminate()  # the part that it was writing is incomplete
             if isinstance(error, BrokenProcessPool):
                 raise SurroundingsError(
                     "a worker process died, perhaps for lack of memory",
@@ -246,7 +246,7 @@ _sweep: Sweep | None = None
 
 
 def _take(sweep: Sweep) -> None:
-    """Store the sweep in a worker process, once; Ctrl-C is left to the first process."""
+    """Store the sweep in a worker process and ignore Ctrl-C, which the first process handles."""
     global _sweep  # noqa: PLW0603 (a process of a pool has no other place)
     _sweep = sweep
     Thread(target=_end_with_parent, daemon=True).start()

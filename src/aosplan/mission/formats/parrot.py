@@ -70,7 +70,7 @@ def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
     speed = mission.transit_mps
     yield _plain(mav.TAKEOFF)
     yield _plain(mav.SPEED, 1.0, speed)
-    yield _plain(VIEW_MODE)  # 0: the nose turns at a waypoint to the yaw that the waypoint gives
+    yield _plain(VIEW_MODE)  # mode 0: the nose turns to the yaw of each waypoint
     yield mav.GIMBAL, (settings.gimbal_pitch_deg, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0)
     for point in flown_path(mission):
         lead = (0.0, REACHED_M, 0.0, round(settings.yaw_deg, 4) % 360.0)

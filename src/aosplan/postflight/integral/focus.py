@@ -58,7 +58,7 @@ LEAST_VIEWS = 4
 """Smallest number of views; with fewer, heights cannot be distinguished."""
 
 PROMINENCE = 3.0
-"""Height of a significant peak above the valleys beside it, in standard deviations."""
+"""Smallest prominence of a significant peak, in standard deviations."""
 
 WEAK = 0.1
 """Agreement below this value is not significant."""

@@ -134,7 +134,7 @@ def read_photo_poses(
     views = []
     for index, name in enumerate(names):
         if _pixels_of(folder, name) != name and _pixels_of(folder, name) in known:
-            continue  # the TIFF is a view itself
+            continue  # its TIFF is a view of its own
         position = np.array([east[index], north[index], heights[index]])
         rotation = turned[index]
         views.append(View(_pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))

@@ -40,7 +40,7 @@ class _Cells:
 
     def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
         width, depth = float(size_m[0]), float(size_m[1])
-        # The last but one bound keeps the number of cells of a narrow strip low.
+        # The third bound limits the number of cells of a long and narrow strip.
         self.edge_m = max(
             least_edge_m, math.sqrt(width * depth / most), max(width, depth) / most, 1e-6
         )
@@ -122,7 +122,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
     with silent(1):
-        # False: do not write the nodes of the cloth to a file
+        # False: do not write the nodes of the cloth to a file.
         cloth.do_filtering(ground, other, False)
     index = np.array(ground, dtype=np.intp)
     return low[:, index[index < low.shape[1]]]

@@ -125,7 +125,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
     file = io.BytesIO()
     # A figure looks the same with any Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about characters of a name that no font has
+        warnings.simplefilter("ignore")  # about characters that no font has
         mpl.rcdefaults()
         settings: Any = mpl.rcParams
         settings.update(rules(look.theme))

@@ -141,6 +141,6 @@ def logarithmic(axis: Axis, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> None:
 def legend_below(figure: Figure, handles: list[Any]) -> None:
     """Add a legend below a figure, with as many columns as fit."""
     longest = max(len(handle.get_label()) for handle in handles)
-    column = 4.4 * longest + 36.0  # points: characters of 7.5 and the symbol before them
+    column = 4.4 * longest + 36.0  # points: 4.4 per character, 36 for the symbol
     room = 72.0 * figure.get_size_inches()[0] - 12.0
     figure.legend(handles=handles, loc="outside lower left", ncols=max(int(room / column), 1))

@@ -78,7 +78,7 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
         If there are no occluders.
     """
     rows = plan.tradeoff()
-    assert plan.problem is not None  # otherwise there is no trade-off
+    assert plan.problem is not None  # without a problem there is no trade-off
     return Tradeoff(
         scene=plan.scene.title or plan.scene.name,
         altitude_m=plan.altitude_m,
