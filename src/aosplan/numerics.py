@@ -159,7 +159,7 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
         guess = high - below * (high - low) / (below - above)
         if low < guess < high:
             beside_end = False
-        elif beside_end:  # the function is 0 around the end
+        elif beside_end:  # the function is 0 on both sides of the end
             guess, beside_end = middle, False
         else:
             guess = math.nextafter(low, high) if guess <= low else math.nextafter(high, low)

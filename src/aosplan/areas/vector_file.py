@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 EXTRA = "vector"
 MAGIC = (b"SQLite format 3\0", b"\x00\x00\x27\x0a", b"fgb\x03")
 SUFFIXES = (".gpkg", ".shp", ".gpx", ".fgb", ".tab", ".mif")
-"""Extensions of files that GDAL may open; files with others could refer to other locations."""
+"""Extensions of the files that GDAL may open.  Other formats may refer to further files or servers."""
 
 OPEN_SHARE = 0.1
 """A track is closed if the distance of its ends is less than this share of its length."""

@@ -264,8 +264,8 @@ def follow(
 
     The height of the ground is read every half pixel along each leg.  If it is more than
     `tolerance_m` above the straight line between the two ends, a point is added at the worst place,
-    and both parts are checked again.  If a path is longer than `MOST_LOOKS` half pixels, the places
-    are farther apart, so that there are `MOST_LOOKS`.
+    and both parts are checked again.  If a path is longer than `MOST_LOOKS` half pixels, the
+    ground is read at about `MOST_LOOKS` places instead, at equal distances.
     """
     import numpy as np
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 LEVEL_M = 0.01
-"""Heights that differ by less than this are the same."""
+"""Heights that differ by less than this are treated as equal."""
 
 BEND_M = 0.1
 """Points along a line are left out if the height is within this distance of a straight line."""
@@ -70,10 +70,10 @@ def flown_path(mission: Mission) -> list[PathPoint]:
 
 
 def way_height_m(waypoint_m: float, least_m: float) -> float:
-    """Height of the level way to a waypoint, or from it.
+    """Height of the horizontal transit to a waypoint, or back from it [m].
 
-    It is the waypoint's own height where that is enough, and otherwise at least the shortest leg
-    above it.
+    If the transit has to be above the waypoint, it is at least `LEAST_LEG_M` above it, because the
+    vertical leg between them must not be shorter.
     """
     if least_m <= waypoint_m + LEVEL_M:
         return waypoint_m

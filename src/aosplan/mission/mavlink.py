@@ -47,7 +47,7 @@ PX4 = Limits(
 
 
 RETURN_HEIGHTS = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
-"""The parameter that holds the least height of a return, by autopilot."""
+"""Name of the parameter with the lowest height of the return flight, by autopilot."""
 
 
 class Command(NamedTuple):
@@ -118,7 +118,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
 
 
 def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
-    """What the files hold of absolute heights, and what only the autopilot's parameters say."""
+    """Notes on the absolute heights in the files and on settings that only the autopilot has."""
     settings = missions[0].settings
     if settings.takeoff_ground_m is None:
         home = "the height of home above sea level is not known and written as 0"
@@ -133,7 +133,7 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
 
 
 def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
-    """What a return needs that the file does not hold: a way home may be higher than a waypoint."""
+    """A note if a return may have to be higher than the drone, which the file cannot state."""
     return_m = max(mission.return_m() for mission in missions)
     lowest_m = min(min(mission.above_takeoff_m()) for mission in missions)
     if return_m <= lowest_m + LEVEL_M:

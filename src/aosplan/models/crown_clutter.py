@@ -34,13 +34,13 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 HIGHEST = 5.0
-"""Highest wave number times the length of the crowns; a part of 1e-6 of the spectrum is higher."""
+"""Highest wave number times the length of the crowns; 1e-6 of the spectrum is above it."""
 
 REACH = 6.0
 """Distance, divided by the length of the crowns, beyond which their covariance is negligible."""
 
 HEIGHTS = 32
-"""Largest number of heights at which rays end; of more, neighbours are merged."""
+"""Largest number of heights at which rays end; if there are more, neighbours are merged."""
 
 
 def crown_covariances(
@@ -60,9 +60,9 @@ def crown_covariances(
     heights_m, ends
         Heights at which rays end, and their probabilities.
     altitude_m
-        Of the cameras.
+        Altitude of the cameras above the targets.
     target, kernels
-        The window, and the steps of its kernels.
+        The target, with the size of its window and box, and the steps of the kernels.
 
     Returns
     -------
@@ -81,21 +81,21 @@ def crown_covariances(
     k = step * np.arange(-count, count + 1.0)
     power = np.abs(_characteristic(sites_m, slopes, ends, k)) ** 2
     field = CROWN_LENGTH_M * step / math.sqrt(2.0 * math.pi) * _blurred(k, CROWN_LENGTH_M**2)
-    # Second moments along an axis: of the offset of two points of the window, and with a shift.
+    # Second moment per axis of the offset between two points of the window, and the same with a shift.
     pair = near**2 * (target.width_m**2 + target.length_m**2) / 12.0
     moved = pair + 0.5 * (near * kernels.step_m) ** 2
     inside = np.sinc(k * half / math.pi)
     kept = [_blurred(k, spread) for spread in (pair, moved, moved, pair)]
     kept += [_blurred(k, 0.5 * pair) * inside, inside**2]
     spectra = field * np.array(kept)
-    # |φ(k)|² = |φ(-k)|²: wave numbers along x that are not negative are sufficient.
+    # Non-negative wave numbers along x are sufficient, because |φ(k)|² = |φ(-k)|².
     along_x = spectra[:, count:] * np.where(k[count:] > 0.0, 2.0, 1.0)
     found = ((spectra @ power) * along_x).sum(axis=1)
     return found[:4], found[4:]
 
 
 def _grouped(heights_m: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """Heights and their probabilities, with neighbours merged if there are many."""
+    """At most `HEIGHTS` heights and their probabilities, with neighbours merged if there are more."""
     starts = np.arange(0, len(ends), math.ceil(len(ends) / HEIGHTS))
     share = np.add.reduceat(ends, starts)
     return np.add.reduceat(ends * heights_m, starts) / share, share
@@ -104,7 +104,7 @@ def _grouped(heights_m: Floats, ends: Floats) -> tuple[Floats, Floats]:
 def _characteristic(
     sites_m: Floats, slopes: Floats, ends: Floats, k: Floats
 ) -> NDArray[np.complex128]:
-    """φ at wave numbers along y (rows) and at those along x that are not negative (columns)."""
+    """φ at all wave numbers along y (rows) and the non-negative ones along x (columns)."""
     rounded = np.round(sites_m, 6)
     x, y = (np.unique(axis) for axis in rounded.T)
     positive = k[len(k) // 2 :]
@@ -125,6 +125,6 @@ def _characteristic(
 
 
 def _blurred(k: Floats, variance: float) -> Floats:
-    """Spectrum of a Gaussian with a variance and the integral 1."""
+    """Spectrum of a Gaussian with the given variance and the integral 1."""
     left: Floats = np.exp(-0.5 * k**2 * variance)
     return left

@@ -85,12 +85,12 @@ def visibility(
     ----------
     density
         p, integrated density of one sample, 0 to 1.
-    Whole numbers, at least 1; a line of samples has rows = 1.
-        Whole numbers from 1; a line of samples has rows = 1.
-    d̂, disparity between neighbours divided by projected occluder size, at least 0.
-        d̂, disparity between neighbours over projected occluder size, at least 0.
-    T = 1 - p, for densities so close to 1 that 1 - p would lose its digits.
-        T = 1 - p, for densities so near 1 that p alone has lost it.
+    rows, columns
+        Whole numbers, at least 1; a line of samples has rows = 1.
+    dhat
+        d̂, disparity between neighbours divided by projected occluder size, at least 0.
+    transparency
+        T = 1 - p, for densities so close to 1 that 1 - p would lose its digits.
 
     References
     ----------

@@ -49,7 +49,7 @@ GROUPS = 64
 """Number of groups of offsets along an axis, for the bound on the shortfall."""
 
 OFFSETS_AT_ONCE = 1_000_000
-"""Offsets between known positions computed at a time."""
+"""Number of offsets between known positions that are evaluated at once."""
 
 COUNTS_KEPT = 1 << 14
 """Largest number of offsets for which the counts of pairs of a pattern are stored."""

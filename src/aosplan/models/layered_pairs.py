@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TERMS_AT_ONCE = 65_536
-"""Largest number of offsets times slices that are evaluated at once: half a megabyte, which fits the
-L2 cache."""
+"""Largest number of offsets times slices that are evaluated at once: half a megabyte, which fits
+the L2 cache.
+"""
 
 PAIRS_AT_ONCE = 2000
 """Number of pairs of scattered samples for which expected values are computed at once."""

@@ -422,9 +422,10 @@ class MeasuredModel:
         return hidden / tally.views
 
     def hidden_at_places(self, pattern: Sites, baseline_m: float) -> list[NDArray[np.float64]]:
-        """As `hidden_share`, below apertures at four places of the wrapped plot, half a plot apart.
+        """`hidden_share` for apertures at four places of the periodic plot, half a plot apart.
 
-        One target for each voxel, all targets at their places of the plot, shape (rows, columns).
+        Each array has shape (rows, columns), with one target per voxel.  A target has the same
+        index in all four arrays.
         """
         volume, altitude_m, focal_height_m = self._stand
         _, rows, columns = volume.occupied.shape

@@ -110,7 +110,7 @@ class Bundle(NamedTuple):
                     total += 2.0 * float((both * common).sum())
         clear = float(t.sum()) / self.samples
         spread = self.density * clear
-        # Where nothing or everything is hidden, views count as independent.
+        # If nothing or everything is hidden, views count as independent.
         shortfall = total / (self.samples**2 * spread) if spread > 0.0 else 1.0 / self.samples
         return Prediction(self.density, clear, shortfall)
 

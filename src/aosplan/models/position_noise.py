@@ -160,8 +160,8 @@ def overlaps(count: int, dhat: float, spread: float) -> list[float]:
 
     Parameters
     ----------
-    Number of sites on the line.
-        Sites of the line.
+    count
+        Number of sites on the line.
     dhat
         d̂ between neighbours.
     spread

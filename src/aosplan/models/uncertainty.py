@@ -1,34 +1,43 @@
-"""Standard errors of a prediction: what is in them, and what is not.
+"""Standard errors of a prediction, with the contributions that they include and omit.
 
-A plot is one sample of a forest, and its trees are few.  The standard errors say how much the prediction
-for another plot of the same size and the same forest differs, and how much is not known of the opacity and
-of the edges of the plot.  `Uncertainty.parts` has each contribution, `OMITTED` what no part contains.
+A plot is one sample of a forest, and has few trees.  The standard errors are the expected
+difference from the prediction for another plot of the same size in the same forest.  They also
+include the errors of the opacity and of the plot's edges.  `Uncertainty.parts` has each
+contribution; `OMITTED` lists what is never included.
 
-**The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets.  To first order each of
-them is itself a mean, of an *influence* z(t) of every target.  With s² the variance of z within the plot and
-A the integral of its correlation (its *integral range*), the plot is worth n = plot area/A independent
-targets, and the mean has the variance s²/n (Matheron).  The plot's own mean was subtracted from z, which
-removes the same variance from each of the lags that A sums up; this variance is added again.
+**The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets.  To first
+order, each of them is itself a mean over targets, of their *influence* z(t).  Let s² be the
+variance of z within the plot, and A the integral of its correlation (its *integral range*).  The
+plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n
+(Matheron).  z is relative to
+the mean of the plot itself, which reduces the covariance at every lag in A by the variance of this
+mean.  This variance is therefore added again.
 
-**The plot, in perspective.**  The rays from all targets to one camera converge, so an aperture sees only part
-of the canopy, and another place of the aperture would have seen another part.  The variance is the sum of two
-terms: that of the mean over apertures at four places of the plot, as above, and the variance between these
-four.  Halves and quarters of real plots still differ by more; the sum is multiplied by `PERSPECTIVE`.
+**The plot, in perspective.**  The rays from all targets to one camera converge, so an aperture sees
+only part of the canopy; from another place it would see another part.  The variance is the sum of
+two terms: the variance of the mean over apertures at four places of the plot, computed as above,
+and the variance between these four.  As the differences between halves and quarters of real plots
+are larger still, the standard error is multiplied by `PERSPECTIVE`.
 
-Differences between halves and quarters of two real plots and of generated stands are within one standard
-error in about 70 % of the cases, and within two in about 95 % (`benchmarks/uncertainty.py`).
+Differences between halves and quarters of two real plots and of generated stands are within one
+standard error in about 70 % of the cases, and within two in about 95 %
+(`benchmarks/uncertainty.py`).
 
-**Opacity.**  How much a cell hides is measured as well, or assumed.  If it comes from pulses, the energy of a
-return is not known: the first return of a pulse has at most all of it, and so has the last.  The truth may be
-anywhere between the predictions for these two, so their difference/√12 is one more standard error.  If voxels
-with a point in them count as opaque, their size decides: half the difference to voxels of twice the size is
-the error, as one octave of sizes is what a user may choose from.
+**Opacity.**  The share of light that a cell blocks also has an error.  If it is computed from
+pulses, the energy of a return is not known: the first return of a pulse has at most all of the
+energy, and so has the last.  The true prediction can be anywhere between the predictions for these
+two bounds, so one more standard error is their difference divided by √12.  If each voxel with a
+point counts as opaque, the result depends on the size of the voxels.  Half of the difference to
+voxels of twice the size is then the standard error, because a user may choose sizes within about
+one octave.
 
-**Clumps.**  Pulses do not resolve clumps that are smaller than their spacing.  On generated stands of known
-leaves V and V̂ come out too high by `CLUMPS` (`benchmarks/opacity.py`); these biases are standard errors here.
+**Clumps.**  Pulses do not resolve clumps that are smaller than the distance between pulses.  For
+generated stands with known leaves, V and V̂ are therefore too high by the values in `CLUMPS`
+(`benchmarks/opacity.py`).  These biases are treated as standard errors.
 
-**Models of statistics**, if the statistics come from a cloud: the model is made from each quarter of the
-plot, and the four predictions for the same sites scatter by twice the error of their mean.
+**Models with statistics** of a point cloud: the model is made from each quarter of the plot.  The
+standard deviation of the four predictions for the same sites is twice the standard error of their
+mean.
 """
 
 from __future__ import annotations
@@ -51,16 +60,16 @@ UNIFORM = 1.0 / math.sqrt(12.0)
 """Standard deviation of a value anywhere between two bounds, divided by their distance."""
 
 OCTAVE = 0.5
-"""Standard error of the size of voxels, divided by the difference to twice that size."""
+"""Standard error from the size of voxels, divided by the difference to voxels of twice the size."""
 
 PERSPECTIVE = 1.2
-"""Factor of the standard errors in perspective, from halves and quarters of real plots."""
+"""Factor of the standard errors in perspective, fitted to halves and quarters of real plots."""
 
 CLUMPS = ((400.0, (0.004, 0.010, 0.050)), (math.inf, (0.003, 0.003, 0.020)))
-"""Pulses a square metre, and below that the errors of p, V and V̂ by clumps that are not resolved."""
+"""Pulses per square metre; the errors of p, V and V̂ by unresolved clumps at lower densities."""
 
 SMALLEST_QUARTER = 8
-"""Cells along the side of a quarter of a plot from which it is predicted."""
+"""Smallest number of cells along the sides of a quarter for which a prediction is made."""
 
 OMITTED = (
     "differences between this forest and another one",
@@ -68,7 +77,7 @@ OMITTED = (
     "the slope of the ground",
     "errors of registration and of the camera",
 )
-"""What the standard errors of no model contain."""
+"""Causes of error that no standard error includes."""
 
 OMITTED_BY_STATISTICS = "the error of the model: occluders are taken as independent"
 
@@ -86,10 +95,10 @@ class Part(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Standard errors of a prediction, and how they were found.
+    """Standard errors of a prediction, and the method that gave them.
 
-    `normalized` is None if V̂ is not defined: if everything is hidden, or nothing.  The squares of `parts`
-    add up to those of the standard errors.
+    `normalized` is None if V̂ is not defined, which is if everything or nothing is hidden.  The
+    squares of `parts` add up to the squares of the standard errors.
     """
 
     density: float
@@ -100,31 +109,31 @@ class Uncertainty(NamedTuple):
     omits: tuple[str, ...] = OMITTED
 
     def document(self) -> dict[str, Any]:
-        """The standard errors as plain values."""
+        """The standard errors as a mapping of plain values."""
         own = self._asdict()
         return own | {"parts": [part._asdict() for part in self.parts], "omits": list(self.omits)}
 
 
 def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
-    """Standard errors from how often each target of a wrapped plot is hidden.
+    """Standard errors from the share of views that each target of a periodic plot is hidden from.
 
     Parameters
     ----------
     hidden
         Shape (rows, columns): share of the views that do not see a target, 0 to 1.
     cell
-        Targets along a side that are taken together for the correlation.
+        Number of targets along a side that are averaged before the correlation is computed.
     """
     return _of_plot(*_of_fields(hidden, hidden * hidden, cell), "integral range")
 
 
 def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
-    """Standard errors in perspective, from apertures at several places of a wrapped plot.
+    """Standard errors in perspective, from apertures at several places of a periodic plot.
 
     Parameters
     ----------
     hidden
-        For each aperture what `of_targets` takes, the targets at the same places of the plot.
+        For each aperture, shares as in `of_targets`.  A target has the same index in all of them.
     cell
         As in `of_targets`.
     """
@@ -153,13 +162,13 @@ def _of_plot(density: float, expected: float, normalized: float | None, method: 
 
 
 def _statistics(p: float, square: float) -> tuple[float, float, float | None]:
-    """p̄, V and V̂ from the means of how often targets are hidden, and of its square."""
+    """p̄, V and V̂ from two means over targets: of the hidden share, and of its square."""
     spread = p * (1.0 - p)
     return p, 1.0 - square, 1.0 - (square - p * p) / spread if spread > 0.0 else None
 
 
 def _of_fields(hidden: Floats, squares: Floats, cell: int) -> tuple[float, float, float | None]:
-    """Standard errors of p̄, V and V̂ from how often each target is hidden, and the square of that."""
+    """Standard errors of p̄, V and V̂ from the hidden share of each target, and from its square."""
     p, square = float(hidden.mean()), float(squares.mean())
     t = 1.0 - p
     of_density = hidden - p
@@ -182,7 +191,7 @@ def with_doubt(
     errors
         Standard errors so far.
     one, other
-        Predictions between which the truth may be: for two opacities, for instance.
+        Predictions for two bounds, for instance of the opacity; the true value is between them.
     share
         Standard error as a share of their difference.
     source
@@ -200,7 +209,7 @@ def with_doubt(
 
 
 def with_part(errors: Uncertainty, part: Part) -> Uncertainty:
-    """Add an independent part to standard errors; V̂ stays undefined if it was."""
+    """Add an independent part to standard errors; if V̂ was not defined, it remains so."""
     normalized = errors.normalized
     if normalized is None:
         part = part._replace(normalized=None)
@@ -216,13 +225,13 @@ def with_part(errors: Uncertainty, part: Part) -> Uncertainty:
 
 
 def of_clumps(pulses_per_m2: float) -> Part:
-    """The part of clumps that pulses of a density do not resolve."""
+    """The part of the clumps that pulses of a given density do not resolve."""
     errors = next(errors for most, errors in CLUMPS if pulses_per_m2 < most)
     return Part("clumps", *errors)
 
 
 def _standard_error(influence: Floats, cell: int) -> float:
-    """Standard error of the mean of a correlated field that wraps around at its edges."""
+    """Standard error of the mean of a correlated field on a periodic plot."""
     from aosplan.scenes.occluder_statistics import correlation_range
 
     rows, columns = influence.shape
@@ -231,7 +240,7 @@ def _standard_error(influence: Floats, cell: int) -> float:
     if variance <= 1e-30:
         return 0.0
     area, lags = correlation_range(cells)
-    # With the variance v of the plot's mean, each covariance is too small by v: v = s² A + lags v.
+    # Subtracting the plot's mean, of variance v, reduces each covariance by v: v = s² A + lags v.
     share = min(lags / cells.size, 0.9)
     return math.sqrt(variance * area / cells.size / (1.0 - share))
 
@@ -254,7 +263,10 @@ def of_parts(predictions: Sequence[Prediction]) -> Uncertainty:
 
 
 def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
-    """The four quarters of a plot, odd rows and columns left out; none where they are too small."""
+    """The four quarters of a plot, without odd last rows and columns.
+
+    There are none if a quarter would have fewer than `SMALLEST_QUARTER` cells along a side.
+    """
     from dataclasses import replace
 
     rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])

@@ -473,8 +473,8 @@ def slanted(
     ----------
     shortfall
         K of the plan.
-    Logarithm of the vertical transparency, and its change per unit of slope.
-        Logarithm of the transparency straight down, and what a unit of slope adds to it.
+    log_transparency
+        Logarithm of the vertical transparency, and its change per unit of slope.
     positions_m
         Camera positions relative to the centre of the pattern, shape (N, 2).
     area_m

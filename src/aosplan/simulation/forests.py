@@ -113,8 +113,8 @@ def layered_forest(
 
     Parameters
     ----------
-    Random generator of the forest.
-        Where the forest comes from.
+    rng
+        Random generator of the forest.
     layers
         Bottom, top [m], share D that blocks a vertical ray, and occluder size [m] of each layer.
         A layer that is thicker than its occluders is filled with several independent slices,

@@ -40,7 +40,7 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
 
 
 def notes(missions: Sequence[Mission]) -> list[str]:
-    """What the heights of the ground count from."""
+    """State the vertical datum of the heights of the ground."""
     if missions[0].waypoints.ground_m is None or missions[0].settings.height_datum is None:
         return []
     return [f"ground_m counts from {missions[0].settings.height_datum}"]

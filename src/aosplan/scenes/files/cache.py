@@ -53,12 +53,12 @@ def stand(
 
     Parameters
     ----------
-    The files of one cloud.
-        Of one cloud.
-    The options with which it is read.
-        The options by which it is read.
-    Function that reads the cloud.
-        Reads it.
+    files
+        The files of one cloud.
+    reading
+        The options with which it is read.
+    read
+        Function that reads the cloud.
 
     Returns
     -------

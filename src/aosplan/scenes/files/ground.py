@@ -180,7 +180,6 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
 
     Each triangle is filled row by row.  scipy's interpolation solves a small linear system for each
     node, and its threads may wait for seconds if a processor is busy.
-    linear system for each, whose threads wait for seconds where a processor is busy.
     """
     from scipy.spatial import Delaunay, QhullError
 
