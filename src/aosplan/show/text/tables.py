@@ -16,6 +16,7 @@ from rich.text import Text
 from aosplan.grid.spiral import Spiral
 from aosplan.show.text.flight_rows import flight_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
+from aosplan.show.text.imperial import imperial, is_imperial
 from aosplan.show.text.opacity_rows import opacity_rows
 from aosplan.show.text.terminal import (
     is_coloured,
@@ -97,11 +98,7 @@ def print_plan(
     success: Success | None = None,
 ) -> None:
     """Print the summary of a plan, its detection map if there is one, its grid, and the next steps."""
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold")
-    table.add_column()
-    for name, text in (*_plan_rows(plan), *_map_rows(found, success)):
-        table.add_row(name, one_line(text, ROW_STYLES.get(name, "")))
+    table = _pairs([*_plan_rows(plan), *_map_rows(found, success)])
     picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
     show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
@@ -350,12 +347,18 @@ def print_rows(header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
 
 def print_pairs(rows: Iterable[tuple[str, str]]) -> None:
     """Print names and texts as two columns."""
+    show(_pairs(rows))
+
+
+def _pairs(rows: Iterable[tuple[str, str]]) -> Table:
+    """Names and texts as two columns, in the units that the environment asks for."""
     table = Table.grid(padding=(0, 2))
     table.add_column(style="bold")
     table.add_column()
+    convert = imperial if is_imperial() else str
     for name, text in rows:
-        table.add_row(name, one_line(text))
-    show(table)
+        table.add_row(name, one_line(convert(text), ROW_STYLES.get(name, "")))
+    return table
 
 
 def print_predictions(columns: dict[str, tuple[int, Prediction]]) -> None:
@@ -420,9 +423,6 @@ def print_simulation(
 
 def print_scene(document: dict[str, Any]) -> None:
     """Print occluder statistics: the summary, and a profile of the layers."""
-    table = Table.grid(padding=(0, 2))
-    table.add_column(style="bold")
-    table.add_column()
     rows = [
         ("Scene", _named(document["title"], document["name"])),
         ("Density", f"p = {percent(document['integrated_density'])} of the ground is hidden"),
@@ -454,10 +454,8 @@ def print_scene(document: dict[str, Any]) -> None:
             rows.append(
                 (f"b at {100 * share:g} %", f"{over_altitude:.4g} of the altitude above ground")
             )
-    for name, text in rows:
-        table.add_row(name, one_line(text))
     profile = density_profile(document["layers"])
-    show(table, *([Text(""), *profile] if profile else []))
+    show(_pairs(rows), *([Text(""), *profile] if profile else []))
 
 
 def _by_angle(pairs: Sequence[Sequence[float]]) -> str:
