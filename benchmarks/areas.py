@@ -1,12 +1,13 @@
-"""How long an area takes to plan, by its number of sites, and how far its order is from a bound.
+"""Time to plan an area by its number of sites, and length of its flight over a lower bound.
 
     python benchmarks/areas.py
     python benchmarks/areas.py --sites 1e2 1e4 1e6 --runs 5
 
-Each area is a disc, a comb of sixteen strips, or a disc with a no-fly zone in it, sized to take
-about so many sites 2.8 m apart with 50 in each aperture.  Rows go to results/areas.csv: seconds
-(medians) to read the file, to find the sites, to order them and to bound every order; the length
-of the way over that bound, and the share of the area that is covered.
+Each area is a disc, a comb of sixteen strips, or a disc with a no-fly zone in it.  Its size is
+chosen so that it takes about the given number of sites, which are 2.8 m apart with 50 in each
+aperture.  Rows are written to results/areas.csv.  They have the median seconds to read the file, to
+find the sites, to order them, and to compute a lower bound for every order; the length of the
+flight divided by this bound; and the share of the area that is covered.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ PLACE = (48.3, 14.3)
 
 
 def shape_of(kind: str, sites: float) -> object:
-    """An area [m] that takes about so many sites."""
-    # A disc of radius r grows by half a window on all sides.
+    """An area [m] that takes about the given number of sites."""
+    # The sites cover a disc that is larger by half a window on all sides.
     radius = max(math.sqrt(sites / math.pi) * PITCH_M - 10.0, 2.0)
     if kind != "comb":
         return shapely.Point(0, 0).buffer(radius, quad_segs=64)
@@ -50,7 +51,7 @@ def shape_of(kind: str, sites: float) -> object:
 
 
 def write(shape: object, path: Path) -> str:
-    """Write a shape as GeoJSON about a place."""
+    """Write a shape as GeoJSON around a place."""
 
     def on_earth(points: np.ndarray) -> np.ndarray:
         latitudes, longitudes = to_wgs84(PLACE, *points.T.tolist())

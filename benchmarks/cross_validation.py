@@ -1,13 +1,14 @@
-"""Plans fitted on one half of a plot, judged on the other, beside the paper's rule:
+"""Plans that are fitted to one half of a plot and evaluated on the other half.
 
     python benchmarks/cross_validation.py [CLOUD.laz ...]
 
-On each half of each plot (west, east, south, north) a plan is fitted with the measured model,
-for the best contrast and for the best visibility of at most 49 samples, as a trimmed grid and as
-three lanes.  The half across judges it, and beside it the paper's plan: the baseline at which
-98 % of the fitted half's occluders have d̂ >= 1, with as many samples as the fitted plan's path
-is long enough for, on a trimmed grid.  Generated stands always; clouds where given.  Takes a minute or
-two a stand; prints a table and writes it to benchmarks/results/.
+For each half of each plot (west, east, south, north) a plan is made with the measured model: for
+the best contrast and for the best visibility, with at most 49 samples, as a trimmed grid and as
+three lanes.  It is evaluated on the opposite half, together with the plan of the paper.  The
+paper's plan has the baseline at which 98 % of the occluders of the fitted half have d̂ >= 1, and as
+many samples on a trimmed grid as fit into the length of the fitted plan's path.  Generated stands
+are always used, and point clouds if given.  It takes a minute or two per stand, prints a table, and
+writes it to benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -50,13 +51,13 @@ from support.forests import STANDS, clumped_forest  # noqa: E402 (its folder has
 ALTITUDE_M = 50.0
 SAMPLES = 49
 FOCAL_LENGTH_PX = 1e6
-"""Fine enough that no occluder is below a pixel."""
+"""So long that no occluder is smaller than a pixel."""
 
 TARGET = Requirement("normalized", Fraction(98, 100))
 
 
 class Judged(NamedTuple):
-    """A fitted plan and the paper's at the same path length, both judged on the other half."""
+    """A fitted plan and the paper's plan of the same length, both evaluated on the other half."""
 
     stand: str
     fitted_on: str
@@ -76,7 +77,7 @@ class Judged(NamedTuple):
 
 
 def halves(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
-    """Each half by name, and the half across."""
+    """Name of each half, the half itself, and the opposite half."""
     _, rows, columns = volume.occupied.shape
     west, east = np.split(volume.occupied, [columns // 2], axis=2)
     south, north = np.split(volume.occupied, [rows // 2], axis=1)
@@ -90,7 +91,7 @@ def halves(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]
 
 
 def fitted(volume: VoxelVolume, objective: str, grid: str) -> tuple[Pattern, float]:
-    """The plan that is best for a half."""
+    """The best plan for a half."""
     solution = solve(
         Problem(
             model=MeasuredModel(volume, ALTITUDE_M),
@@ -105,9 +106,9 @@ def fitted(volume: VoxelVolume, objective: str, grid: str) -> tuple[Pattern, flo
 
 
 def rule_of(volume: VoxelVolume, path_m: float) -> tuple[Pattern, float]:
-    """The paper's plan of a half, with as many samples as fit into a path of a length."""
+    """The paper's plan for a half, with as many samples as fit into a path of a given length."""
     slabs = layered_scene(volume, "half").slabs()
-    # The rule takes the voxel for the size of an occluder.
+    # The rule treats a voxel as an occluder.
     slabs = tuple(slab._replace(occluder_size_m=volume.voxel_m) for slab in slabs)
     baseline = coverage_baseline(slabs, ALTITUDE_M, FOCAL_LENGTH_PX, 0.98).baseline_m
     samples = 1
@@ -153,7 +154,7 @@ def stands(clouds: list[str], min_height_m: float) -> Iterator[tuple[str, VoxelV
 
 
 def draw(rows: list[Judged], path: Path) -> None:
-    """What each plan shows of the half that it was not fitted on."""
+    """Draw the result of each plan on the half to which it was not fitted."""
     figure, panels = plt.subplots(1, 2, figsize=(10, 4.8), layout="constrained")
     for panel, name in zip(panels, ("contrast", "visibility"), strict=True):
         for stand, mark in zip(dict.fromkeys(row.stand for row in rows), "os^Dv<>", strict=False):

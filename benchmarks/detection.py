@@ -1,13 +1,14 @@
-"""Predicted against simulated detection, and the time that each way to the number takes:
+"""Predicted and simulated detection, and the time of each method for one prediction.
 
     python benchmarks/detection.py [CLOUD.laz ...]
 
-Slices of independent occluders (presets, densities from 0.3 to 0.97), generated stands with crowns,
-and the western halves of clouds where given.  Of each, the contrast of the predicted curve at which
-about half of the targets are found, where a prediction is worst off.  Then forests that the model
-has not seen are searched: other slices, other stands with the same numbers, the eastern half of
-the cloud.  Stands are also predicted by independent slices of the same density, as a plan without
-a point cloud would have them.  Ten minutes; tables and a figure go to benchmarks/results/.
+The forests are slices of independent occluders (presets, with densities from 0.3 to 0.97),
+generated stands with crowns, and the western halves of point clouds if given.  For each, the
+contrast is chosen at which the model predicts that about half of the targets are found, where
+errors of the prediction are largest.  Then forests that the model has not seen are searched: other
+slices, other stands with the same numbers, or the eastern half of the cloud.  Stands are also
+predicted by independent slices of the same density, as in a plan without a point cloud.  It takes
+ten minutes and writes tables and a figure to benchmarks/results/.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ STAND = (0.4, 2.5, 15.5, (SIZE_M, SIZE_M))
 
 
 class Case(NamedTuple):
-    """One comparison: its name and group, the photos, and the two sides of it."""
+    """One comparison: its name and group, the photos, and what predicts and simulates it."""
 
     group: str
     name: str
@@ -161,7 +162,7 @@ def counted(volume: VoxelVolume, sites, signature: Signature) -> Detection:
 
 
 def compared(case: Case) -> dict[str, object]:
-    """A prediction and its search, at the same threshold and at the same rate."""
+    """A prediction and its simulated search, at the same threshold and false-alarm rate."""
     curve = case.predict(Signature(1.0, -0.5, case.crown_share)).curve
     contrast = min((abs(share - 0.5), at) for at, share in curve if 0.0 < share < 1.0)[1]
     start = time.perf_counter()
@@ -202,7 +203,7 @@ def compared(case: Case) -> dict[str, object]:
 
 
 def ways():
-    """Time and error of each way to one number: a person in the default scene, 49 photos, C 1."""
+    """Time and error of each method: a person in the default scene, 49 photos, C = 1."""
     layers = UniformScene("u", 0.0095, 0.2, 2.506, 17.54).slices()
     pattern, signature = pattern_for("trimmed", 49), Signature(0.75, 0.0, 0.0)
     start = time.perf_counter()
@@ -263,7 +264,7 @@ MARKS = {
 
 
 def figure(rows: list[dict[str, object]]) -> None:
-    """Predicted against simulated detection, with a standard error of the simulation."""
+    """Draw simulated against predicted detection, with the standard error of the simulation."""
     import matplotlib as mpl
 
     mpl.use("Agg")

@@ -1,15 +1,15 @@
-"""Run time against error of Eq. 2:  python benchmarks/equation_error.py
+"""Run time and error of Eq. 2:  python benchmarks/equation_error.py
 
-V and 1 - V̂ of square grids from 4 to 10^12 samples at d̂ = 0.4 and p = 0.567, by
+V and 1 - V̂ of square grids from 4 to 10^12 samples at d̂ = 0.4 and p = 0.567, computed by
 
 - the paper's double sum as printed, in plain Python;
-- the same sum as NumPy arrays;
-- averaging shifted noise patterns, as in the paper's Figs. 3 and 4, of growing size;
-- aosplan, one value at a time and in an array,
+- the same sum with NumPy arrays;
+- averages of shifted noise patterns of several sizes, as in the paper's Figs. 3 and 4;
+- aosplan, for single values and for an array,
 
-each against exact rational arithmetic (tests/reference/exact.py).  Then the rate of
-`aosplan.visibility` on arrays of random p, n and d̂.  Takes about a minute; prints a table and
-writes it, with a figure, to benchmarks/results/.
+each compared with exact rational arithmetic (tests/reference/exact.py).  It also measures the rate
+of `aosplan.visibility` for arrays of random p, n and d̂.  It takes about a minute, prints a table,
+and writes it to benchmarks/results/ together with a figure.
 """
 
 import csv
@@ -40,10 +40,10 @@ DHAT = DISPARITY_PX / OCCLUDER_PX
 
 SIDES = (2, 3, 5, 7, 10, 30, 100, 300, 1000, 3000, 10**4, 10**5, 10**6)
 SLOWEST_S = 2.0
-"""A method is not taken to the next larger N once it needs this long."""
+"""If a method needs this long, it is not run for larger N."""
 
 LARGEST_ARRAY = 10_000
-"""Side up to which the double sum is held as one array (0.8 GB)."""
+"""Largest side for which the double sum is computed with one array (0.8 GB)."""
 
 PATTERNS = {2: (100, 300, 1000, 3000), 5: (100, 300, 1000, 3000), 10: (100, 300, 1000, 3000)}
 """Sizes [px] of noise patterns by side of the grid."""
@@ -53,7 +53,7 @@ TRIPLES = 1_000_000
 
 
 class Row(NamedTuple):
-    """One method at one N: median time of a value, and its errors relative to the exact one."""
+    """One method at one N: median time for a value, and errors relative to the exact values."""
 
     method: str
     samples: int
@@ -98,7 +98,7 @@ def averaged_noise(p: float, side: int, size: int, seed: int) -> float:
 
 
 def timed(call) -> float:
-    """Median seconds of five calls; of as many more at a time as fill 20 ms."""
+    """Median seconds of five calls; short calls are repeated until each timing takes 20 ms."""
     start = time.perf_counter()
     call()
     once = time.perf_counter() - start
@@ -119,7 +119,7 @@ def relative(value: float, reference: Fraction) -> float:
 
 
 def from_v(v: float) -> float:
-    """1 - V̂ as it follows from V and its limits."""
+    """1 - V̂, computed from V and its limits."""
     p = DENSITY
     return ((1 - p**2) - v) / (p * (1 - p))
 
@@ -158,7 +158,7 @@ def measure() -> list[Row]:
             seconds = timed(lambda n=side, m=size: averaged_noise(DENSITY, n, m, 0))
             runs = [averaged_noise(DENSITY, side, size, seed) for seed in SEEDS]
             add(f"noise pattern of {size} px", side, seconds, runs[0])
-            # One run may be right by luck: the error is the root mean square of all.
+            # A single run may be accurate by chance, so the root mean square of all is used.
             reference = exact.visibility(DENSITY, k := exact.grid_shortfall(side, side, DHAT))
             rows[-1] = rows[-1]._replace(
                 error_v=rms([relative(v, reference) for v in runs]),
@@ -186,7 +186,7 @@ def rms(values: list[float]) -> float:
 
 
 def rates() -> dict[str, list[float]]:
-    """Millions of random triples (p, n, d̂) a second, five times each."""
+    """Millions of random triples (p, n, d̂) per second, measured five times for each case."""
     rng = np.random.default_rng(0)
     p = rng.random(TRIPLES)
     n = rng.integers(2, 1001, TRIPLES).astype(float)
@@ -216,7 +216,7 @@ STYLES = {
     "aosplan, array": ("#1a9850", "v"),
 }
 FLOOR = 1e-17
-"""Where an error of 0 is drawn."""
+"""Position in the figure of an error of 0."""
 
 LOWEST = 1e-19
 """Lower end of the figure."""
@@ -266,7 +266,7 @@ def draw(rows: list[Row], path: Path) -> None:
 
 
 def draw_kind(axis, rows: list[Row], field: str, color: str, marker: str) -> None:
-    """The points of a method, and N where its lines begin and end."""
+    """Draw the points of a method, with labels at the first and the last N."""
 
     def place(row):
         return row.seconds, max(getattr(row, field), FLOOR)
@@ -298,7 +298,7 @@ def draw_kind(axis, rows: list[Row], field: str, color: str, marker: str) -> Non
             chosen = [row for row in rows if row.samples == samples]
             line(chosen, "-")
             last = chosen[-1]
-            if field == "error_v":  # all three lie close together
+            if field == "error_v":  # the three labels would overlap
                 name(last, f"N = {samples}", (-2, -18 - 13 * (2 - index)), "center")
             else:
                 name(last, f"N = {samples}", (8, -3))

@@ -1,19 +1,20 @@
-"""Run time against error of every way to V̂:  python benchmarks/every_way.py [CLOUD.laz]
+"""Run time and error of all methods to compute V̂:  python benchmarks/every_way.py [CLOUD.laz]
 
-V̂ of 49 views, 1 and 2.8 m apart (targets in the middle of the aperture), from 40 m above
+V̂ of 49 views that are 1 and 2.8 m apart, with targets at the centre of the aperture, from 40 m
+above
 
 - a uniform scene, the paper's forest,
 - a layered scene, `examples/stand.toml`,
-- a real stand, the cloud; generated trees without one,
+- a real stand from the point cloud, or generated trees if no cloud is given,
 
-by the uniform model, the layered model, the measured model (of the first two scenes it knows one
-plot, grown from a seed) and the simulation, by the number of its volumes (real: of its targets).
-The error is the larger of both baselines; of simulations, its root mean square over seeds.  The truth
-is a simulation of many more volumes, its standard error the dotted line; of the real stand, all of its
-voxels with 12 x 12 targets each.  Every time is one prediction, median of three, in processor time, from
-the scene in memory.
+by the uniform model, the layered model, the measured model (for the first two scenes from one plot
+that is generated with a seed), and the simulation with several numbers of volumes (for the real
+stand: of targets).  The error is the larger one of the two baselines, and for simulations its root
+mean square over seeds.  The reference is a simulation with many more volumes, whose standard error
+is drawn as a dotted line; for the real stand it is computed from all voxels with 12 x 12 targets
+each.  Times are for one prediction with the scene in memory: processor time, the median of three.
 
-Takes some minutes; prints a table and writes it, with a figure, to benchmarks/results/.
+It takes some minutes, prints a table, and writes it to benchmarks/results/ together with a figure.
 """
 
 import argparse
@@ -61,7 +62,7 @@ TRUTH_SEED = 10_001
 
 
 class Row(NamedTuple):
-    """One way to V̂ of one scene."""
+    """One method to compute V̂ of one scene."""
 
     scene: str
     method: str
@@ -85,7 +86,7 @@ def plans(scene: str | None) -> list[Plan]:
 
 
 def models(scene, focal_px: float):
-    """The models that know a scene's statistics alone, each a function of the baseline."""
+    """The models that use only a scene's statistics, each as a function of the baseline."""
     rule = coverage_baseline(scene.slabs(), ALTITUDE_M, focal_px, 0.98)
     uniform = UniformModel(scene.integrated_density, scene.transparency, rule.baseline_m)
     layered = LayeredModel(scene.slices(), ALTITUDE_M)
@@ -108,7 +109,7 @@ def experiment(made: Plan, seed: int):
 
 
 def generated(name: str, made: list[Plan]) -> tuple[list[Row], float]:
-    """Rows of a scene that is its statistics, and the standard error of its truth."""
+    """Rows of a scene that is described by statistics, and the standard error of its reference."""
     truth, floor = [], 0.0
     for each in made:
         samples = experiment(each, TRUTH_SEED).samples()
@@ -143,7 +144,7 @@ def generated(name: str, made: list[Plan]) -> tuple[list[Row], float]:
 
 
 def real(name: str, volume: VoxelVolume, focal_px: float) -> tuple[list[Row], float]:
-    """Rows of a stand whose voxels are known."""
+    """Rows of a stand with known voxels."""
     sites = {b: np.column_stack(local_sites(PATTERN, b, 0.0)) for b in BASELINES_M}
     truth = [measured(volume, 12)(b) for b in BASELINES_M]
     rows = []

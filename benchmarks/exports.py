@@ -1,11 +1,11 @@
-"""Ten thousand waypoints to each format: seconds and memory, and GDAL writing the same GeoJSON and KML.
+"""Time and memory to write ten thousand waypoints in each format, also with GDAL.
 
 Run: python benchmarks/exports.py [--waypoints 10000] [--repeats 3]
 
-Writes benchmarks/results/exports.csv.  Every measurement is a process of its own; seconds are
-medians of what the processor took, from the waypoints in memory to closed files.  GDAL, of the package pyogrio, gets what
-it has itself read from our file: the same features with the same properties.  The limit is one second
-for each format.
+It writes benchmarks/results/exports.csv.  Each measurement runs in its own process.  Seconds are
+medians of processor time, from waypoints in memory to closed files.  GDAL (through pyogrio) writes
+the features that it has read from our file, with the same properties.  The limit is one second per
+format.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import time
 RESULTS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "results")
 FORMATS = ("csv", "geojson", "kml", "waypoints", "plan", "litchi", "kmz")
 LIMIT_S = 1.0
-"""Seconds that a format may take."""
+"""Longest time that a format may take."""
 
 
 def mission_of(count: int):
@@ -35,7 +35,7 @@ def mission_of(count: int):
 
 
 def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
-    """Seconds, files and bytes of our writing."""
+    """Seconds, files and bytes if aosplan writes the format."""
     import numpy  # noqa: F401, ICN001 (loaded before the clock starts, as GDAL is)
 
     from aosplan.mission.export import files, formats
@@ -51,13 +51,13 @@ def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
 
 
 def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
-    """The same of GDAL, from features that it has read from our file."""
+    """The same if GDAL writes the features that it has read from our file."""
     import warnings
 
     import numpy as np
     from pyogrio import raw
 
-    path = os.path.join(folder, f"ours.{name}")  # left there by `ours`
+    path = os.path.join(folder, f"ours.{name}")  # written by `ours`
     out = os.path.join(folder, f"gdal.{name}")
     warnings.simplefilter("ignore")
     os.environ["OGR_GEOJSON_MAX_OBJ_SIZE"] = "0"
@@ -69,7 +69,7 @@ def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
         driver, options = "KML", {"dataset_options": {"ALTITUDEMODE": "relativeToGround"}}
         layers = [raw.read(path, layer=layer) for layer in (1, 0)]  # the sites, and the path
         geometry = np.concatenate([layer[2] for layer in layers])
-        names = ["Name"]  # the one property that ours has
+        names = ["Name"]  # the only property in our file
         values = [layer[3][list(layer[0]["fields"]).index("Name")] for layer in layers]
         fields = [np.concatenate(values)]
     assert len(geometry) == count + 1
@@ -82,7 +82,7 @@ def gdal(name: str, count: int, folder: str) -> tuple[float, int, int]:
 
 
 def measure(who: str, name: str, count: int, folder: str) -> list[float]:
-    """One measurement in a fresh process: seconds, files, bytes, peak megabytes."""
+    """One measurement in a new process: seconds, files, bytes, and peak memory in megabytes."""
     command = [sys.executable, __file__, "--one", who, name, str(count), folder]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return [float(value) for value in done.stdout.split()]

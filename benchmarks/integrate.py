@@ -1,10 +1,10 @@
-"""Integral images: images a second by size, against one warp per point, and memory by number.
+"""Integral images: images per second by size, the cost of mapping single points, and peak memory.
 
 Run: python benchmarks/integrate.py
 
-The recordings are rendered on the spot: a tilted camera above a textured plane.  Times are medians
-of whole runs of `integrate`, seconds of one core, files read from the disk each time; "by points" is the
-path that distorted images take, forced for the same pinhole images.
+The recordings are rendered first: a tilted camera above a textured plane.  Times are medians of
+whole runs of `integrate`, in seconds on one core, with files read from the disk each time.  "By
+points" is the method for distorted images, here used for the same pinhole images.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def speeds():
 
 
 def against_opencv(count=100):
-    """Seconds of one core for thermal photos, and of a plain loop of OpenCV and NumPy; None without it."""
+    """Seconds on one core for thermal photos, beside a loop of OpenCV; None without OpenCV."""
     try:
         import cv2
     except ImportError:
@@ -122,7 +122,7 @@ def against_opencv(count=100):
 
 
 def memory_mb(count):
-    """Peak memory of a process that integrates so many images of 1920 x 1080, from the kernel."""
+    """Peak memory of a process that integrates a number of images of 1920 x 1080."""
     code = (
         "import sys, tempfile; sys.path.insert(0, sys.argv[1]); import integrate as b\n"
         "from aosplan.postflight.integral.integral import integrate\n"

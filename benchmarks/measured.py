@@ -1,15 +1,16 @@
-"""Run time against error of the models on one stand:  python benchmarks/measured.py [CLOUD.laz]
+"""Run time and error of the models for one stand:  python benchmarks/measured.py [CLOUD.laz]
 
-V and V̂ of 49 views, 2 and 3.5 m apart, from 50 m above a stand of voxels, by
+V and V̂ of 49 views that are 2 and 3.5 m apart, from 50 m above a stand of voxels, by
 
-- the measured model with 1 x 1 to 8 x 8 targets a voxel, both views, and with larger voxels;
-- the correlogram (its table once, then a prediction), also of fewer lags and directions;
-- the layered model, and the uniform one with the stand's p at d̂ = 1;
-- Embree through Open3D, with 1 x 1 to 4 x 4 targets a voxel, where Open3D is installed;
+- the measured model with 1 x 1 to 8 x 8 targets per voxel, for both kinds of view, and with larger
+  voxels;
+- the correlogram (its table once, then a prediction), also with fewer lags and directions;
+- the layered model, and the uniform model with the stand's p at d̂ = 1;
+- Embree through Open3D with 1 x 1 to 4 x 4 targets per voxel, if Open3D is installed,
 
-each against Embree with 8 x 8 targets a voxel (without Open3D: the measured model with 12 x 12).
-All of it in one thread.  Without a cloud the stand is generated.  Takes a minute or two; prints
-a table and writes it, with a figure, to benchmarks/results/.
+each compared with Embree with 8 x 8 targets per voxel (without Open3D: with the measured model with
+12 x 12).  Everything runs in one thread.  Without a cloud the stand is generated.  It takes a
+minute or two, prints a table, and writes it to benchmarks/results/ together with a figure.
 """
 
 import argparse
@@ -51,7 +52,7 @@ RUNS = 5
 
 
 class Row(NamedTuple):
-    """One method: time of a prediction, once-only time, and its largest errors."""
+    """One method: time of a prediction, time of the preparation, and largest errors."""
 
     method: str
     setting: str
@@ -63,14 +64,14 @@ class Row(NamedTuple):
 
 
 Predictor = Callable[[float], Prediction]
-"""A prediction by its baseline."""
+"""A prediction as a function of the baseline."""
 
 
 # --- Embree --------------------------------------------------------------------------------
 
 
 def open3d() -> Any:
-    """Open3D, or None: it is large, and needs libraries of the system."""
+    """Open3D, or None if it is not installed: it is large and needs system libraries."""
     try:
         return importlib.import_module("open3d")
     except (ImportError, OSError) as error:
@@ -79,7 +80,7 @@ def open3d() -> Any:
 
 
 def faces_of(volume: VoxelVolume, margin: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices [m] and triangles of all faces that a ray can meet, the plot wrapped on."""
+    """Vertices [m] and triangles of all faces that a ray can meet, including periodic copies."""
     occupied = np.pad(volume.occupied, ((0, 0), (margin, margin), (margin, margin)), mode="wrap")
     padded = np.pad(occupied, 1)
     corners = []
@@ -97,7 +98,7 @@ def faces_of(volume: VoxelVolume, margin: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def embree(o3d: Any, volume: VoxelVolume) -> Callable[[str, int], Predictor]:
-    """Predictors by view and targets a voxel."""
+    """Predictors by kind of view and targets per voxel."""
     reach_m = 0.5 * PATTERN.longer_side * max(BASELINES_M) * volume.canopy_top_m / ALTITUDE_M
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
     scene.add_triangles(*map(o3d.core.Tensor, faces_of(volume, int(reach_m / volume.voxel_m) + 2)))
@@ -131,7 +132,7 @@ def embree(o3d: Any, volume: VoxelVolume) -> Callable[[str, int], Predictor]:
 
 def measured(volume: VoxelVolume, view: str, per_voxel: int) -> Predictor:
     def predict(baseline_m: float) -> Prediction:
-        # A model of its own for each prediction: no view is kept from the one before.
+        # A new model for each prediction, so that no stored views are reused.
         model = MeasuredModel(volume, ALTITUDE_M, view=view, targets_per_voxel=per_voxel)
         return model.predict(PATTERN, baseline_m)
 
@@ -139,7 +140,7 @@ def measured(volume: VoxelVolume, view: str, per_voxel: int) -> Predictor:
 
 
 def larger_voxels(volume: VoxelVolume, factor: int) -> VoxelVolume:
-    """The same stand in voxels so many times as large: full where any part was."""
+    """The same stand with voxels that are larger by a factor, occupied if any part was occupied."""
     pad = [(0, -size % factor) for size in volume.occupied.shape]
     blocks = np.pad(volume.occupied, pad)
     for axis in range(3):
@@ -227,7 +228,7 @@ def compare(volume: VoxelVolume) -> list[Row]:
 
 
 def thinned(table: Correlogram, by_lag: int, by_direction: int) -> Correlogram:
-    """A correlogram of fewer lags, the last one kept, and fewer directions."""
+    """A correlogram with fewer lags, including the last one, and fewer directions."""
     lags = slice((len(table.lags) - 1) % by_lag, None, by_lag)
     return replace(
         table,
@@ -244,7 +245,7 @@ def draw(rows: list[Row], title: str, path: Path) -> None:
     for panel, error, name in zip(panels, ("error_v", "error_vhat"), ("V", "V̂"), strict=True):
         for method, view in kinds:
             chosen = [row for row in rows if (row.method, row.view) == (method, view)]
-            # Larger voxels are another stand: their points stay on their own.
+            # Larger voxels are a different stand, so their points are not connected.
             line = [row for row in chosen if not row.setting.endswith("m")]
             style = "o-" if view == "telecentric" else "s--"
             points = [(row.seconds, getattr(row, error)) for row in line]

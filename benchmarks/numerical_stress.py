@@ -1,8 +1,8 @@
-"""The worst error of every model at its corners:  python benchmarks/numerical_stress.py
+"""The largest error of every model at extreme arguments:  python benchmarks/numerical_stress.py
 
-Walks `tests/reference/stress.py` and prints, for every quantity of every model, the largest error
-against exact or 60-digit arithmetic and the corner where it occurs; writes the table to
-benchmarks/results/numerical_stress.md.
+It runs the checks of `tests/reference/stress.py`.  For every quantity of every model it prints the
+largest error relative to exact or 60-digit arithmetic and the arguments at which it occurs.  The
+table is written to benchmarks/results/numerical_stress.md.
 """
 
 import sys

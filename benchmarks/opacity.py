@@ -1,10 +1,11 @@
-"""Opacity from pulses: against rays cast through known leaves, and over the size of voxels.
+"""Opacity from pulses, compared with rays cast through known leaves and for several sizes of
+voxels.
 
-``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``: for generated stands p̄ and V
-of nine views 2 m apart from 50 m by rays cast through the leaves, and what is predicted from their
-simulated pulses with calibrated and with equal energies, and from voxels that hold a point; for a
-real cloud, if one is given, the same predictions for 49 views, without a truth.  Processor time is
-that of reading the cloud and fitting it.
+``python benchmarks/opacity.py [CLOUD]`` writes ``results/opacity.csv``.  For generated stands it
+has p̄ and V of nine views 2 m apart from 50 m, by rays cast through the leaves.  Beside them are
+predictions from simulated pulses with calibrated and with equal energies, and from voxels that
+contain a point.  For a real cloud, if given, it has the same predictions for 49 views, without a
+reference.  Processor time is the time to read the cloud and to fit the opacity.
 """
 
 import csv
@@ -30,17 +31,17 @@ COLUMNS = (
 )  # fmt: skip
 ALTITUDE_M = 50.0
 CASES = ((1, 1.5, 100.0, 0.1), (2, 1.5, 250.0, 0.1), (3, 3.0, 250.0, 0.3), (4, 1.5, 400.0, 0.1))
-"""Seed, leaf area index, pulses a square metre and footprint [m]."""
+"""Seed, leaf area index, pulses per square metre and footprint [m]."""
 
 
 def grid(side):
-    """Square of views 2 m apart."""
+    """Positions of a square grid of views that are 2 m apart."""
     line = (np.arange(side) - 0.5 * (side - 1)) * 2.0
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
 def predicted(path, opacity, voxel_m, views):
-    """p̄, V and V̂ of views on a cloud, and the processor time."""
+    """p̄, V and V̂ of views over a cloud, and the processor time."""
     began = time.process_time()
     volume = read_voxels(path, opacity=opacity, voxel_m=voxel_m, min_height_m=0.5)
     spent = time.process_time() - began

@@ -1,12 +1,12 @@
-"""Reports: how large a page is, how long it takes to write, and to open in a browser.
+"""Reports: the size of a page, and the times to write it and to open it in a browser.
 
 Run: python benchmarks/report.py [--repeats 5]
 
-Plans of 50, 5 000 and 500 000 photos in a rotated grid, without and with a place on earth, and the
-pages of each in a headless Chromium of the path; medians.  `first_paint_ms` and `ready_ms` count
-from the navigation, the latter until the map is drawn; `redraw_ms` is one move of the map with all
-photos in it; `hover_us` is the search for the photo at the pointer.
-Writes benchmarks/results/report.csv.
+Plans of 50, 5 000 and 500 000 photos in a rotated grid, with and without a location, whose pages
+are opened by the headless Chromium on the PATH.  Times are medians.  `first_paint_ms` and
+`ready_ms` are measured from the navigation; the map is complete at `ready_ms`.  `redraw_ms` is the
+time of one movement of the map with all photos visible, `hover_us` that of the search for the photo
+at the pointer.  It writes benchmarks/results/report.csv.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""How fast sites become flights: turns, heights above terrain, times, and a battery each.
+"""Time to make flights from sites: turns, heights above terrain, times and batteries.
 
     python benchmarks/routes.py
     python benchmarks/routes.py --sites 1e3 1e5 1e6
 
-Lays routes over square grids 2.8 m apart and prints, for each kind of route, microseconds a site,
-the ratio to merely placing the sites in metres, and the growth: the exponent k of sites^k from the
-grid before.  The terrain is a raster of hills, 1 m a pixel, written to a temporary folder.  Times
-are medians of runs in one process, imports left out.
+It plans routes over square grids with sites 2.8 m apart.  For each kind of route it prints the
+microseconds per site, their ratio to the time for the positions alone, and the growth: the exponent
+k of sites^k relative to the previous grid.  The terrain is a raster of hills with pixels of 1 m,
+written to a temporary folder.  Times are medians of runs in one process, without imports.
 
-Writes benchmarks/results/routes.csv.
+It writes benchmarks/results/routes.csv.
 """
 
 import argparse
@@ -44,7 +44,7 @@ KINDS = {
 
 
 def write_hills(path: Path, side_m: int) -> None:
-    """Hills 12 m high and some 100 m long."""
+    """Write a raster of hills that are 12 m high and about 100 m long."""
     to_metres = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True)
     east, north = to_metres.transform(ORIGIN[1], ORIGIN[0])
     x = np.arange(side_m, dtype=np.float32)

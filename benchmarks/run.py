@@ -1,4 +1,4 @@
-"""Every benchmark of the repository, one after the other; tables and figures go to results/.
+"""Run every benchmark of the repository; tables and figures are written to results/.
 
 Run: python benchmarks/run.py [NAME ...]
 """

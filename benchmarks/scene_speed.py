@@ -1,16 +1,16 @@
-"""How fast a point cloud becomes voxels, against merely reading it.
+"""Time to convert a point cloud to voxels, relative to the time to read it.
 
     python benchmarks/scene_speed.py
     python benchmarks/scene_speed.py --points 1e6 5e6 2e7 --side 150 --format 6 --ground filter
 
-Writes clouds of a sloping stand (half ground, half crowns) to a temporary folder, as LAZ and as
-LAS, and prints a row for each: seconds to go through its chunks with laspy (``chunks``), the same
-with x, y and z of every point as arrays of metres (``metres``), seconds of
-`aosplan.scenes.files.point_cloud.read_voxels`, its ratio to either, and its peak memory.  Every run is a process of
-its own; times leave out starting Python and importing libraries, and are medians.  Of an
-uncompressed file, ``chunks`` is no more than a copy of its bytes.
+It writes clouds of a stand on a slope (half ground, half crowns) to a temporary folder, as LAZ and
+as LAS, and prints a row for each.  The columns are the seconds to read all chunks with laspy
+(``chunks``); the seconds with x, y and z of every point as arrays of metres in addition
+(``metres``); the seconds of `aosplan.scenes.files.point_cloud.read_voxels`; its ratio to both; and
+its peak memory.  Each run is a process of its own.  Times are medians without the start of Python
+and imports.  For an uncompressed file, ``chunks`` is just a copy of its bytes.
 
-Writes benchmarks/results/scene_speed.csv.
+It writes benchmarks/results/scene_speed.csv.
 """
 
 import argparse
@@ -105,14 +105,15 @@ def main() -> None:
         for points in map(int, options.points):
             for suffix in ("laz", "las"):
                 path = Path(folder) / f"stand.{suffix}"
-                # A process hands its peak memory down to its children: let another one write.
+                # A child starts with its parent's peak memory, so another process writes.
                 writer = multiprocessing.get_context("spawn").Process(
                     target=write_stand, args=(path, points, options.side, options.format)
                 )
                 writer.start()
                 writer.join()
                 runs: dict[str, list[tuple[float, float]]] = {CHUNKS: [], METRES: [], OURS: []}
-                for _ in range(options.runs):  # in turn, so that all share the machine's moods
+                # in turn, so that changes of the load affect all alike
+                for _ in range(options.runs):
                     for script, times in runs.items():
                         times.append(measured(script, str(path), options.ground))
                 chunks, metres, ours = (median(s for s, _ in times) for times in runs.values())

@@ -1,19 +1,20 @@
-"""How long the statistics of a national tile take, by its size, and what sampling adds to errors.
+"""Time to compute the statistics of a national tile by its size, and the error of sampled targets.
 
     python benchmarks/scene_tiles.py
     python benchmarks/scene_tiles.py --tiles 250:5e5 500:2e6 1000:2e7 --runs 3
 
-Writes tiles of crowns over rolling ground to a temporary folder, as LAZ, and prints a row for each:
-seconds that ``laspy`` takes to read x, y and z of all points (``metres``); seconds and peak memory of
-the whole command ``aosplan scene TILE --json``, its start included, with the cache off; and the same
-with a crop of 200 m.  Seconds are those of the processor, of processes of their own on one core, run
-in turn; medians.
+It writes tiles of crowns over rolling ground to a temporary folder, as LAZ, and prints a row for
+each.  The columns are the seconds that ``laspy`` takes to read x, y and z of all points
+(``metres``); seconds and peak memory of the whole command ``aosplan scene TILE --json``, including
+its start, without the cache; and the same with a crop of 200 m.  Seconds are processor time, the
+medians of separate processes on one core that run in turn.
 
-A second table compares the sample of about a million targets with all targets of the 500 m tile, for
-twelve views up to 30° off nadir: the largest and the root mean square difference of the share of
-targets that two views both hide, over all pairs of views, and that of V of these twelve photos.
+A second table compares a sample of about a million targets with all targets of the 500 m tile, for
+twelve views up to 30° off nadir.  It has the largest and the root mean square difference of the
+share of targets that two views both hide, over all pairs of views, and the difference of V of these
+twelve photos.
 
-Writes benchmarks/results/scene_tiles.csv and benchmarks/results/scene_sample.csv.
+It writes benchmarks/results/scene_tiles.csv and benchmarks/results/scene_sample.csv.
 """
 
 import argparse
@@ -49,7 +50,7 @@ print(used.ru_utime + used.ru_stime, used.ru_maxrss, file=sys.stderr)
 
 
 def write_tile(path: Path, points: int, side_m: float) -> None:
-    """Write crowns of 3 m radius and 20 m height, a tree to 72 m², strip by strip."""
+    """Write crowns with a radius of 3 m and a height of 20 m, one tree per 72 m², strip by strip."""
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(points)
@@ -83,7 +84,7 @@ def write_tile(path: Path, points: int, side_m: float) -> None:
 
 
 def measured(script: str, *arguments: str) -> tuple[float, float]:
-    """Seconds of the processor and peak memory [MB] of a script in a process of its own."""
+    """Processor seconds and peak memory [MB] of a script in its own process."""
     single = dict.fromkeys(
         ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "RAYON_NUM_THREADS", "MKL_NUM_THREADS"), "1"
     )
@@ -156,7 +157,7 @@ def main() -> None:
         for tile in options.tiles:
             side, points = (int(float(part)) for part in tile.split(":"))
             path = Path(folder) / f"{side}.laz"
-            # A process hands its peak memory down to its children: let another one write.
+            # A child starts with its parent's peak memory, so another process writes.
             writer = multiprocessing.get_context("spawn").Process(
                 target=write_tile, args=(path, points, side)
             )
@@ -165,7 +166,7 @@ def main() -> None:
             low_x, low_y = EAST + side / 2.0 - 100.0, NORTH + side / 2.0 - 100.0
             crop = f"{low_x},{low_y},{low_x + 200.0},{low_y + 200.0}"
             runs: list[list[tuple[float, float]]] = [[], [], []]
-            for _ in range(options.runs):  # in turn, so that all share the machine's moods
+            for _ in range(options.runs):  # in turn, so that changes of the load affect all alike
                 runs[0].append(measured(METRES, str(path)))
                 runs[1].append(measured(OURS, str(path)))
                 runs[2].append(measured(OURS, str(path), "--crop", crop))

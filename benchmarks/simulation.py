@@ -1,13 +1,13 @@
-"""The simulator against Embree, and how it grows:  python benchmarks/simulation.py [CLOUD.laz]
+"""The simulator compared with Embree, and its scaling:  python benchmarks/simulation.py [CLOUD.laz]
 
-1. On the voxels of one stand, 49 views from 50 m, 1 to 3.5 m apart, in one thread: rays a second, the
-   error of V against Embree with 7 x 7 targets a voxel (root mean square over three
-   baselines and two headings), and how
-   much longer Embree takes to the same error.  Without Open3D this part is left out.
-2. Time and memory as targets, views and slices grow, up to 10⁴ x 10⁴ targets, each in a process of
-   its own.
+1. On the voxels of one stand with 49 views from 50 m, 1 to 3.5 m apart, in one thread: rays per
+   second, the error of V relative to Embree with 7 x 7 targets per voxel (root mean square over
+   three baselines and two headings), and how much longer Embree takes for the same error.  Without
+   Open3D this part is left out.
+2. Time and memory for growing numbers of targets, views and slices, up to 10⁴ x 10⁴ targets, each
+   in its own process.
 
-Takes some minutes; prints tables and writes them, with figures, to benchmarks/results/.
+It takes some minutes, prints tables, and writes them to benchmarks/results/ together with figures.
 """
 
 import argparse
@@ -40,7 +40,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 
 PATTERN = Pattern(7, 7)
 FLIGHTS = ((1.0, 0.0), (1.0, 30.0), (2.0, 0.0), (2.0, 30.0), (3.5, 0.0), (3.5, 30.0))
-"""Baselines [m] and headings [deg]; the fifth is timed."""
+"""Baselines [m] and headings [deg]; the time is measured for the fifth."""
 
 SETTINGS = {"aosplan": (1, 2, 3, 4, 6), "Embree": (0.25, 0.5, 1, 2, 4)}
 TRUTH = 7
@@ -48,7 +48,7 @@ RUNS = 3
 
 
 class Row(NamedTuple):
-    """One method at one number of targets a voxel along an axis."""
+    """One method at one number of targets per voxel along an axis."""
 
     stand: str
     view: str
@@ -73,7 +73,7 @@ class Growth(NamedTuple):
 
 
 def best_time(call: Callable[[], object]) -> float:
-    """Seconds of processor time: of one thread, and whatever else the machine does."""
+    """Seconds of processor time, which does not depend on other processes."""
     times = []
     for _ in range(RUNS):
         start = time.process_time()
@@ -151,7 +151,7 @@ def against_embree(volume: VoxelVolume, name: str) -> list[Row]:
 
 
 def claims(rows: list[Row]) -> list[str]:
-    """What the table says, in sentences."""
+    """Sentences that summarize the table."""
     lines = []
     for view in ("telecentric", "perspective"):
         mine, other = (
@@ -163,7 +163,7 @@ def claims(rows: list[Row]) -> list[str]:
             f"{mine[4].rays_per_second / other[4].rays_per_second:.0f} times Embree's; "
             f"error of V {mine[4].error_v:.5f}"
         )
-        # Single errors are lucky or not: Embree's time to an error is read off a line through all.
+        # Single errors vary by chance, so a line is fitted to all of Embree's points.
         fit = np.polyfit(*np.log([[row.error_v, row.seconds] for row in other.values()]).T, 1)
         for row in mine.values():
             seconds = float(np.exp(np.polyval(fit, np.log(row.error_v))))
@@ -178,7 +178,7 @@ def claims(rows: list[Row]) -> list[str]:
 
 
 def megabytes() -> float:
-    """Most memory that this process has held; a child's `getrusage` begins with its parent's."""
+    """Peak memory of this process; a child's `getrusage` starts with its parent's peak."""
     try:
         with open("/proc/self/status", encoding="ascii") as file:
             held = next(line for line in file if line.startswith("VmHWM"))

@@ -1,11 +1,11 @@
-"""Start-up: whole processes as multiples of bare Python, medians of one run.
+"""Start-up time of whole processes as multiples of bare Python, as medians of one run.
 
 Run: python benchmarks/start_up.py [--repeats 25]
 
-Beside a busy neighbour processes wait for the machine: the result says how many ran or waited.
-The saved scenes are a generated clumped stand of 24 m, as ``aosplan scene --save`` writes it.
-Writes benchmarks/results/start_up.csv.  Install aosplan as a user does (``pip install .``):
-an editable install under PYTHONDONTWRITEBYTECODE compiles every module at every start.
+On a busy machine processes wait for the processor; the result states how many were running or
+waiting.  The saved scenes are a generated clumped stand of 24 m, as ``aosplan scene --save`` writes
+it.  It writes benchmarks/results/start_up.csv.  Install aosplan as a user does (``pip install .``),
+because an editable install with PYTHONDONTWRITEBYTECODE compiles every module at every start.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def seconds(command: list[str], folder: str) -> float:
 
 
 def save_stand(folder: str) -> None:
-    """Write a stand as .npz, and from that as .toml."""
+    """Write a stand as .npz, and convert it to .toml."""
     sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "tests"))
     from support.forests import STANDS, clumped_forest
 
@@ -72,7 +72,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         save_stand(folder)
         loads = []
-        for _ in range(repeats):  # in turn, so that all share the machine's moods
+        for _ in range(repeats):  # in turn, so that changes of the load affect all alike
             loads.append(os.getloadavg()[0])
             times["bare"].append(seconds(BARE, folder))
             for name, (command, _) in COMMANDS.items():

@@ -1,18 +1,20 @@
 """Rate of sweeps:  python benchmarks/sweeps.py [--most 8] [--part growth|kinds|summary|workers]
 
-Scenarios a second of one core's time, the best of three, by
+Scenarios per second of processor time of one core, the best of three runs, for
 
-- **growth**: 10³ to 10^most uniform scenarios of a TOML crossing, in memory (b, N, V and V̂ of each as
+- **growth**: 10³ to 10^most uniform scenarios of a TOML crossing: in memory (b, N, V and V̂ as
   whole columns), to Parquet as `aosplan sweep` writes it, and with a `--where` that keeps none of
-  them, each in a process of one thread, with its peak of memory; against the paper's Eq. 2 as a double sum,
-  vectorised with NumPy over scenarios, and `aosplan.plan` once a scenario;
-- **kinds**: scenarios that bounds bind, that cannot be met, of layers and of voxels, as frames,
-  against `aosplan.plan` once a scenario;
-- **summary**: what `--summary` costs beside a file, and alone, from 10⁶ scenarios on;
-- **workers**: the same sweep with one worker and with two: by the clock, which tells something on a
-  machine at rest, and of all processors together, with the load at the end.
+  them.  Each runs in a process of one thread, whose peak memory is measured.  They are compared
+  with the paper's Eq. 2 as a double sum, vectorised with NumPy over scenarios, and with one
+  `aosplan.plan` per scenario;
+- **kinds**: data frames of scenarios with binding bounds, without a solution, with layers and with
+  voxels, compared with one `aosplan.plan` per scenario;
+- **summary**: the cost of `--summary` with and without a file, from 10⁶ scenarios on;
+- **workers**: the same sweep with one worker and with two: elapsed time, which is only meaningful
+  on an idle machine, and the total processor time, with the load at the end.
 
-Prints tables, and writes them to benchmarks/results/sweeps*.csv with a figure of the growth.
+It prints tables, and writes them to benchmarks/results/sweeps*.csv together with a figure of the
+growth.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ if TYPE_CHECKING:
 KEPT = ("baseline_m", "samples", "visibility_expected", "visibility_normalized")
 
 MOST_STORED = 10**8
-"""Scenarios that are written whole: more would fill a disk."""
+"""Largest number of scenarios that are written to a file, because more would fill a disk."""
 
 WRITE = """
 import os, resource, sys, time
@@ -66,7 +68,7 @@ DENSE = "density = { start = 0.001, stop = 0.02, count = 5, spacing = 'log' }\n"
 
 
 def campaign(folder: Path, power: int, more: str = DENSE) -> Path:
-    """A crossing of 10^power scenarios, altitude the slowest."""
+    """A crossing of 10^power scenarios; the altitude varies slowest."""
     path = folder / f"campaign_{power}.toml"
     path.write_text(
         "[sweep]\n"
@@ -91,7 +93,7 @@ def in_memory(crossing: Crossing) -> None:
 
 
 def double_sum(crossing: Crossing) -> None:
-    """V of Eq. 2 for 7 x 7 samples at each scenario's p and d̂ = 1, as the paper writes it."""
+    """V of Eq. 2 for 7 x 7 samples at each scenario's p and d̂ = 1, as the paper prints it."""
     i, j = np.meshgrid(np.arange(7.0), np.arange(7.0), indexing="ij")
     for index in range(crossing.blocks):
         block = crossing.block(index)
@@ -109,13 +111,13 @@ def double_sum(crossing: Crossing) -> None:
 
 
 def row_by_row(crossing: Crossing, most: int = 2000) -> int:
-    """Plan scenarios of a crossing, evenly chosen; how many."""
+    """Plan evenly chosen scenarios of a crossing one by one, and return their number."""
     block = crossing.block(0)
     chosen = np.unique(np.linspace(0, block.rows - 1, min(block.rows, most)).astype(int))
     for row in chosen.tolist():
         try:
             plan(PlanRequest(**block.request_values(row)))
-        except AosplanError:  # told, too
+        except AosplanError:  # a refusal also counts
             continue
     return len(chosen)
 
@@ -130,7 +132,7 @@ def seconds(work: Callable[[], object], times: int = 3) -> float:
 
 
 def swept(*arguments: str, times: int = 1) -> tuple[float, float, float]:
-    """Processor time, time by the clock and peak of memory [MB] of a sweep in a process."""
+    """Processor time, elapsed time and peak memory [MB] of a sweep in its own process."""
     environment = os.environ | {"POLARS_MAX_THREADS": "1"}
     command = [sys.executable, "-c", WRITE, *arguments]
     found = [
@@ -196,7 +198,7 @@ def draw(rates: Sequence[str], rows: Sequence[tuple[float, ...]]) -> None:
 
 
 def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
-    """Crossings by what makes them unlike the plain one."""
+    """Crossings by the property in which they differ from the plain one."""
     sys.path.insert(0, str(HERE.parent / "tests"))
     from support.forests import STANDS, clumped_forest
 
@@ -239,7 +241,7 @@ def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
 
 
 def kinds(folder: Path) -> None:
-    """Rates of frames, as columns or in rows that share their geometry, against `plan`."""
+    """Rates of data frames, as columns or as rows that share their geometry, compared with `plan`."""
     rows = []
     for name, axes in kinds_of(folder).items():
         values = {
@@ -272,7 +274,7 @@ def kinds(folder: Path) -> None:
 
 
 def summaries(folder: Path, most: int) -> None:
-    """Rates and memory of sweeps that are summarised, beside those that are stored."""
+    """Rates and memory of sweeps with a summary, beside those of sweeps that are stored."""
     rows = []
     out = folder / "r.parquet"
     stored = ("--out", str(out))
@@ -296,7 +298,7 @@ def summaries(folder: Path, most: int) -> None:
 
 
 def workers(folder: Path) -> None:
-    """Time by the clock with one worker and two."""
+    """Elapsed time with one worker and with two."""
     rows = []
     sweeps = {
         "10^7 uniform scenarios": campaign(folder, 7),

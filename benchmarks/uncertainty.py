@@ -1,19 +1,22 @@
-"""How far parts of a plot differ, in standard errors that their predictions state:
+"""Differences between parts of a plot, divided by the standard errors of their predictions.
 
     python benchmarks/uncertainty.py [CLOUD.laz ...]
 
-Each plot is cut into two halves, west and east and south and north, and into four quarters.  Grids of 9,
-25 and 49 photos are predicted on all parts by the measured model, telecentric and in perspective.  The
-differences of p̄, V and V̂ between two parts are compared with the root of the sum of the squares of both
-stated errors (the part `plot`: opacity is the same in both parts).  Of normally distributed differences 68 %
-are within one of these, and 95 % within two.  Grids whose rays cross more than half of a part are left out.
-Generated stands, with Poisson numbers of trees, of 24 m and 48 m; and clouds if given, each with the opacity
-from its pulses, if it has them, and with opaque voxels.  The last columns are the root mean squares of what
-was stated and of what was found.  Two minutes of the processor; prints a table and writes it to benchmarks/results/.
+Each plot is cut into two halves (west and east, and south and north) and into four quarters.  Grids
+of 9, 25 and 49 photos are predicted for all parts by the measured model, telecentric and in
+perspective.  The differences of p̄, V and V̂ between two parts are compared with the root of the
+sum of the squares of both standard errors (only of the part `plot`, because the opacity is the same
+in both).  If differences are normally distributed, 68 % of them are within one of these, and 95 %
+within two.  Grids whose rays cross more than half of a part are left out.
 
-Limits: parts of one plot are neighbours, and more alike than two plots of a forest.  Two clouds are two
-plots: the differences of different grids between the same two parts are much the same, so that a row of real
-plots has about ten independent differences, and its shares are known to some 15 %.
+The plots are generated stands of 24 m and 48 m with Poisson numbers of trees, and clouds if given:
+each with the opacity from its pulses, if it has them, and with opaque voxels.  The last columns are
+the root mean squares of the predicted standard errors and of the differences.  It takes two minutes
+of processor time, prints a table, and writes it to benchmarks/results/.
+
+Limits: parts of one plot are neighbours, and more alike than two plots of a forest.  Two clouds are
+only two plots: differences of several grids between the same two parts are similar.  A row of real
+plots therefore has about ten independent differences, and its shares have an error of about 15 %.
 """
 
 from __future__ import annotations
@@ -52,13 +55,13 @@ VIEWS = ("telecentric", "perspective")
 SEEDS = 4
 SEED = 1
 MOST_HIDDEN = 0.97
-"""Share of hidden columns from which a reading is left out: what remains is a few gaps."""
+"""Largest share of hidden columns; above it only a few gaps remain, and the cloud is left out."""
 
 QUANTITIES = ("density", "expected", "normalized")
 
 
 def pairs(volume: VoxelVolume) -> Iterator[tuple[str, VoxelVolume, VoxelVolume]]:
-    """Halves and quarters of a plot, each pair of them; of an odd number of cells the last is left out."""
+    """All pairs of halves and of quarters of a plot, without odd last rows and columns."""
     rows, columns = (cells // 2 for cells in volume.occupied.shape[1:])
 
     def part(rows: slice, columns: slice) -> VoxelVolume:
@@ -89,7 +92,7 @@ def predicted(part: VoxelVolume, view: ViewKind, grid: tuple[float, int, float])
 
 
 def differences(volume: VoxelVolume) -> Iterator[tuple[str, str, list[tuple[float, float]]]]:
-    """View, kind of parts, and the difference and its stated error by quantity, for each grid."""
+    """For each grid: view, kind of parts, and difference and standard error of each quantity."""
     cut = list(pairs(volume))
     for view in VIEWS:
         for grid in GRIDS:
@@ -108,7 +111,7 @@ def differences(volume: VoxelVolume) -> Iterator[tuple[str, str, list[tuple[floa
 
 
 def generated(side_m: float) -> Iterator[VoxelVolume]:
-    """Stands of all kinds, with numbers of trees by chance."""
+    """Stands of all kinds with random numbers of trees."""
     rng = np.random.default_rng(SEED)
     for stand in STANDS.values():
         for seed in range(SEEDS):
@@ -118,7 +121,7 @@ def generated(side_m: float) -> Iterator[VoxelVolume]:
 
 
 def read(cloud: str) -> Iterator[tuple[str, VoxelVolume]]:
-    """A cloud with the opacity from its pulses, if it has them, and with opaque voxels of two sizes."""
+    """A cloud with the opacity from its pulses, if any, and with opaque voxels of two sizes."""
     from aosplan.scenes.files.point_cloud import read_voxels
 
     volume = read_voxels(cloud, voxel_m=0.25, opacity="auto")
@@ -146,7 +149,7 @@ def main() -> None:
                 for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
                     found.setdefault((name, view, kind, quantity), []).append(pair)
     rows = [[*key, *shares(values)] for key, values in found.items()]
-    for view in VIEWS:  # real plots together, each with equal weight
+    for view in VIEWS:  # all real plots in one row, with equal weights
         for quantity in QUANTITIES:
             chosen = [
                 shares(values)
@@ -177,7 +180,7 @@ def main() -> None:
 
 
 def shares(pairs: list[tuple[float, float]]) -> list[str]:
-    """Number, shares within one and two stated errors, and root mean squares of stated and found."""
+    """Number, shares within one and two standard errors, and root mean squares of both."""
     difference, stated = np.array(pairs).T
     return [
         str(len(difference)),

@@ -1,13 +1,14 @@
-"""`plan --within` against brute force over all that it leaves open, and what each takes:
+"""`plan --within` compared with brute force over everything that it may choose.
 
     python benchmarks/within.py
 
-Ten requests: areas and one place, presets, cameras, batteries, wind.  Brute force plans a coarse
-grid of everything that is left open, each combination as a request of its own: altitudes, triggers,
-headings, kinds of grid (square, rectangle, line, lanes of several numbers and pitches), samples and
-spacing.  No combination that lands within the time should find over 2 % more than the plan.  Flights
-are laid out only of combinations that would find more than the plan less 0.05, and of which each
-photo alone leaves enough time.  Some minutes; the table goes to benchmarks/results/within.csv.
+Ten requests with areas and a single place, several presets, cameras, batteries and winds.  Brute
+force makes a request for each combination on a coarse grid of everything that `--within` may
+choose: altitudes, triggers, headings, kinds of grid (square, rectangle, line, lanes with several
+numbers and pitches), samples and spacings.  No combination that is back within the time should find
+over 2 % more than the plan.  Flights are only laid out for combinations that would find more than
+the plan less 0.05, and whose photos alone do not already take too long.  It takes some minutes and
+writes the table to benchmarks/results/within.csv.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 RESULTS = Path(__file__).parent / "results"
 SHARES = (1.0, 0.6, 0.25)
-"""Shares of the widest spacing that the footprint allows."""
+"""Shares of the largest spacing that the footprint allows."""
 
 AREAS = {
     "field, 4 ha": [[14.3255, 48.3350], [14.3282, 48.3350], [14.3282, 48.3368], [14.3255, 48.3368]],
@@ -104,7 +105,7 @@ CASES: dict[str, tuple[str | None, dict[str, Any]]] = {
 
 
 class Tried(NamedTuple):
-    """What brute force found: combinations, those laid out, and the best."""
+    """Result of brute force: numbers of combinations and of those laid out, and the best one."""
 
     combinations: int
     laid_out: int
@@ -165,7 +166,7 @@ def compared(name: str, request: PlanRequest) -> dict[str, Any]:
 
 
 def brute_force(request: PlanRequest, floor: float) -> Tried:
-    """The best combination that lands within the time, of those no worse than the plan less 0.05."""
+    """The best combination within the time, of those that find more than the plan less 0.05."""
     scene = load_scene(request)
     assert request.within is not None
     allowed_s = 60.0 * request.within
@@ -188,7 +189,7 @@ def brute_force(request: PlanRequest, floor: float) -> Tried:
             if probability <= best:
                 continue
             for trigger, heading in itertools.product(triggers, headings):
-                # Each photo takes its time, and every pitch of an area has one.
+                # Each photo takes some time, and an area has about one photo per cell of the grid.
                 photos = max(area_m2 / (baseline**2 * pitch), rows * columns) - rows
                 each_s = request.hold if trigger == "stop" else request.photo_interval
                 if photos * (each_s or 0.0) > allowed_s or probability <= best:
@@ -221,7 +222,7 @@ def time_s(request: PlanRequest, scene: LoadedScene) -> float:
 
 
 def altitudes_of(request: PlanRequest) -> list[float]:
-    """Both ends of a range of altitudes."""
+    """Lowest and highest altitude of a range."""
     if not isinstance(request.altitude, str):
         assert request.altitude is not None
         return [request.altitude]
@@ -230,7 +231,7 @@ def altitudes_of(request: PlanRequest) -> list[float]:
 
 
 def widest_m(inputs: PlanInputs, rows: int, columns: int, pitch: float) -> float:
-    """Widest spacing at which images still show a target from all sites around it."""
+    """Largest spacing at which a target is still in the images of all sites around it."""
     x, y = inputs.footprint_m
     if inputs.area is not None:
         return min(x / columns, y / (rows * pitch))
@@ -238,7 +239,7 @@ def widest_m(inputs: PlanInputs, rows: int, columns: int, pitch: float) -> float
 
 
 def kinds() -> Iterator[tuple[str, int, int, float]]:
-    """Kinds of grid with rows, columns, and the pitch across in spacings along."""
+    """Kinds of grid with rows, columns, and the pitch across the heading in units of the spacing."""
     for side in (2, 3, 4, 5, 6, 8, 10, 14):
         yield "square", side, side, 1.0
         yield "rectangle", side, side + 1, 1.0

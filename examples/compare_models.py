@@ -1,4 +1,4 @@
-"""What the uniform rule and the layered model make of the same stand.
+"""Results of the uniform and the layered model for the same stand.
 
 Run: python examples/compare_models.py
 """

@@ -1,4 +1,4 @@
-"""The equations on arrays: how visibility grows with samples and disparity.
+"""The equations on arrays: visibility as a function of samples and disparity.
 
 Run: python examples/equations.py
 """

@@ -1,4 +1,4 @@
-"""What the paper's figures share: the stand, files for results, and the paper's numbers beside ours."""
+"""Shared parts of the paper's figures: the stand, result files, and comparisons."""
 
 import csv
 import io
@@ -22,13 +22,13 @@ DENSITY, SLICE_DENSITY = 0.567, 0.0095
 """p and mean D of the paper's LiDAR scan (its Figs. 4, 6 and 8)."""
 
 OCCLUDER_M, BASE_M, HEIGHT_M = 0.20, 2.506, 17.54
-"""Our stand: o is ours, as the paper gives ratios alone; l/o = 87.69 and 98 % at 3.5 m are its."""
+"""Dimensions of our stand: o is our choice, l/o = 87.69 and 98 % at 3.5 m are from the paper."""
 
 ALTITUDE_M, BASELINE_M, SAMPLES = 50.0, 3.5, 50
 """Altitude, baseline and samples of the paper's section III."""
 
 TARGET_M = 12.0
-"""Side of the target area below the middle of the aperture."""
+"""Side of the target area below the centre of the aperture."""
 
 plt.rcParams.update(
     {
@@ -46,16 +46,17 @@ plt.rcParams.update(
 
 @cache
 def stand(index=0):
-    """A clumped stand from a seed: the paper's scan is not public, so this one has its p.
+    """A clumped stand from a seed with the paper's p, because the paper's scan is not public.
 
-    Crowns and trunks on a wrapping plot of 40 x 40 m that hides 56.7 % of the ground from above.
+    It has crowns and trunks on a periodic plot of 40 x 40 m that hides 56.7 % of the ground from
+    above.
     """
     rng = generator(2019, index)
     return clumped_forest(rng, DENSITY, OCCLUDER_M, BASE_M, HEIGHT_M, (40.0, 40.0))
 
 
 def views(index=0, altitude_m=ALTITUDE_M, *, per_voxel=2, side_m=TARGET_M):
-    """Views in perspective of a square of targets in the middle of a stand's plot."""
+    """Views in perspective of a square of targets at the centre of a stand's plot."""
     volume = stand(index)
     side = round(side_m / volume.voxel_m) * per_voxel
     whole = volume.occupied.shape[1] * per_voxel
@@ -72,7 +73,7 @@ def grid(side, pitch_m):
 
 
 def save(figure, name):
-    """Write a picture in few bytes: 256 colours are plenty."""
+    """Write a small image file: 256 colours are sufficient."""
     drawn = io.BytesIO()
     figure.savefig(drawn)
     plt.close(figure)
@@ -80,7 +81,7 @@ def save(figure, name):
 
 
 def write_csv(name, header, rows):
-    """Write the numbers of a picture, six digits each."""
+    """Write the numbers of a figure with six digits."""
     with (RESULTS / f"{name}.csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
@@ -88,13 +89,13 @@ def write_csv(name, header, rows):
 
 
 def beside(figure, what, paper, ours, why=""):
-    """Print a number of the paper beside ours: by how much they differ, and why."""
+    """Print a number of the paper, ours, the difference, and its reason."""
     off = "the same" if abs(ours - paper) < 5e-4 * abs(paper) else f"off by {ours - paper:+.3g}"
     print(f"  {figure}  {what}: paper {paper:g}, here {ours:.4g} ({off}){'; ' if why else ''}{why}")
 
 
 def agreement(figure, what, z):
-    """Print how well simulated points agree with the model, in standard errors."""
+    """Print how far simulated points are from the model, in standard errors."""
     z = np.abs(np.asarray(z))
     print(f"  {figure}  {what}: {len(z)} points, {np.mean(z < 2):.0%} within 2 standard errors, "
           f"the worst {z.max():.1f}")  # fmt: skip

@@ -1,8 +1,8 @@
 """Fig. 10: SSIM against aperture at b = 2.8 m, for a recording of 504 images from 40 m.
 
-The paper's recording is not at hand, so one is rendered: a chart below the stand, 504 cameras on a
-2 m lattice in a quarter of a disc, all turned to the chart.  Images and poses are written as the AOS
-project writes them, and integrated by what `aosplan integrate` calls.
+The paper's recording is not public, so one is rendered: a chart below the stand, and 504 cameras on
+a 2 m lattice in a quarter of a disc, all facing the chart.  Images and poses are written in the
+format of the AOS project, and are integrated with the functions that `aosplan integrate` calls.
 """
 
 import json
@@ -27,7 +27,7 @@ APERTURES_M = tuple(4.0 * k for k in range(13))
 
 
 def sites():
-    """504 sites of a lattice nearest to the corner of a quarter disc, around its middle."""
+    """The 504 sites of a lattice nearest to the corner of a quarter disc, relative to their centre."""
     along = PITCH_M * np.arange(40)
     lattice = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     near = lattice[np.argsort(np.hypot(*lattice.T), kind="stable")[:VIEWS]]
@@ -35,7 +35,7 @@ def sites():
 
 
 def towards_chart(position):
-    """World to camera of a camera at a position that looks at the origin."""
+    """World-to-camera rotation of a camera at a position that looks at the origin."""
     forward = -position / np.linalg.norm(position)
     right = np.cross(forward, [0.0, 1.0, 0.0])
     right /= np.linalg.norm(right)
@@ -43,7 +43,7 @@ def towards_chart(position):
 
 
 def render(folder):
-    """Write the recording: poses.json and images, pixel by pixel along their rays to the ground."""
+    """Write the recording: poses.json, and images that are traced pixel by pixel to the ground."""
     volume = stand()
     per_voxel = 2
     side = round(GROUND_M / volume.voxel_m) * per_voxel
@@ -56,7 +56,7 @@ def render(folder):
     ground = np.full((side, side), 0.6)
     chart_px = round(CHART_M / pitch)
     margin = (side - chart_px) // 2
-    chart = resolution_chart(chart_px, chart_px)[::-1]  # rows run north
+    chart = resolution_chart(chart_px, chart_px)[::-1]  # rows increase to the north
     ground[margin : margin + chart_px, margin : margin + chart_px] = chart
     plane = (np.arange(IMAGE_PX) + 0.5 - IMAGE_PX / 2) / FOCAL_PX
     x, y = np.meshgrid(plane, plane)
@@ -91,7 +91,7 @@ def render(folder):
 
 
 def matched(values, reference, covered):
-    """An image with the brightness and contrast of the reference, band by band."""
+    """An image with the brightness and contrast of the reference, matched in each band."""
     bands = [
         np.polyval(np.polyfit(values[covered, k], reference[covered, k], 1), values[..., k])
         for k in range(values.shape[2])

@@ -1,6 +1,6 @@
-"""Fig. 2b: integrated density against l/o, Eq. 1 and volumes of cubes.
+"""Fig. 2b: integrated density against l/o, by Eq. 1 and for simulated volumes.
 
-Points are volumes: slices of cubes one unit large, counted from straight above.
+The points are volumes: slices of cubes of size one, counted from vertically above.
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ def main():
             model = integrated_density(d, ratio, 1.0)
             volume = uniform_forest(generator(26, index), d, 1.0, 0.0, ratio, (SIDE, SIDE))
             p = float(volume.occupied.any(axis=0).mean())
-            error = np.sqrt(model * (1 - model)) / SIDE  # a column of cubes is one trial
+            error = np.sqrt(model * (1 - model)) / SIDE  # each column of cubes is one trial
             axes.errorbar(ratio, p, 2 * error, fmt="k.", ms=4, lw=0.8)
             rows.append((d, float(ratio), model, p, float(error)))
             z.append((p - model) / error)

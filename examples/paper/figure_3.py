@@ -1,4 +1,4 @@
-"""Fig. 3a-c: visibility against disparity at p = 25, 50 and 75 %, Eq. 2 and averaged noise patterns."""
+"""Fig. 3a-c: visibility against disparity at three p, by Eq. 2 and averaged noise patterns."""
 
 import numpy as np
 from common import agreement, beside, plt, save, write_csv
@@ -15,7 +15,7 @@ PATTERNS, SHAPE = 16, (150, 150)
 
 
 def simulated(p, side, disparity, seed):
-    """V of several averaged patterns of their own, and its standard error."""
+    """V of averaged patterns, the mean of several repetitions, and its standard error."""
     shifts = grid_shifts(side, side, disparity)
     counts = [
         counts_of(blocked_views(generator(seed, k), p, OCCLUDER_PX, shifts, SHAPE), side**2)

@@ -1,4 +1,6 @@
-"""Fig. 4: a noise pattern of p = 25 % and o = 5 px, averaged 10 x 10 times at several disparities."""
+"""Fig. 4: a noise pattern with p = 25 % and o = 5 px, averaged 10 x 10 times at several
+disparities.
+"""
 
 import numpy as np
 from common import agreement, plt, save, write_csv

@@ -1,4 +1,4 @@
-"""Fig. 5a, b: V and V̂ against density and N where no occluder is shared (Eq. 3 and 4)."""
+"""Fig. 5a, b: V and V̂ against density and N if no occluder is shared (Eq. 3 and 4)."""
 
 import math
 
@@ -16,7 +16,7 @@ OCCLUDER_PX, PATTERNS, SHAPE = 5, 16, (200, 200)
 
 
 def simulated(p, n, seed):
-    """V and V̂ of a line of N patterns, each moved by more than an occluder."""
+    """V and V̂ of a line of N patterns, each shifted by more than an occluder."""
     shifts = grid_shifts(1, n, 2 * OCCLUDER_PX)
     return estimate(
         [

@@ -1,6 +1,7 @@
 """Fig. 6a, b: density of the volume against l/o, and share of occluders with d̂ >= 1 against b.
 
-In place of the paper's scan, a clumped stand from a seed that hides the same share of the ground.
+The paper's scan is not public, so a clumped stand is generated that hides the same share of the
+ground.
 """
 
 import numpy as np
@@ -14,7 +15,8 @@ def main():
     volume = stand()
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.5), layout="constrained")
 
-    # (a) From the top downwards, the columns that hold something; and Eq. 1 with the mean slice.
+    # (a) From the top downwards, the slices that contain something; and Eq. 1 with their mean
+    # density.
     filled = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
     slices = volume.occupied[filled[0] : filled[-1] + 1][::-1]
     covered = np.logical_or.accumulate(slices, axis=0).mean(axis=(1, 2))
@@ -28,7 +30,7 @@ def main():
     )
     left.legend(loc="lower right")
 
-    # (b) Each occupied voxel at its height.
+    # (b) Each occupied voxel, at its height.
     heights = (np.arange(len(volume.occupied)) + 0.5) * volume.voxel_m
     weights = volume.occupied.sum(axis=(1, 2))
     baselines = np.linspace(0.05, 5.0, 100)

@@ -1,4 +1,4 @@
-"""Fig. 7a, b: V̂ against the aperture, for the model and for a stand at b = 3.5 m and 50 m."""
+"""Fig. 7a, b: V̂ against the aperture, by the model and for a stand with b = 3.5 m at 50 m."""
 
 import math
 
@@ -17,7 +17,7 @@ STANDS = 6
 
 
 def telecentric(index):
-    """Every target of a stand in the middle of its own aperture."""
+    """Views of a stand in which each target is at the centre of its own aperture."""
     return VoxelViews(stand(index), ALTITUDE_M, view="telecentric", targets_per_voxel=1)
 
 
@@ -25,7 +25,7 @@ SEEN = {"12 m below one aperture": views, "each target below its own": telecentr
 
 
 def vhat_of(seen, positions):
-    """V̂ of several stands, each a sample of the forest."""
+    """V̂ of several stands, which are independent samples of the forest."""
     return estimate([seen(index).counts(positions) for index in range(STANDS)])
 
 

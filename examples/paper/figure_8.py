@@ -24,7 +24,7 @@ def main():
             flat = blocked.ravel().astype(int)
             counts = Counts(n, flat.size, int(flat.sum()), int(flat @ flat))
             found = estimate([counts], one_plot=True)
-            image = integral_image(chart, (blocked / n)[::-1])  # north is up
+            image = integral_image(chart, (blocked / n)[::-1])  # the first row is in the north
             ssim = similarity(image, optimum, span=1.0).ssim
             axes.imshow(image, interpolation="nearest")
             axes.set(xticks=[], yticks=[])

@@ -1,7 +1,8 @@
-"""Every figure of the paper that carries data, by one command:  python examples/paper/run.py
+"""Make every figure of the paper that shows data:  python examples/paper/run.py
 
-Pictures and their numbers go to examples/paper/results; what differs from the paper is printed, by
-how much and why.  Needs the extras `figures` and `pictures`.  With names, such as 7 or 2b, only those.
+Figures and their numbers are written to examples/paper/results.  Differences from the paper are
+printed with their reasons.  It needs the extras `figures` and `pictures`.  Names such as 7 or 2b
+select figures.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""The models against simulations: V̂ over N and b, on a forest of the kind that each describes."""
+"""Models compared with simulations: V̂ over N and b, for forests that meet their assumptions."""
 
 import io
 from functools import cache
@@ -49,7 +49,7 @@ def trees(index):
 
 
 def seen_in_other_stands(result):
-    """V̂ of a plan in stands of the same kind as the one that was measured."""
+    """V̂ of a plan in other stands of the same kind as the measured one."""
     sites = np.column_stack(local_sites(result.solution.pattern, result.solution.baseline_m, 0.0))
     views = (
         VoxelViews(trees(index), ALTITUDE_M, view="telecentric", targets_per_voxel=2)
@@ -59,7 +59,7 @@ def seen_in_other_stands(result):
 
 
 def panels():
-    """Title, what plans so many samples so far apart, and what simulates that plan."""
+    """For each panel its title, a function that makes a plan from N and b, and its simulation."""
     volume = trees(0)
     layers = layered_scene(volume, "clumped trees")
     stand = LoadedScene(layers, "cloud", volume=volume, correlogram=correlogram(volume))
@@ -134,7 +134,7 @@ def draw(figure):
 
 
 ROUNDING = 0.01
-"""What making slices of voxels does to V̂, about: `aosplan.simulation.compare` states it exactly."""
+"""Approximate effect on V̂ of slicing voxels; `aosplan.simulation.compare` computes it exactly."""
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""One photo, the integral of many, and what lies beneath: a forest from a seed, seen as a drone does.
+"""One photo, the integral of many photos, and the ground beneath a simulated forest.
 
-Each photo is drawn by following its rays down to the first leaf; leaves are lit by the sun, which
-the crowns above them may hide.  The integral is the mean of the photos, registered on the ground,
-and nothing else is done to it.
+Each photo is drawn by tracing its rays down to the first leaf.  Leaves are lit by the sun unless
+crowns above them block it.  The integral is the mean of the photos, registered on the ground,
+without further processing.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ BASE_M, HEIGHT_M = 2.5, 17.5
 GROUND_M = (12.0, 9.0)
 PIXEL_M = 0.029
 SUN = (0.45, 0.3)
-"""Way of the sunlight along x and y for each metre that it falls."""
+"""Horizontal distance along x and y that sunlight travels per metre of descent."""
 
 
 def main():
@@ -60,7 +60,7 @@ def main():
 
 
 def counted(forest, sites):
-    """Visibility of the ground that is drawn, counted ray by ray."""
+    """Visibility of the ground in the pictures, counted ray by ray."""
     rows, columns = (round(side / forest.voxel_m) for side in GROUND_M[::-1])
     _, depth, width = forest.occupied.shape
     window = Window((depth - rows) // 2, (width - columns) // 2, rows, columns)
@@ -69,14 +69,14 @@ def counted(forest, sites):
 
 
 class Camera:
-    """Photos of the middle of a plot, each pixel a place on the ground."""
+    """Photos of the centre of a plot, in which each pixel is a place on the ground."""
 
     def __init__(self, forest, shape):
         self.occupied, self.voxel_m = forest.occupied, forest.voxel_m
         slices, rows, columns = self.occupied.shape
         rng = np.random.default_rng(5)
         self.tone = rng.random((slices, rows, columns), dtype=np.float32)
-        # Crowns differ a little in colour, over some metres.
+        # The colours of crowns differ a little, over some metres.
         self.hue = smooth(rng.random((rows, columns)), round(2.0 / self.voxel_m))
         self.light = np.empty((slices, rows, columns), dtype=np.float16)
         light = np.ones((rows, columns), dtype=np.float32)
@@ -84,7 +84,7 @@ class Camera:
             self.light[level] = light
             light = np.where(self.occupied[level], 0.3 * light, light)
             step = [round(s * (level + 1)) - round(s * level) for s in SUN]
-            # Light is scattered on its way down, so shadows are soft, and never quite dark.
+            # Light is scattered on its way down, so shadows are soft and never completely dark.
             light = 0.997 * np.roll(light, step, axis=(1, 0)) + 0.003
         self.floor_light = smooth(light, 3)
         y, x = ((np.arange(n) + 0.5 - 0.5 * n) * PIXEL_M for n in shape)
@@ -100,16 +100,16 @@ class Camera:
         return (np.floor(v).astype(np.intp) % n for v, n in ((along, rows), (across, columns)))
 
     def sunlit(self, ground):
-        """The ground in the sunlight that reaches it."""
+        """The ground with shadows of the leaves above it."""
         rows, columns = self.cells(0.0, (0.0, 0.0))
         return ground * (0.62 + 0.38 * self.floor_light[np.ix_(rows, columns)])[..., np.newaxis]
 
     def photo(self, site, ground):
-        """What a camera at a site sees: the first leaf on each ray, or the ground."""
+        """The image of a camera at a site: the first leaf on each ray, or the ground."""
         image = self.sunlit(ground)
         open_ = np.ones(image.shape[:2], dtype=bool)
         for half in range(2 * len(self.occupied) - 1, -1, -1):
-            # A ray meets the voxel where it enters a slice, and the one where it leaves.
+            # In each slice a ray meets the voxel where it enters and the voxel where it leaves.
             level, height = half // 2, (half // 2 + (0.001, 0.999)[half % 2]) * self.voxel_m
             rows, columns = self.cells(height, site)
             hit = open_ & self.occupied[level][np.ix_(rows, columns)]
@@ -121,7 +121,7 @@ class Camera:
         return image
 
     def leaves(self, at):
-        """Colours of leaves: green by their crown and their own, bright in the sun."""
+        """Colours of leaves: green with variations by crown and leaf, brighter in the sun."""
         level, rows, columns = at
         light, tone = self.light[at].astype(float), self.tone[at].astype(float)
         hue = self.hue[rows, columns]
@@ -132,21 +132,21 @@ class Camera:
 
 
 def smooth(field, width):
-    """A field of random numbers, smoothed over a width and stretched to 0 … 1 again."""
+    """A field of random numbers, smoothed over a width and scaled to 0 … 1."""
     field = uniform_filter(uniform_filter(field, width, mode="wrap"), width, mode="wrap")
     low, high = np.quantile(field, (0.01, 0.99))
     return np.clip((field - low) / max(high - low, 1e-9), 0.0, 1.0)
 
 
-# What lies beneath
+# The ground beneath the forest
 
 
 def floor():
-    """The forest floor with the walls of a house that is long gone, a tent and somebody lying there."""
+    """The forest floor with the remains of a house, a tent, and a person lying on the ground."""
     shape = tuple(round(side / PIXEL_M) for side in GROUND_M[::-1])
     rng = np.random.default_rng(3)
     y, x = np.meshgrid(*((np.arange(n) + 0.5 - 0.5 * n) * PIXEL_M for n in shape), indexing="ij")
-    y = -y  # the far end on top
+    y = -y  # the far end is at the top
     litter = (
         0.5 * smooth(rng.random(shape), 40)
         + 0.3 * smooth(rng.random(shape), 8)
@@ -175,7 +175,7 @@ def walls(image, x, y, rng):
 
 
 def tent(image, x, y):
-    """A ridge tent, one side in the sun."""
+    """A ridge tent with one side in the sun."""
     turn = np.radians(25.0)
     along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
     inside = (np.abs(along) < 1.35) & (np.abs(across) < 0.95)
@@ -186,7 +186,7 @@ def tent(image, x, y):
 
 
 def somebody(image, x, y):
-    """A person on the back, arms stretched out."""
+    """A person lying on the back with outstretched arms."""
     for start, end, width, colour in (
         ((-0.17, -0.25), (-0.32, -1.15), 0.13, (0.13, 0.2, 0.45)),
         ((0.17, -0.25), (0.34, -1.15), 0.13, (0.13, 0.2, 0.45)),
@@ -202,25 +202,25 @@ def somebody(image, x, y):
 
 
 def from_segment(x, y, start, end):
-    """Distance of places from a segment."""
+    """Distances of places from a line segment."""
     (ax, ay), (bx, by) = start, end
     dx, dy = bx - ax, by - ay
     share = np.clip(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
     return np.hypot(x - ax - share * dx, y - ay - share * dy)
 
 
-# The picture
+# The combined picture
 
 GAP_PX = 8
 
 
 def side_by_side(images, words):
-    """Pictures in a row, each with a caption; the columns between them are to be left out."""
+    """Images in a row with captions, separated by gaps of `GAP_PX` columns."""
     font = ImageFont.truetype(f"{mpl.get_data_path()}/fonts/ttf/DejaVuSans-Bold.ttf", 18)
     rows, columns = images[0].shape[:2]
     row = Image.new("RGB", (len(images) * (columns + GAP_PX) - GAP_PX, rows))
     for place, (image, text) in enumerate(zip(images, words, strict=True)):
-        # A little brighter, as screens show light.
+        # A gamma curve brightens the images for display.
         panel = Image.fromarray(
             np.clip(np.rint(image ** (1 / 1.35) * 255), 0, 255).astype(np.uint8)
         )
@@ -233,7 +233,7 @@ def side_by_side(images, words):
 
 
 def save(picture, columns):
-    """Write a picture in few bytes: 255 colours are plenty, and one for nothing between the panels."""
+    """Write a small image file with 255 colours, and one more for the gaps between panels."""
     reduced = picture.quantize(255, kmeans=2)
     pixels = np.array(reduced)
     for gap in range(columns, pixels.shape[1], columns + GAP_PX):

@@ -1,7 +1,8 @@
-"""The README's two pictures, by one command:  python examples/readme/run.py
+"""Make the two pictures of the README:  python examples/readme/run.py
 
-`beneath.png` is one photo beside the integral of a plan's photos; `agreement.png` holds the models
-against simulations.  Everything is drawn from seeds.  Needs the extras `figures` and `pictures`.
+`beneath.png` shows one photo beside the integral of a plan's photos; `agreement.png` compares the
+models with simulations.  Everything is drawn from fixed seeds.  It needs the extras `figures` and
+`pictures`.
 """
 
 import sys

@@ -1,12 +1,12 @@
-"""Photos of a flight that never was, with the tags that a DJI drone writes:
+"""Photos of a simulated flight, with the tags that a DJI drone writes.
 
     python examples/tutorial/fly.py plan.json photos --miss 4
     python examples/tutorial/fly.py plan.json photos --stand stand.laz --yaw-bias 3 --height-error 2
 
-One JPEG a waypoint of the plan, recorded half a metre off its site (standard deviation along either
-axis), the last few sites missing as after an empty battery.  The photos are grey, or, with a stand,
-what a camera sees of a chart below it; the compass and the barometer may be off.  Needs the extra
-pictures, and lidar for a stand.
+It writes one JPEG for each waypoint of the plan.  The recorded positions have errors with a
+standard deviation of half a metre along each axis.  The last few sites can be missing, as after an
+empty battery.  The photos are grey.  With a stand, they show a chart below the stand; the compass
+and the barometer may then have errors.  It needs the extra pictures, and lidar for a stand.
 """
 
 import argparse
@@ -37,24 +37,24 @@ XMP = """<x:xmpmeta xmlns:x="adobe:ns:meta/">
 
 
 def sexagesimal(degrees):
-    """Degrees, minutes and seconds as EXIF has them."""
+    """Degrees, minutes and seconds, as in EXIF."""
     minutes, seconds = divmod(Fraction(abs(degrees)).limit_denominator(10**9) * 3600, 60)
     parts = (minutes // 60, minutes % 60, seconds.limit_denominator(10**6))
     return tuple(IFDRational(part.numerator, part.denominator) for part in map(Fraction, parts))
 
 
 def save(image, path, exif, xmp):
-    """Write a JPEG with both, the XMP as its own segment after the EXIF."""
+    """Write a JPEG with EXIF and XMP, which is a separate segment after the EXIF."""
     image.save(path, exif=exif, quality=95)
     segment = b"http://ns.adobe.com/xap/1.0/\0" + xmp.encode()
     content = path.read_bytes()
-    end = 4 + int.from_bytes(content[4:6], "big")  # of the first segment, which is the EXIF
+    end = 4 + int.from_bytes(content[4:6], "big")  # end of the first segment, which is the EXIF
     marker = b"\xff\xe1" + (len(segment) + 2).to_bytes(2, "big")
     path.write_bytes(content[:end] + marker + segment + content[end:])
 
 
 def fly(plan, folder, *, miss=0, off_m=0.5, seed=1, stand=None, yaw_bias=0.0, height_error=0.0):
-    """Write the photos of a plan's document; how many there are."""
+    """Write the photos for a plan's document and return their number."""
     noise = random.Random(seed)
     folder.mkdir(exist_ok=True)
     waypoints = plan["waypoints"][: len(plan["waypoints"]) - miss]

@@ -1,9 +1,10 @@
-"""A stand of trees as a point cloud, the same every time:
+"""A stand of trees as a point cloud, the same in every run.
 
     python examples/tutorial/make_stand.py stand.laz
 
-40 x 40 m of trees up to 20 m on a gentle slope, ground classified, 40 points a square metre of
-ground and one in every quarter of a metre that holds leaves or wood.  Needs the extra lidar.
+It has 40 x 40 m of trees up to 20 m high on a gentle slope, and classified ground.  There are 40
+points per square metre of ground, and one in each cube of 0.25 m that contains leaves or wood.  It
+needs the extra lidar.
 """
 
 import sys
@@ -36,7 +37,7 @@ def stand(seed=7):
 
 
 def write(path):
-    """Write the stand; how many points it has."""
+    """Write the stand and return the number of its points."""
     points, kinds = stand()
     header = laspy.LasHeader(point_format=6)
     header.scales, header.offsets = [0.001] * 3, [0.0] * 3

@@ -1,9 +1,10 @@
-"""A recording of a flight that never was: what a camera sees of a chart below a stand.
+"""A simulated recording: the images of a camera above a chart below a stand.
 
     python examples/tutorial/record.py plan.json stand.laz recording
 
-One photo a waypoint, straight down on the middle of the stand, 12.5 cm a pixel, rays through the
-stand's own voxels; poses as the AOS project writes them.  Needs the extras lidar and pictures.
+It has one vertical photo for each waypoint, with 12.5 cm per pixel, centred on the stand.  Rays are
+traced through the stand's voxels.  Poses are written in the format of the AOS project.  It needs
+the extras lidar and pictures.
 """
 
 import json
@@ -23,7 +24,7 @@ NADIR = np.diag([1.0, -1.0, -1.0])
 
 
 def photos_of(plan, stand):
-    """A plan's photos through a stand: where each was taken [m], and its pixels; north is up."""
+    """A plan's photos through a stand: positions [m] and pixels, with north at the top."""
     volume = read_voxels(str(stand))
     assert volume.voxel_m == PIXELS_A_VOXEL * PIXEL_M
     first = (volume.occupied.shape[1] * PIXELS_A_VOXEL - GROUND_PX) // 2
@@ -37,8 +38,9 @@ def photos_of(plan, stand):
     ground = np.full((GROUND_PX, GROUND_PX), 0.6)
     margin = (GROUND_PX - CHART_PX) // 2
     chart = resolution_chart(CHART_PX, CHART_PX)
-    ground[margin : margin + CHART_PX, margin : margin + CHART_PX] = chart[::-1]  # rows run north
-    # Sites on whole pixels: a photo straight down is then a part of the ground.
+    # rows increase to the north
+    ground[margin : margin + CHART_PX, margin : margin + CHART_PX] = chart[::-1]
+    # Sites are rounded to whole pixels, so that each vertical photo is a part of the ground image.
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
     steps = np.rint(sites / PIXEL_M).astype(int)
     if 2 * abs(steps).max() > GROUND_PX - PHOTO_PX:
@@ -52,7 +54,7 @@ def photos_of(plan, stand):
 
 
 def record(plan, stand, folder):
-    """Write photos and poses; how many."""
+    """Write photos and poses and return the number of photos."""
     views = []
     (folder / "images").mkdir(parents=True, exist_ok=True)
     for index, (site, photo) in enumerate(photos_of(plan, stand)):

@@ -9,9 +9,8 @@ contribution; `OMITTED` lists what is never included.
 order, each of them is itself a mean over targets, of their *influence* z(t).  Let s² be the
 variance of z within the plot, and A the integral of its correlation (its *integral range*).  The
 plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n
-(Matheron).  z is relative to
-the mean of the plot itself, which reduces the covariance at every lag in A by the variance of this
-mean.  This variance is therefore added again.
+(Matheron).  z is relative to the mean of the plot itself, which reduces the covariance at every lag
+in A by the variance of this mean.  This variance is therefore added again.
 
 **The plot, in perspective.**  The rays from all targets to one camera converge, so an aperture sees
 only part of the canopy; from another place it would see another part.  The variance is the sum of
