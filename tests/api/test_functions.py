@@ -16,9 +16,9 @@ from aosplan.cli.app import run
 ALTITUDE = {"altitude": 40, "vhat": 0.9}
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def placed():
-    return aosplan.plan(**ALTITUDE, origin=(48.3, 14.3))
+    return aosplan.plan(**ALTITUDE, max_samples=20, origin=(48.3, 14.3))
 
 
 @pytest.fixture

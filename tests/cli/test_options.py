@@ -5,7 +5,16 @@ import math
 from itertools import pairwise
 
 import pytest
-from support.command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, extent
+from support.command_line import (
+    AREAS,
+    FIELD,
+    LENS,
+    UNIFORM,
+    check_refusal,
+    extent,
+    loads,
+    process,
+)
 
 from aosplan.planning.options import OPTIONS
 
@@ -365,8 +374,14 @@ def test_every_option_has_its_effect_tested():
     assert {*EFFECTS, *CLOUD_ONLY, *TERRAIN} == {option.name for option in OPTIONS}
 
 
+@pytest.fixture(scope="module")
+def default():
+    """The document of a plan without any option but the altitude."""
+    return loads(process("plan", "--altitude", "40", "--json").stdout)
+
+
 @pytest.mark.parametrize("name", EFFECTS)
-def test_options_have_their_effect(document, name):
+def test_options_have_their_effect(document, default, name):
     arguments, holds = EFFECTS[name]
     altitude = (
         []
@@ -376,7 +391,6 @@ def test_options_have_their_effect(document, name):
             "40",
         ]
     )
-    default = document("plan", "--altitude", "40")
     result = document("plan", *altitude, *arguments)
     assert holds(result, default)
     assert not holds(default, default)

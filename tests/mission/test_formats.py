@@ -34,7 +34,7 @@ def test_every_format_has_a_reader_here():
 
 
 @given(mission=missions)
-@settings(max_examples=60)
+@settings(max_examples=15)
 def test_the_same_sites_in_the_same_order_in_every_format(mission):
     ways = mission.waypoints
     # With photos in passing, files that are flown hold the ends of lines: test_replay.py.

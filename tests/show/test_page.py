@@ -240,7 +240,7 @@ def test_curves_are_the_papers_equation(default):
         {"samples": 2, "vhat": 0.4},
         {"baseline": 0.5},
         {"visibility": 0.6, "max_aperture": 20.0},
-        {"rays": "oblique", "hold_error": 0.3},
+        {"rays": "oblique", "hold_error": 0.3, "vhat": 0.8},
     ],
     ids=str,
 )
@@ -446,8 +446,8 @@ def test_a_missing_extra_is_one_line_and_a_hint(command, monkeypatch, missing, p
 
 def test_plans_that_are_not_simulated_say_why():
     for options, reason in (
-        ({"hold_error": 0.3}, "a simulation flies to every site exactly"),
-        ({"rays": "oblique"}, "a simulation knows how its rays run"),
+        ({"hold_error": 0.3, "vhat": 0.8}, "a simulation flies to every site exactly"),
+        ({"rays": "oblique", "vhat": 0.8}, "a simulation knows how its rays run"),
         ({"vhat": "99.99%", "allow_no_common_ground": True}, "10000 photos"),
     ):
         text = Page(report_page(plan(PlanRequest(altitude=40, **options)))).of("main")[0]["text"]

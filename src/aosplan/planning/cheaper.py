@@ -21,6 +21,9 @@ LONG_S = 3600.0
 CHEAPER = 0.7
 """Part of the time that a cheaper way takes at most."""
 
+TRIES = 4
+"""Flights that are laid out in each round of the search; a no-fly zone may stop all of them."""
+
 LONGEST_MIN = 24.0 * 60.0
 
 
@@ -57,7 +60,7 @@ def cheaper_way(
     )  # fmt: skip
     try:
         search = Search(opened, folder, lambda _: loaded)
-        found = search.best(min(60.0 * LONGEST_MIN, CHEAPER * time_s))
+        found = search.best(min(60.0 * LONGEST_MIN, CHEAPER * time_s), TRIES)
     except (InfeasibleError, RequestError):
         return None
     if found is None:

@@ -258,8 +258,8 @@ class Search:
 
     # The search
 
-    def best(self, longest_s: float) -> Timed | None:
-        """The best flight that takes no longer, laid out; None if there is none."""
+    def best(self, longest_s: float, tries: int = LAID_OUT) -> Timed | None:
+        """The best flight that takes no longer, laid out; None if none of the tries of a round is."""
         allowed_s = longest_s
         for _ in range(ROUNDS):
             candidates = [self.least(shape) for shape in self._shapes(allowed_s)]
@@ -267,7 +267,7 @@ class Search:
             candidates.sort(key=lambda each: (-self.score(each.shape), each.least_s, each.shape))
             over = []
             found: list[Timed] = []
-            for candidate in candidates[:LAID_OUT]:
+            for candidate in candidates[:tries]:
                 timed = self.time(candidate)
                 if timed is not None and timed.time_s <= longest_s:
                     found.append(timed)
