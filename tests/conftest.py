@@ -1,4 +1,4 @@
-"""What all tests share: helpers on the path, no deadlines, an empty folder, commands, a browser."""
+"""Shared fixtures: helpers on the path, no deadlines, an empty folder, commands, a browser."""
 
 import gc
 import json
@@ -11,34 +11,34 @@ import pytest
 import tomli_w
 from hypothesis import settings
 
-# Tests say `from reference import exact`, whatever folder pytest is started in.
+# Tests import `reference` and `support` by name, wherever pytest is started.
 sys.path.insert(0, str(Path(__file__).parent))
 
-# No test reads what another run, or the user, has left in the cache, nor anyone's defaults.
+# Tests use neither the cache nor the defaults of the user.
 os.environ["AOSPLAN_CACHE"] = "0"
 os.environ["AOSPLAN_DEFAULTS"] = "none"
 
-# Time is measured by benchmarks, never by tests.
-# In CI the examples are the same every time; on a desk they are new ones.
+# Tests have no time limits, because benchmarks measure time.  In CI the examples are the same in
+# every run; elsewhere they are new.
 settings.register_profile(
     "aosplan",
     parent=settings.get_profile("default"),
     deadline=None,
-    # Each run on a desk draws others, so that many runs see more than one long one.
+    # Other runs draw other examples, so many short runs replace a long one.
     max_examples=25,
     derandomize=bool(os.environ.get("CI")),
 )
-# Other versions of the dependencies: what is true of the numbers has been tested before.
+# For other versions of dependencies; the numbers have been tested with many examples before.
 settings.register_profile("few", parent=settings.get_profile("aosplan"), max_examples=5)
 settings.load_profile("aosplan")
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_makereport():
-    """Report a failure without collecting garbage meanwhile.
+    """Report a failure without garbage collection.
 
-    What is collected may print a traceback of its own (as a forgotten task of asyncio does), which
-    ends CPython 3.11 in a SystemError while it parses the source of the test that failed.
+    Collected objects may print a traceback of their own (such as a forgotten asyncio task).
+    CPython 3.11 then raises a SystemError while it parses the source of the failed test.
     """
     gc.disable()
     try:
@@ -49,7 +49,7 @@ def pytest_runtest_makereport():
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark what needs a browser, before tests are chosen by their marks."""
+    """Mark tests that need a browser, before tests are selected by marks."""
     for item in items:
         if "chromium" in getattr(item, "fixturenames", ()):
             item.add_marker("browser")
@@ -57,14 +57,14 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """An empty folder that is the current one: no test leaves anything elsewhere."""
+    """An empty folder as the current one, so that tests leave no files elsewhere."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
 @pytest.fixture
 def command(capsys):
-    """A function that runs a command line: its status, stdout and stderr."""
+    """A function that runs a command line and returns its status, stdout and stderr."""
     from aosplan.cli.app import run
 
     def execute(*arguments):
@@ -77,7 +77,7 @@ def command(capsys):
 
 @pytest.fixture
 def campaign(tmp_path):
-    """A file with the sweep that tests run."""
+    """A file with the sweep of the tests."""
     from support.campaigns import CAMPAIGN
 
     path = tmp_path / "campaign.toml"
@@ -87,7 +87,7 @@ def campaign(tmp_path):
 
 @pytest.fixture
 def small_blocks(monkeypatch):
-    """Sweeps in blocks of so few scenarios that there are several."""
+    """Make blocks so small that sweeps have several."""
     from aosplan.sweeps import scenarios
 
     monkeypatch.setattr(scenarios, "ROWS_A_BLOCK", 30)
@@ -95,7 +95,7 @@ def small_blocks(monkeypatch):
 
 @pytest.fixture(params=["toml", "json"])
 def written(request, tmp_path):
-    """A function that writes a table as TOML or JSON and gives the path."""
+    """A function that writes a table as TOML or JSON and returns the path."""
 
     def write(table):
         path = tmp_path / f"file.{request.param}"
@@ -106,7 +106,7 @@ def written(request, tmp_path):
     return write
 
 
-# For a module: while Playwright runs, its thread has an event loop that others would meet.
+# For a whole module, because Playwright's thread has an event loop that other tests would find.
 @pytest.fixture(scope="module")
 def chromium():
     """A headless Chromium that Playwright drives."""

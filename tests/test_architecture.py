@@ -1,4 +1,4 @@
-"""What may import what, what is loaded when, and what every source file looks like."""
+"""Rules of imports, of the modules that each command loads, and of the form of source files."""
 
 import ast
 import json
@@ -14,7 +14,7 @@ import aosplan
 SOURCE = Path(aosplan.__file__).parent
 FILES = sorted(SOURCE.rglob("*.py"))
 
-# The chapters and their order
+# Chapters and their order
 
 CHAPTERS = (
     ("camera", "mission"),
@@ -29,7 +29,7 @@ CHAPTERS = (
     ("show",),
     ("cli", "api"),
 )
-"""A chapter may import from the lines above its own, never from below or beside it."""
+"""A chapter may import from the lines above its own, not from its own line or from below."""
 
 ROOT = (
     "crs",
@@ -43,10 +43,10 @@ ROOT = (
     "validation",
     "xml_text",
 )
-"""Modules directly below ``aosplan``: every chapter may import them, and they import no chapter."""
+"""Modules directly below ``aosplan``.  All chapters may import them, and they import no chapter."""
 
 FACES = ("aosplan", "aosplan.__main__")
-"""The public names and the program's entry: they stand outside the order."""
+"""The public names and the program's entry, which are not part of the order."""
 
 
 def module_name(path):
@@ -63,7 +63,7 @@ MODULES = {module_name(path): path for path in FILES}
 
 
 def imports_of(path):
-    """Modules that a file imports anywhere, in functions and for types too, with their lines."""
+    """Modules that a file imports, also in functions and for types, with their lines."""
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             yield from ((alias.name, node.lineno) for alias in node.names)
@@ -81,7 +81,7 @@ def chapter_of(module):
 
 
 def inner_imports():
-    """Each import of one module of the project by another."""
+    """Every import of one module of the project by another."""
     for module, path in MODULES.items():
         if module not in FACES:
             for imported, line in imports_of(path):
@@ -120,13 +120,13 @@ def test_the_package_holds_the_chapters_and_the_root_modules_alone():
 
 
 def test_no_package_or_root_module_bears_the_name_of_a_public_function():
-    # A submodule lands in its package under its own name when it is imported.
+    # Importing a submodule sets an attribute with its name in its package.
     names = {module.split(".")[1] for module in MODULES if module not in FACES}
     assert not names & {*aosplan.__all__}
 
 
 def test_simulators_know_nothing_of_the_models_they_judge():
-    # Theory and experiment meet in `compare` and `compare_search`, and nowhere else.
+    # Only `compare` and `compare_search` import both models and simulations.
     simulators = {m for m in MODULES if m.startswith("aosplan.simulation")}
     reached, waiting = (
         set(),
@@ -153,7 +153,7 @@ def test_only_the_command_line_imports_typer():
             assert not found & {"typer", "rich", "click"}, path
 
 
-# What is loaded
+# Loaded modules
 
 HEAVY = {"numpy", "scipy", "pyproj", "shapely", "laspy", "matplotlib", "pydantic", "rasterio"}
 RICH = {"rich"}
@@ -171,12 +171,12 @@ for line in sys.stdin:
     if status:
         print(json.dumps(f"status {status}"), file=sys.stderr, flush=True)
 """
-"""One fresh interpreter: each line of input is code that a fork of it runs."""
+"""A new interpreter that reads lines of code and runs each in a fork of itself."""
 
 
 @pytest.fixture(scope="module")
 def loaded():
-    """A function that gives the modules that a fresh interpreter loads to run some code."""
+    """A function that returns the modules that a new interpreter loads to run some code."""
     process = subprocess.Popen(
         [sys.executable, "-c", SERVER],
         stdin=subprocess.PIPE,
@@ -306,7 +306,8 @@ def test_small_missions_are_written_without_numpy(tmp_path, packages):
     for name in sorted(set(formats()) - set(asking)):
         line += ["--out", f"{name}:{tmp_path / name}"]
     lines = [line] + [
-        # A narrow camera's footprint would bind: then the volume counts as slices, with NumPy.
+        # With a narrow camera the footprint would limit the plan, which is then computed with
+        # NumPy.
         [*line[:6], "--vhat", "0.9", "--drone", drone, "--out", f"{name}:{tmp_path / name}"]
         for name, drone in asking.items()
     ]
@@ -408,7 +409,7 @@ def test_the_package_says_that_it_is_typed():
 # Source files
 
 TABLES = ("camera/presets.py", "flight/drones.py", "planning/options.py", "scenes/presets.py")
-"""Tables of data: as long as what they list."""
+"""Tables of data, whose length has no limit."""
 
 
 def test_no_file_is_longer_than_500_lines():
@@ -436,7 +437,7 @@ def public_definitions(path):
 
 
 def private_names_taken(path):
-    """Private names of modules that a file imports, takes or replaces, with their lines."""
+    """Private names of other modules that a file imports, uses or replaces, with their lines."""
     tree, modules = tree_of(path), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):
@@ -468,7 +469,7 @@ def test_no_test_reaches_for_private_names_of_a_module():
 
 
 def defined_in(module):
-    """Names at the top level of a module: those it defines, imports or assigns."""
+    """Names at the top level of a module, by definition, import or assignment."""
     for node in ast.walk(tree_of(MODULES[module])):
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
             yield node.name
@@ -479,7 +480,7 @@ def defined_in(module):
 
 
 def names_missed(path):
-    """Names that a script takes from modules of the project and that these do not have."""
+    """Names that a script takes from modules of the project but that do not exist there."""
     tree, modules = tree_of(path), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):
@@ -504,7 +505,7 @@ def names_missed(path):
 
 @pytest.mark.parametrize("folder", ["benchmarks", "docs", "examples"])
 def test_scripts_take_names_that_exist(folder):
-    # Most of them take too long to be run by tests.
+    # Most scripts take too long for tests, so only their names are checked.
     scripts = sorted((Path(__file__).parents[1] / folder).rglob("*.py"))
     missed = [f"{path.name}:{line} {name}" for path in scripts for name, line in names_missed(path)]
     assert len(scripts) > 5

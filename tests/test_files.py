@@ -1,7 +1,7 @@
-"""Files are written whole or not at all.
+"""Files are written completely or not at all.
 
-The tests may run as root, for whom permissions do not count, so failures of the machine are
-put in by hand; nothing outside `tmp_path` is ever written.
+The tests may run as root, for whom permissions have no effect, so failures of the machine are
+simulated.  Nothing outside `tmp_path` is written.
 """
 
 import errno
@@ -19,12 +19,12 @@ from aosplan.files import check_output, write_all
 
 
 def content_of(folder):
-    """Every file of a folder, hidden ones too."""
+    """The content of every file in a folder, including hidden ones."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
 
 
 def failing(error, real, *, on):
-    """A function that fails with an OSError at one of its calls, counted from 1."""
+    """A function that fails with an OSError at the n-th of its calls, counted from 1."""
     calls = []
 
     def call(*arguments, **words):
@@ -76,7 +76,7 @@ def test_a_dangling_link_is_not_written_through(folder):
 
 
 def test_force_never_replaces_what_is_no_regular_file(folder):
-    # With --force and enough rights, a device once became an ordinary file.
+    # --force once replaced a device by an ordinary file, if the user had the rights.
     os.mkfifo("pipe.csv")
     with pytest.raises(AosplanError):
         write_all({"pipe.csv": b"new"}, force=True)
@@ -214,7 +214,7 @@ def test_names_are_given_to_all_files_or_to_none(folder, monkeypatch, name, on, 
         write_all({"a.csv": b"new", "b.csv": b"new"}, force=bool(existing))
     except SurroundingsError:
         assert content_of(folder) == before
-    else:  # there were not so many calls, or another way was found
+    else:  # there were fewer calls, or the program continued without it
         assert content_of(folder) == {"a.csv": b"new", "b.csv": b"new"}
 
 

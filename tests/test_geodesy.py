@@ -1,8 +1,8 @@
-"""Metres on the plan are metres on the ellipsoid, anywhere on earth.
+"""Metres in the plan are metres on the ellipsoid, anywhere on earth.
 
-`pyproj.Geod.inv` is the judge; because the code under test uses the same library forwards,
-two judges that share no code with it sit beside: PROJ's azimuthal equidistant projection and
-plain chords between earth-centred coordinates, written out here.
+`pyproj.Geod.inv` is the reference.  Because the code under test uses the same library for the
+forward problem, there are two references that share no code with it: PROJ's azimuthal equidistant
+projection, and chords between earth-centred coordinates, which are computed here.
 """
 
 import math
@@ -42,7 +42,7 @@ PLACES = {
 
 
 def chord_m(start, stop):
-    """Straight distance between two places on the ellipsoid, through earth-centred metres."""
+    """Straight distance between two places on the ellipsoid, in earth-centred coordinates."""
 
     def earth_centred(place):
         latitude, longitude = (math.radians(angle) for angle in place)
@@ -101,7 +101,7 @@ def test_neighbours_are_a_baseline_apart_to_a_millimetre(place, heading, samples
 
 @pytest.mark.parametrize("place", PLACES.values(), ids=PLACES)
 def test_chords_agree_where_grids_are_small(place):
-    # Over 2.8 m, arc and chord differ by 2e-14 m; coordinates themselves are good to 1e-8 m.
+    # For 2.8 m, arc and chord differ by 2e-14 m; coordinates have an error of 1e-8 m.
     sites = grid_at(place, 49, 2.8, 30.0)
     for one, other in neighbours(sites):
         assert chord_m(sites[one], sites[other]) == pytest.approx(2.8, rel=0, abs=1e-6)
@@ -125,7 +125,7 @@ def test_the_frame_is_the_azimuthal_equidistant_projection(place):
     north = [0.0, 0.0, 1.5, -300.0, 900.0, -1400.0]
     latitudes, longitudes = to_wgs84(place, east, north)
     x, y = project.transform(longitudes, latitudes)
-    if abs(place[0]) == 90.0:  # at a pole every direction is south: only distances are defined
+    if abs(place[0]) == 90.0:  # at a pole every direction is south, so only distances are defined
         x, y = [math.hypot(*pair) for pair in zip(x, y, strict=True)], None
         east = [math.hypot(*pair) for pair in zip(east, north, strict=True)]
     assert list(x) == pytest.approx(east, rel=0, abs=1e-6)
@@ -138,8 +138,8 @@ def test_the_frame_is_the_azimuthal_equidistant_projection(place):
     "place", [p for p in PLACES.values() if abs(p[0]) < 89.0], ids=lambda p: f"{p[0]},{p[1]}"
 )
 def test_lines_fly_along_the_heading(place, heading):
-    # Beside the origin a line's azimuth turns with the meridians, as it should: at 10 m from
-    # it and 78 degrees north by 0.0004 degrees.
+    # East of the origin the azimuth of a line changes with the convergence of the meridians: at a
+    # distance of 10 m and 78 degrees north by 0.0004 degrees.
     sites = grid_at(place, 49, 2.8, heading)
     for row in range(7):
         along = azimuth_deg(sites[row, 0], sites[row, 6])
@@ -163,7 +163,7 @@ def test_the_rectangle_is_centred_on_the_origin(place, kind):
     east, north = local_sites(pattern, 2.8, 33.0)
     corners_e, corners_n = [], []
     sites = dict(zip(pattern.sites(), zip(east, north, strict=True), strict=True))
-    # Point-mirrored sites lie on either side of the centre at the same distance.
+    # Point-mirrored sites are on opposite sides of the centre at equal distances.
     for (row, column), (e, n) in sites.items():
         mirrored = (pattern.rows - 1 - row, pattern.columns - 1 - column)
         if mirrored in sites:
@@ -229,7 +229,7 @@ offsets = st.floats(-1000.0, 1000.0)
 @example(latitude=-90.0, longitude=180.0, one=(0.0, -1000.0), other=(1000.0, 0.0))
 @example(latitude=0.0, longitude=180.0, one=(-1000.0, 1000.0), other=(1000.0, -1000.0))
 def test_any_two_points_are_as_far_apart_as_on_the_plan(latitude, longitude, one, other):
-    # The frame stretches what lies across by r²/(6 R²): 0.02 mm over 2.8 km at 1.4 km.
+    # The frame stretches distances across by r²/(6 R²): 0.02 mm for 2.8 km at a radius of 1.4 km.
     latitudes, longitudes = to_wgs84((latitude, longitude), [one[0], other[0]], [one[1], other[1]])
     start, stop = zip(latitudes, longitudes, strict=True)
     planned = math.dist(one, other)
@@ -249,7 +249,7 @@ def test_any_grid_anywhere_has_its_baseline_on_the_ground(
     latitude, longitude, heading, samples, baseline, kind
 ):
     if kind == "line":
-        samples = min(samples, 10)  # grids to 2 km
+        samples = min(samples, 10)  # grids up to 2 km
     sites = grid_at((latitude, longitude), samples, baseline, heading, kind)
     for one, other in neighbours(sites):
         assert distance_m(sites[one], sites[other]) == pytest.approx(

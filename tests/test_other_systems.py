@@ -1,4 +1,4 @@
-"""What Windows and macOS do differently, simulated on this system."""
+"""Differences of Windows and macOS, simulated on this system."""
 
 import errno
 import os
@@ -55,7 +55,7 @@ def test_requests_have_any_newline_and_the_encodings_of_powershell(tmp_path, new
     text = newline.join(["altitude = 40", 'vhat = "98%"', ""])
     assert text_of(text.encode(encoding), "x") == text
     if newline == "\r":
-        return  # TOML has no such line break
+        return  # TOML does not have this line break
     path = tmp_path / "request.toml"
     path.write_bytes(text.encode(encoding))
     assert read_request(str(path)) == {"altitude": 40, "vhat": "98%"}

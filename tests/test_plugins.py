@@ -1,4 +1,4 @@
-"""Drones, cameras and formats of other distributions, and drones in files."""
+"""Drones, cameras and formats of other distributions, and drones from files."""
 
 import json
 import re
@@ -22,7 +22,7 @@ def blocks(kind):
 
 @pytest.fixture
 def distribution(tmp_path, monkeypatch):
-    """The distribution of the how-to, installed on the path."""
+    """The distribution of the how-to page, installed on the path."""
     folder = tmp_path / "site"
     (folder / "team_aos").mkdir(parents=True)
     init, site_list = blocks("py")

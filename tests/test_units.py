@@ -1,4 +1,4 @@
-"""Every value a user writes comes through these parsers: right or one clear line."""
+"""Parsers of all values that a user writes: correct values, or one clear line."""
 
 import math
 import string
@@ -32,7 +32,7 @@ def refusal(parse, value, *arguments):
 
 
 def outcome(parse, *arguments):
-    """The result, or the error that aosplan raised on purpose; anything else escapes."""
+    """The result, or an error of aosplan; any other exception is raised."""
     try:
         return parse(*arguments)
     except RequestError as error:
@@ -123,7 +123,7 @@ def test_booleans_are_no_numbers(name, value):
 
 @pytest.mark.parametrize("name", ["number", "whole"])
 def test_an_integer_too_long_to_print_is_refused_like_any_other(name):
-    # Python itself refuses to turn integers of more than 4300 digits into text.
+    # Python refuses to convert integers with more than 4300 digits to text.
     assert refusal(PARSERS[name], 10**5000, "x").message.startswith("x ")
 
 
@@ -260,7 +260,7 @@ def test_a_place_has_finite_numbers(value):
 
 @pytest.mark.parametrize("tiny", [1e-12, -1e-15, "1e-13", 5e-324])
 def test_angles_may_be_as_small_as_rounding_leaves_them(tiny):
-    # A script computes 1e-15 degrees where it means 0.
+    # A script may compute 1e-15 degrees instead of 0.
     assert q.latitude_longitude((tiny, tiny), "--origin") == (float(tiny), float(tiny))
     assert q.number(tiny, "--heading", "deg") == float(tiny)
 
@@ -273,7 +273,7 @@ def test_swapped_coordinates_are_recognised_and_the_hint_works():
 
 
 def test_the_hint_for_swapped_coordinates_keeps_their_digits():
-    # With six digits the place would be 30 m away.
+    # With six digits the position would be 30 m off.
     error = refusal(q.latitude_longitude, "151.2093123,-33.8688197", "--origin")
     assert error.hint.endswith("-33.8688197,151.2093123")
 

@@ -1,4 +1,4 @@
-"""The functions of `aosplan`: what they take, and that they say what the commands say."""
+"""The functions of `aosplan`: their arguments, and results that equal those of the commands."""
 
 import inspect
 import json
@@ -23,7 +23,7 @@ def placed():
 
 @pytest.fixture
 def document(capsys):
-    """What a command prints as JSON."""
+    """The JSON document that a command prints."""
 
     def printed(*line):
         assert run([*map(str, line), "--json"]) == 0
@@ -87,7 +87,7 @@ def test_results_print_in_a_few_lines_and_as_html(placed, tmp_path):
         html = found._repr_html_()
         assert html.startswith("<table>")
         assert escape(lines[0]) in html
-        with pytest.raises(AttributeError):  # frozen
+        with pytest.raises(AttributeError):  # the class is frozen
             found.plan = None
     assert repr(placed.waypoints).startswith("<10 waypoints: east_m, north_m")
 

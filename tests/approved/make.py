@@ -1,7 +1,7 @@
-"""The approved pictures of every kind of figure; anew:  python tests/approved/make.py
+"""Make the approved pictures of all kinds of figures:  python tests/approved/make.py
 
-Look at each of them before it is committed: what it shows is what the tests then ask for.  They
-are of one version of matplotlib, which another lays out a pixel apart; `VERSION` says which.
+Check each picture before you commit it, because the tests then require it.  Another version of
+matplotlib may shift the layout by a pixel.  `VERSION` states the version that made the pictures.
 """
 
 import io
@@ -45,7 +45,7 @@ def paper_forest():
 
 @cache
 def stand():
-    """A wrapping plot of trees, as voxels."""
+    """A periodic plot of trees, as voxels."""
     sys.path.insert(0, str(FOLDER.parent))
     from support.forests import STANDS, clumped_forest
 
@@ -79,7 +79,7 @@ def shown(name):
 
 
 def pictures():
-    """A PNG for each approved picture, by its file's name."""
+    """File name and PNG of each approved picture."""
     for name in FIGURES:
         kind = KINDS[name.partition("-scatter")[0]]
         yield f"{name}.png", rendered(kind, shown(name), "png", SMALL)
@@ -87,7 +87,7 @@ def pictures():
 
 
 def small(content):
-    """A PNG in few bytes, its words left out: 64 colours are plenty to compare with."""
+    """A small PNG without metadata: 64 colours are sufficient for a comparison."""
     file = io.BytesIO()
     with Image.open(io.BytesIO(content)) as image:
         image.convert("RGB").quantize(64).save(file, "PNG", optimize=True)

@@ -1,4 +1,4 @@
-"""Areas in metres: true sizes anywhere on earth, safe simplification, clear errors."""
+"""Areas in metres: correct sizes anywhere on earth, safe simplification, clear errors."""
 
 import json
 import math
@@ -20,7 +20,7 @@ GEOD = Geod(ellps="WGS84")
 
 @pytest.fixture
 def file(tmp_path):
-    """A function that writes polygons, each a list of rings, to a GeoJSON file: its path."""
+    """A function that writes polygons (lists of rings) to a GeoJSON file and returns its path."""
 
     def write(*polygons, name="area.geojson"):
         path = tmp_path / name
@@ -35,7 +35,7 @@ def rectangle(west, south, east, north):
 
 
 def around(latitude, longitude, sides=8, radius_m=500.0):
-    """A regular polygon about a place, by geodesics; uncut wherever it lies."""
+    """A regular polygon around a place, from geodesics, not cut at the antimeridian."""
     azimuths = np.arange(sides) * 360.0 / sides
     lon, lat, _ = GEOD.fwd([longitude] * sides, [latitude] * sides, azimuths, [radius_m] * sides)
     ring = [[round(x, 12), round(y, 12)] for x, y in zip(lon, lat, strict=True)]
@@ -58,7 +58,7 @@ PLACES = [
 def test_sizes_are_those_on_the_ellipsoid(file, place):
     ring = around(*place)
     area = read_area(file([ring]))
-    # Edges are geodesics for the judge, and straight in degrees here: that is 5 mm at 78°.
+    # The reference has geodesic edges; here they are straight in degrees, which is 5 mm off at 78°.
     expected = abs(GEOD.polygon_area_perimeter(*zip(*ring, strict=True))[0])
     assert area.whole.area == pytest.approx(expected, rel=1e-4)
     assert area.radius_m == pytest.approx(500.0, abs=0.05)
@@ -75,7 +75,7 @@ def test_a_ring_around_a_pole_holds_the_pole(file, latitude):
     ring = [[longitude, latitude] for longitude in (-180, -120, -60, 0, 60, 120, -180)]
     area = read_area(file([ring]))
     assert abs(area.origin[0]) == pytest.approx(90.0, abs=1e-6)
-    # An edge between two of the meridians runs along the parallel, which is a circle.
+    # An edge between two meridians follows the parallel, which is a circle.
     radius = GEOD.inv(0, math.copysign(90, latitude), 0, latitude)[2]
     assert area.whole.area == pytest.approx(math.pi * radius**2, rel=1e-4)
 
@@ -113,7 +113,7 @@ def test_to_local_inverts_to_wgs84(latitude, longitude, east, north):
 
 
 def test_the_local_frame_is_off_by_no_more_than_it_says(file):
-    # Neighbours across the direction to the middle are farthest from true, at the rim.
+    # The error is largest at the rim, for neighbours across the direction to the centre.
     area = read_area(file([around(48.3, 14.3, sides=32, radius_m=19_900.0)]))
     assert 1e-6 < area.projection_error < 1.7e-6
     north = [19_900.0] * 2
@@ -141,7 +141,7 @@ def test_farther_than_twenty_kilometres_is_too_large(file):
         read_area(file([around(10, 20)], [around(-10, -160)]))
 
 
-# Outlines that are none
+# Invalid outlines
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ def test_a_spike_and_rings_that_touch_are_no_fault(file):
     spike = [[0, 0], [0.01, 0], [0.01, 0.01], [0.005, 0.01], [0.005, 0.02], [0.005, 0.01], [0, 0.01], [0, 0]]  # fmt: skip
     plain = read_area(file([rectangle(0, 0, 0.01, 0.01)])).whole.area
     assert read_area(file([spike])).whole.area == pytest.approx(plain, rel=1e-9)
-    # A corner of the hole lies on an edge of the shell, to the last digit of neither.
+    # A corner of the hole is on an edge of the shell, but the rounded numbers of both differ.
     third = [[0, 0], [0.01, 0.007], [0.003, 0.02], [0, 0]]
     hole = [[0.01 / 3, 0.007 / 3], [0.004, 0.006], [0.003, 0.006], [0.01 / 3, 0.007 / 3]]
     assert read_area(file([third, hole])).whole.area < read_area(file([third])).whole.area
@@ -234,7 +234,7 @@ def test_zones_with_swapped_axes_are_an_error(file):
 
 
 def coast(vertices, roughness_m=5.0):
-    """A ring of many vertices, as a survey of a shore has, in degrees about 48.3, 14.3."""
+    """A ring of many vertices around 48.3, 14.3, like a survey of a shore."""
     rng = np.random.default_rng(7)
     angle = np.arange(vertices) / vertices * 2 * np.pi
     radius = 800 + 100 * np.sin(7 * angle) + rng.uniform(0, roughness_m, vertices)
@@ -246,7 +246,7 @@ def coast(vertices, roughness_m=5.0):
 
 
 def split(shape):
-    """The edges of a shape, one by one."""
+    """The edges of a shape as single lines."""
     points = shapely.get_coordinates(shape)
     return shapely.multilinestrings(np.stack([points[:-1], points[1:]], axis=1))
 
@@ -262,14 +262,14 @@ def test_many_vertices_are_simplified_on_the_safe_side(file, monkeypatch):
     assert shapely.get_num_coordinates(simple.whole) <= 20_000
     assert 0.0 < simple.simplified_m <= 1.0
     assert exact.simplified_m == 0.0
-    # Outwards for what has to be covered or avoided, and by no more than it says.
+    # What has to be covered or avoided grows, by no more than the stated distance.
     for mine, true in ((simple.whole, exact.whole), (simple.keep_out, exact.keep_out)):
         assert shapely.difference(true, mine).area < 1e-6
         edges = shapely.STRtree(shapely.get_parts(split(true)))
         corners = shapely.points(shapely.get_coordinates(mine))
         _, apart = edges.query_nearest(corners, return_distance=True, all_matches=False)
         assert apart.max() <= simple.simplified_m
-    # Inwards for what may be seen less.
+    # The clear part, which needs fewer views, shrinks.
     clear = read_area(path, clear=path).clear
     assert shapely.difference(clear, exact.clear).area < 1e-6
 

@@ -1,4 +1,4 @@
-"""One area in every dress: formats, systems and the leftovers of other programs; one outline."""
+"""One area in all formats, reference systems and variants of other programs gives one outline."""
 
 import io
 import json
@@ -142,10 +142,11 @@ def test_slivers_beside_an_area_are_left_out_and_said(written):
     assert [code for code, _ in area.notices] == ["slivers"]
     alone = read_area(written(polygon()))
     assert area.whole.area == pytest.approx(alone.whole.area, rel=1e-3)
-    assert not read_area(written(polygon(sliver))).whole.is_empty  # alone it is what is meant
+    # without other parts a sliver is kept
+    assert not read_area(written(polygon(sliver))).whole.is_empty
 
 
-# Through pyogrio
+# Formats that pyogrio reads
 
 
 def vector(path, geometry, crs, kind="Polygon", **given):

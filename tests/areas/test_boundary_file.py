@@ -1,4 +1,4 @@
-"""Outlines from files: what is read, and one clear error for everything else."""
+"""Outlines from files: supported content is read, and everything else is one clear error."""
 
 import io
 import json
@@ -23,7 +23,7 @@ POLYGON = {"type": "Polygon", "coordinates": [SQUARE, HOLE]}
 
 @pytest.fixture
 def file(tmp_path):
-    """A function that writes content, of any kind, to a file: its path."""
+    """A function that writes any content to a file and returns its path."""
 
     def write(content, name="area.geojson"):
         if not isinstance(content, (str, bytes)):
@@ -55,7 +55,7 @@ def kmz(members, **options):
     return buffer.getvalue()
 
 
-# What is read
+# Supported content
 
 
 def rings_of(path):
@@ -248,7 +248,7 @@ def test_no_file_is_an_error(tmp_path):
         read_outline(str(tmp_path / "none.kml"))
 
 
-# Bombs
+# Decompression bombs
 
 
 def test_a_zip_bomb_is_refused_before_it_is_unpacked(file):
@@ -259,7 +259,7 @@ def test_a_zip_bomb_is_refused_before_it_is_unpacked(file):
 
 
 def test_a_bomb_that_lies_about_its_size_is_refused(file):
-    # The header promises 10 bytes, and the stream holds 200 MB.
+    # The header declares 10 bytes, and the stream contains 200 MB.
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     packed = b"".join(packer.compress(bytes(10**6)) for _ in range(200)) + packer.flush()
     name = b"doc.kml"

@@ -1,4 +1,4 @@
-"""Lower bounds of how many sites an area takes, against surveys that are laid out."""
+"""Lower bounds of the number of sites of an area, compared with complete surveys."""
 
 import numpy as np
 import pytest

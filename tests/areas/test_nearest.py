@@ -1,4 +1,4 @@
-"""Nearest points: all compared, or by a tree."""
+"""Nearest points by comparing all pairs and by a tree."""
 
 import json
 import subprocess

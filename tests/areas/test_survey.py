@@ -1,6 +1,6 @@
 """Plans over areas, from the file to the waypoints on earth.
 
-The counter here knows nothing of lattices: it projects waypoints and area with PROJ, and counts.
+The checks here do not use lattices: they project waypoints and area with PROJ, and count.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ from aosplan.errors import InfeasibleError, RequestError
 from aosplan.geodesy import to_wgs84
 
 PLACES = [(48.3, 14.3), (0.0, 0.0), (-16.5, 180.0), (52.0, -179.9999), (-89.0, 20.0)]
-"""Nearer to a pole, straight lines in degrees are no longer straight in metres."""
+"""Closer to a pole, lines that are straight in degrees are not straight in metres."""
 
 quick = settings(
     max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
@@ -32,7 +32,7 @@ quick = settings(
 
 @pytest.fixture
 def file(tmp_path):
-    """A function that writes a shape in metres about a place to a GeoJSON file: its path."""
+    """A function that writes a shape in metres around a place to GeoJSON and returns its path."""
 
     def write(shape, place=PLACES[0], name="area.geojson"):
         def turned(points):
@@ -77,10 +77,10 @@ class Judge:
         shape = shapely.transform(
             shape, lambda points: self.turned(*self.project.transform(points[:, 1], points[:, 0]))
         )
-        return shapely.make_valid(shape)  # rounded, a spike may cross itself
+        return shapely.make_valid(shape)  # after rounding, a spike may cross itself
 
     def area(self, path):
-        """The shape of an area without the slivers that the plan says it leaves out."""
+        """The shape of an area without the slivers that the plan reports as left out."""
         whole = self.shape(path)
         parts = shapely.get_parts(whole)
         size = shapely.area(parts)
@@ -89,12 +89,12 @@ class Judge:
         if not told:
             return whole
         left_out = float(re.search(r" and (\S+) m² together", *told)[1])
-        # It has two digits, and a mended outline may have specks of less than a square millimetre.
+        # The message has two digits, and repaired outlines may have specks of less than 1 mm².
         assert left_out == pytest.approx(size[sliver].sum(), rel=0.051, abs=1e-6)
         return shapely.multipolygons(parts[~sliver])
 
     def seen(self, points, size):
-        """Sites in a rectangle around each point, to a tenth of a millimetre."""
+        """Number of sites in a rectangle around each point, with a tolerance of 0.1 mm."""
         apart = np.abs(self.sites[None] - points[:, None])
         return (apart <= np.array(size) / 2 + 1e-4).all(axis=2).sum(axis=1)
 
@@ -158,7 +158,7 @@ def test_lanes_and_lines_cover_too(file, grid, most):
     assert all(size <= image * (1 + 1e-9) for size, image in zip(rectangle, footprint, strict=True))
     assert (judge.seen(points, rectangle) >= plan.solution.pattern.samples).all()
     if grid == "line":
-        assert rectangle[1] == pytest.approx(footprint[1])  # lines as far apart as images are wide
+        assert rectangle[1] == pytest.approx(footprint[1])  # lines are one image width apart
         narrow = planned(path, grid=grid, heading=20, lane_pitch=2, **most)
         assert narrow.layout.survey.pitch_m[1] == pytest.approx(2 * narrow.layout.survey.pitch_m[0])
         assert narrow.layout.survey.sites > plan.layout.survey.sites
@@ -171,7 +171,7 @@ def test_ten_kilometres_are_covered_from_high_above(file):
     plan = planned(path, altitude=4000, baseline=250, samples=10)
     judge = Judge(plan)
     points = points_in(judge.shape(path), 300, np.random.default_rng(2))
-    # 5 km from the middle, metres are true to 1e-7: half a millimetre.
+    # 5 km from the centre, distances have a relative error of 1e-7: half a millimetre.
     assert (judge.seen(points, np.array(judge.rectangle()) + 2e-3) >= 10).all()
 
 
@@ -201,13 +201,13 @@ def test_all_points_are_counted_on_a_fine_raster(file):
     points = points[shapely.contains_xy(shape, points[:, 0], points[:, 1])]
     counted = judge.seen(points, judge.rectangle())
     assert counted.min() >= 50
-    # The least that the plan reports is what some point really has.
+    # The smallest number of views in the plan is reached by some point.
     assert counted.min() >= plan.layout.survey.fewest_looks >= 50
     assert counted.min() <= plan.layout.survey.fewest_looks + 2
 
 
 def test_no_row_and_no_column_is_in_vain(file):
-    # Without its outermost sites on any side, some point would see fewer than N.
+    # Without the outermost sites on any side, some point would be in fewer than N rectangles.
     path = file(shapely.box(-28, -14, 28, 14))
     plan = planned(path, heading=90, grid="square", samples=16, baseline=3.5)
     judge = Judge(plan)
@@ -250,7 +250,7 @@ def test_clear_ground_takes_far_fewer_sites(file):
         for extra in ({}, {"clear": half}, {"clear": path})
     )
     assert dense / 2 < sparse < 0.56 * dense
-    # All of it clear: as many images as it takes to tile it.
+    # If the whole area is clear, the images just tile it.
     footprint = planned(path).camera.footprint_m(40)
     assert open_ == math.prod(math.ceil(200 / size - 1e-3) for size in footprint)
 
@@ -280,14 +280,14 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
     path, no_fly = file(shape, place), file(zone, place, "zone.geojson")
     try:
         plan = planned(path, no_fly=no_fly, buffer=buffer, heading=25)
-    except InfeasibleError:  # no site is left
+    except InfeasibleError:  # no site remains
         return
     judge = Judge(plan)
     walls = judge.shape(no_fly)
     way = shapely.LineString(judge.way) if len(judge.way) > 1 else shapely.Point(judge.way[0])
     assert shapely.distance(way, walls) >= buffer + 0.03
     judge.check_order()
-    # Points that are seen too little are as many as the plan says.
+    # The share of points with too few views is the share in the plan.
     rng = np.random.default_rng(seed)
     whole = judge.area(path)
     low, high = np.array(whole.bounds[:2]), np.array(whole.bounds[2:])
@@ -304,7 +304,7 @@ def test_no_site_and_no_leg_is_in_a_zone_and_losses_are_told(
     for warning in plan.warnings:
         if warning.code == "coverage_lost":
             whole = re.search(r" of ([\d,.]+) m² ", warning.message)
-            assert whole is not None  # no exponent
+            assert whole is not None  # written without an exponent
             assert float(whole[1].replace(",", "")) == pytest.approx(
                 plan.layout.survey.area_m2, abs=0.5
             )
@@ -322,7 +322,7 @@ def test_sites_shut_in_by_a_zone_are_dropped(file):
         no_fly=file(shapely.box(-500, -500, 500, 500).difference(shapely.box(-40, -40, 40, 40))
         , name="fence.geojson"), buffer=0,
     )  # fmt: skip
-    # A fence is a zone with a hole: what lies in the hole is flown.
+    # A fence is a zone with a hole, in which flying is allowed.
     assert inner.layout.survey.sites > 100
     assert np.abs(Judge(inner).sites).max() < 40
 
@@ -414,7 +414,7 @@ def test_the_number_in_the_refusal_is_enough(file):
 
 def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
     path = file(shapely.box(-60, -60, 60, 60))
-    # The area needs every point in all its images, whether or not single grids need common ground.
+    # Every point needs to be in all its images, even if single grids need no common ground.
     options = {"vhat": 0.98, "camera": "dji-h20t-thermal", "allow_no_common_ground": True}
     with pytest.raises(InfeasibleError, match="too small for an area") as caught:
         planned(path, **options, baseline=2.8)
@@ -428,14 +428,14 @@ def test_images_too_small_for_the_grid_are_an_error_with_a_remedy(file):
 @pytest.mark.parametrize("vhat", [0.8, 0.88, 0.9, 0.92])
 def test_the_best_grid_is_one_that_the_images_take(file, vhat, optimize):
     path = file(shapely.box(-40, -30, 40, 30))
-    # Without an interval, the grid of least time takes more photos of the area than are allowed.
+    # Without an interval, the grid with the shortest time takes more photos than are allowed.
     options = {"vhat": vhat, "optimize": optimize, "trigger": "distance", "photo_interval": 1.0}
     taken = []
     for grid in ("trimmed", "lanes"):
         with contextlib.suppress(InfeasibleError):
             taken.append(planned(path, grid=grid, **options))
     assert taken
-    best = planned(path, grid="best", **options)  # once refused for the line it had chosen
+    best = planned(path, grid="best", **options)  # was once refused because of the chosen line
     assert best.layout.survey.covered_share == 1.0
     assert best.solution.pattern.samples <= max(one.solution.pattern.samples for one in taken)
 
@@ -466,10 +466,10 @@ def test_a_plain_square_is_flown_at_the_bound(file):
     assert plan.document()["area"]["over_shortest"] == pytest.approx(1.0)
 
 
-# Lines flown on and on
+# Lines that are longer than their integral
 
 LONG_LINE = {"altitude": 40, "grid": "line", "allow_no_common_ground": True}
-"""A line of 50 photos over 137.2 m, longer than the 27 m that one image shows."""
+"""A line of 50 photos with 137.2 m, longer than the 27 m of an image."""
 
 
 def test_a_long_line_is_flown_past_its_integral():

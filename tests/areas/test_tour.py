@@ -1,4 +1,4 @@
-"""Orders of sites and ways around zones: all sites once, no zone entered, bounds that hold."""
+"""Order of sites and detours around zones: all sites once, no zone entered, valid bounds."""
 
 import heapq
 import itertools
@@ -20,7 +20,7 @@ from aosplan.flight.kinematics import Timing
 
 STRIDE = 40
 LENGTHS = SimpleNamespace(leg_s=float, fly_through=False)
-"""How a drone flies whose time is the length it flies."""
+"""Timing of a drone whose flight time equals the length of its path."""
 
 NOTHING = NoFlyZones(shapely.MultiPolygon())
 PITCHES = st.sampled_from([(1.0, 1.0), (1.0, 4.0), (3.0, 1.0), (2.0, 2.5)])
@@ -28,7 +28,7 @@ cells = st.sets(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, m
 
 
 def numbered(places, pitch):
-    """Numbers of cells in rising order, and where they are."""
+    """Numbers of cells in increasing order, and their positions."""
     numbers = np.array(sorted(row * STRIDE + column + 5 for row, column in places), np.int64)
     rows, columns = np.divmod(numbers, STRIDE)
     return numbers, np.column_stack([columns * pitch[0], rows * pitch[1]])
@@ -41,7 +41,7 @@ def flown(numbers, points, zones=NOTHING, timing=LENGTHS):
 
 
 def spanning_tree_m(points):
-    """Prim's algorithm over all pairs."""
+    """Length of the minimum spanning tree, by Prim's algorithm over all pairs."""
     left = np.ones(len(points), bool)
     nearest = np.full(len(points), math.inf)
     nearest[0] = whole = 0.0
@@ -54,7 +54,7 @@ def spanning_tree_m(points):
 
 
 def best_m(points):
-    """The shortest of all orders (Held and Karp)."""
+    """Length of the shortest order (Held and Karp)."""
     count = len(points)
     apart = np.hypot(*(points[:, None] - points[None]).T)
     best = {(1 << k, k): 0.0 for k in range(count)}
@@ -111,7 +111,7 @@ def test_a_rectangle_is_flown_in_the_least_possible(shape):
 
 
 def test_lines_are_flown_along_the_axis_that_takes_less_time():
-    # Fewer, longer steps between lines where the pitch across is larger.
+    # The direction with fewer but longer steps between lines is faster.
     wide, points = numbered(itertools.product(range(10), range(10)), (1.0, 4.0))
     assert flown(wide, points).axis == "along"
     tall, points = numbered(itertools.product(range(10), range(10)), (4.0, 1.0))
@@ -191,7 +191,7 @@ def test_no_leg_enters_a_zone(drawn):
 
 
 def around_on_a_raster(zone, start, stop, step=0.25, reach=14.0):
-    """Length of the shortest way on a fine raster of sixteen directions (Dijkstra)."""
+    """Length of the shortest path on a fine raster with moves in many directions (Dijkstra)."""
     count = round(2 * reach / step) + 1
     xs = -reach + np.arange(count) * step
     grid = np.stack(np.meshgrid(xs, xs, indexing="ij"), axis=-1)
@@ -227,7 +227,7 @@ def test_the_way_around_is_the_shortest(seed):
     start, stop = np.array([-10.0, -2.0]), np.array([10.0, 3.0])
     own = NoFlyZones(zone).length_m(start, stop)
     found = around_on_a_raster(zone, start, stop)
-    # A raster's ways are up to 1.4 % longer than straight ones, and keep no margin.
+    # Paths on the raster are up to 1.4 % longer than straight ones, and have no margin.
     assert found / 1.03 <= own <= found + 1.0
 
 

@@ -1,4 +1,4 @@
-"""From occluders and a camera to disparities and the baseline of the coverage rule."""
+"""Disparities and the baseline of the coverage rule, from occluders and a camera."""
 
 import math
 from functools import partial
@@ -23,7 +23,7 @@ from aosplan.scenes.density import integrated_density
 from aosplan.scenes.presets import SCENES
 
 near = partial(pytest.approx, abs=0.0)
-"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
+"""Approximate equality by relative error only; plain `approx` also accepts 1e-12 absolute error."""
 
 SHARP = 1e9
 """A focal length [px] at which no occluder is smaller than a pixel."""
@@ -36,7 +36,7 @@ coverages = st.one_of(st.floats(0.01, 0.999), st.just(0.98))
 
 @st.composite
 def stacks(draw, most=5):
-    """Slabs one above the other, with gaps, all below 25 m."""
+    """Slabs above each other with gaps, all below 25 m."""
     slabs, bottom = [], 0.0
     for _ in range(draw(st.integers(1, most))):
         bottom += draw(st.floats(0.05, 2.0))
@@ -47,13 +47,13 @@ def stacks(draw, most=5):
 
 
 def needed_baseline(slab, height, altitude, focal_length):
-    """Baseline at which an occluder has d̂ = 1: o h/H, with o at least a pixel at its distance."""
+    """Baseline at which an occluder has d̂ = 1: o h/H, where o is at least a pixel at its distance."""
     size = np.maximum(slab.occluder_size_m, (altitude - height) / focal_length)
     return size * altitude / height
 
 
 def occluders(slabs, altitude, focal_length, count):
-    """Needed baselines of occluders spread evenly over the slabs, and their shares."""
+    """Baselines that evenly distributed occluders of the slabs need, and their shares."""
     spread = (np.arange(count) + 0.5) / count
     needed = [
         needed_baseline(
@@ -118,7 +118,7 @@ def test_one_slab_needs_o_h_over_the_height_that_the_share_exceeds(
 
 @pytest.mark.parametrize(("altitude", "baseline"), [(50.0, 3.5), (40.0, 2.8), (100.0, 7.0)])
 def test_the_papers_forest_has_the_papers_baselines(altitude, baseline):
-    """3.5 m at 50 m for 98 % of the occluders; 2.8 m at 40 m."""
+    """The baseline for 98 % of the occluders is 3.5 m at 50 m, and 2.8 m at 40 m."""
     preset = SCENES["paper-forest"]
     base, height = preset.volume_base_m, preset.volume_height_m
     slab = Slab(base, base + height, preset.occluder_size_m, 1.0)
@@ -128,7 +128,7 @@ def test_the_papers_forest_has_the_papers_baselines(altitude, baseline):
 
 
 def test_the_papers_forest_has_the_papers_densities():
-    """D = 0.95 % and p = 56.7 % through l/o; 2.506 m to 20.04 m with occluders of 0.2 m."""
+    """D = 0.95 % gives p = 56.7 %, for occluders of 0.2 m in a volume from 2.506 m to 20.04 m."""
     preset = SCENES["paper-forest"]
     height, size = preset.volume_height_m, preset.occluder_size_m
     assert integrated_density(0.0095, height, size) == near(preset.integrated_density, rel=1e-12)
@@ -150,7 +150,7 @@ def test_the_baseline_is_the_quantile_of_what_single_occluders_need(
     needed, shares = occluders(slabs, altitude, focal_length, count=20_000)
     order = np.argsort(needed)
     needed, covered = needed[order], np.cumsum(shares[order])
-    # Every slab has 20 000 occluders: the share is known to 1/20 000.
+    # Every slab has 20 000 occluders, so the share has an error of 1/20 000.
     below, above = np.searchsorted(covered, (share - 1e-4, share + 1e-4))
     assert needed[max(below - 1, 0)] <= found * (1 + 1e-9)
     assert found * (1 - 1e-9) <= needed[min(above + 1, len(needed) - 1)]
@@ -245,7 +245,7 @@ def test_the_camera_does_not_matter_until_occluders_are_smaller_than_a_pixel(
 
 
 def test_below_a_pixel_the_disparity_has_to_reach_one_pixel():
-    """Occluders of 1 cm at 10 m, seen from 50 m with 2000 px: a pixel there is 2 cm."""
+    """Occluders of 1 cm at a height of 10 m, seen from 50 m with 2000 px: a pixel is 2 cm there."""
     slab = (Slab(10.0 - 1e-9, 10.0 + 1e-9, 0.01, 1.0),)
     found = coverage_baseline(slab, 50.0, 2000.0, 0.98)
     assert found.baseline_m == near(0.02 * 50.0 / 10.0, rel=1e-8)
@@ -254,7 +254,8 @@ def test_below_a_pixel_the_disparity_has_to_reach_one_pixel():
 
 def test_a_gap_between_slabs_is_not_asked_to_be_covered():
     slabs = (Slab(1.0, 2.0, 0.2, 1.0), Slab(5.0, 10.0, 0.2, 1.0))
-    # The upper half is covered from 0.2 · 50/5 on; a little more asks for the top of the lower.
+    # The upper slab is covered from 0.2 · 50/5 on; any larger share needs the top of the lower
+    # slab.
     assert coverage_baseline(slabs, 50.0, SHARP, 0.5).baseline_m == near(2.0, rel=1e-12)
     just_more = coverage_baseline(slabs, 50.0, SHARP, 0.5 + 1e-9)
     assert just_more.baseline_m == near(5.0, rel=1e-8)

@@ -1,4 +1,4 @@
-"""Built-in cameras: square pixels, and lenses that agree with what their sources state."""
+"""Built-in cameras have square pixels and agree with the data in their sources."""
 
 import re
 from math import atan, degrees, hypot
@@ -7,10 +7,10 @@ import pytest
 
 from aosplan.camera.presets import CAMERAS
 
-# Makers round fields of view to a degree, and state them for the image before its correction;
-# where the two differ by more than this, the preset says so.
+# Makers round fields of view to a degree, and state them for images before the correction of the
+# lens.  If the two differ by more than this, the preset says so.
 FIELD_TOLERANCE = 0.02
-# What single calibrated cameras differ by from their type.
+# Largest difference between calibrations of single cameras and the preset of their type.
 CALIBRATION_TOLERANCE = 0.03
 
 
@@ -19,7 +19,7 @@ def field_deg(extent_mm, camera):
 
 
 def stated_fields(camera):
-    """(degrees, extent of the sensor that they span) that the source states."""
+    """Angles [deg] in the source, each with the extent of the sensor to which it belongs."""
     width, height = camera.sensor_width_mm, camera.sensor_height_mm
     for angle, axis in re.findall(r"([\d.]+)° (diagonal|horizontal)", camera.source):
         yield float(angle), width if axis == "horizontal" else hypot(width, height)
@@ -54,14 +54,14 @@ def test_the_pinhole_sees_what_the_maker_states_or_the_preset_says_why_not(name)
     camera = CAMERAS[name]
     for stated, extent_mm in stated_fields(camera):
         off = field_deg(extent_mm, camera) / stated - 1
-        # Angles stated as whole degrees are good to half of one.
+        # Angles in whole degrees have a rounding error of half a degree.
         rounding = 0.5 / stated if stated == round(stated) else 0.05 / stated
         if abs(off) > FIELD_TOLERANCE + rounding:
             assert f"{stated:g}°" in camera.assumed
 
 
 def calibrations():
-    """Focal lengths in pixels that sources give, at the preset's image width."""
+    """Focal lengths in pixels from sources, scaled to the preset's image width."""
     pattern = r"\(([\d.]+) px(?: at (\d+) px image width)?"
     for name, camera in CAMERAS.items():
         for focal_px, width_px in re.findall(pattern, camera.source):
@@ -77,7 +77,7 @@ def test_the_focal_length_is_that_of_calibrated_cameras(name, calibrated_px):
 
 
 def test_focal_lengths_that_the_images_record_in_pixels():
-    """CalibratedFocalLength in the XMP of the two mapping drones' photos."""
+    """The focal lengths equal CalibratedFocalLength in the XMP of photos of the two mapping drones."""
     for name, recorded_px in (("dji-phantom-4-pro", 3666.666504), ("dji-m3e-wide", 3725.151611)):
         camera = CAMERAS[name]
         focal_px = camera.focal_length_mm / camera.sensor_width_mm * camera.image_width_px

@@ -1,7 +1,7 @@
-"""What every test of the command line starts with: an empty folder, and commands to run in it.
+"""Fixtures of the tests of the command line: an empty folder, and commands that run in it.
 
-Most tests run the commands in this process; a few start a real one, for pipes, encodings and
-terminals.  Every output goes to `tmp_path`.
+Most tests run commands in this process.  A few start a real process, for pipes, encodings and
+terminals.  All output goes to `tmp_path`.
 """
 
 import pytest
@@ -10,13 +10,13 @@ from support.command_line import loads
 
 @pytest.fixture(autouse=True)
 def folder(folder):
-    """An empty folder that is the current one, whether or not a test asks for it."""
+    """An empty folder as the current one, for every test."""
     return folder
 
 
 @pytest.fixture
 def document(command):
-    """A function that runs a command line with --json: its document."""
+    """A function that runs a command line with --json and returns the document."""
 
     def execute(*arguments):
         status, out, err = command(*arguments, "--json")
@@ -28,5 +28,5 @@ def document(command):
 
 @pytest.fixture
 def plan_of(document):
-    """A function that plans at 40 m with more options: the document."""
+    """A function that plans at 40 m with further options and returns the document."""
     return lambda *arguments: document("plan", "--altitude", 40, *arguments)

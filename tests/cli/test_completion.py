@@ -1,4 +1,4 @@
-"""Completion: what is offered where, and that real shells take it."""
+"""Completion: the candidates in each place, and that real shells accept them."""
 
 import os
 import pty
@@ -72,7 +72,7 @@ def test_presets_and_choices(line, known):
 
 @pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
 def test_choices_are_those_that_the_option_takes(option):
-    """The parser's own list, from its refusal."""
+    """The candidates are those in the parser's refusal of a wrong value."""
     try:
         option.parse("\x01", "--x")
         refusal = ""
@@ -151,7 +151,7 @@ def test_only_who_asks_loads_the_completion():
     assert "aosplan.cli.completion" not in done.stdout
 
 
-# The line of bash
+# The line in bash
 
 
 @pytest.mark.parametrize(
@@ -184,7 +184,7 @@ def test_bash_gets_the_part_behind_its_last_word_break(files, line, breaks, repl
 
 @pytest.fixture
 def program(tmp_path_factory, monkeypatch):
-    """``aosplan`` on the path of the shells."""
+    """A folder on the PATH with ``aosplan``."""
     place = tmp_path_factory.mktemp("bin") / "aosplan"
     place.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m aosplan "$@"\n')
     place.chmod(0o755)
@@ -200,7 +200,7 @@ def script(shell, folder):
 
 
 def typed(command, lines, keys, wanted, seconds=10.0):
-    """What an interactive shell shows after some lines and keys, up to what is wanted."""
+    """Output of an interactive shell after some lines and keys, until the wanted text appears."""
     child, terminal = pty.fork()
     if child == 0:
         os.execvp(command[0], command)
@@ -252,7 +252,7 @@ def needs(shell):
 @pytest.mark.parametrize(("line", "wanted"), CASES, ids=[line for line, _ in CASES])
 def test_a_shell_completes(program, files, shell, line, wanted):
     command, begin = SHELLS[shell]
-    wanted = wanted.replace(" ", "\\ ")[len(line.split()[-1]) :]  # what it writes behind
+    wanted = wanted.replace(" ", "\\ ")[len(line.split()[-1]) :]  # the part that the shell adds
     source = [*begin, f"source {script(shell, files)}"]
     assert wanted in typed(command, source, f"{line}\t", wanted)
 
@@ -308,7 +308,7 @@ def test_powershell_completes(files):
     assert found.stdout.split() == ["boreal-pine"]
 
 
-# Installing
+# Installation
 
 
 @pytest.mark.parametrize(
@@ -327,7 +327,7 @@ def test_installing_writes_where_the_shell_looks(folder, command, monkeypatch, s
         ("XDG_CONFIG_HOME", "settings"),
     ):
         monkeypatch.setenv(name, str(folder / place))
-    for _ in range(2):  # and again
+    for _ in range(2):  # also if it is installed already
         status, out, err = command("--install-completion", shell)
         assert status == 0
         assert path in out

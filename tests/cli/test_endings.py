@@ -1,4 +1,4 @@
-"""How processes end that are interrupted, or that nobody listens to: without a traceback."""
+"""Processes that are interrupted or whose output nobody reads end without a traceback."""
 
 import os
 import random
@@ -22,7 +22,7 @@ sys.meta_path.insert(0, Telling())
 from aosplan.__main__ import main
 main()
 """
-"""Says so when the first module of the program is about to be loaded: Python is up by then."""
+"""A program that prints a line just before it loads its first module; Python has started by then."""
 
 PROGRAM = shlex.join([sys.executable, "-m", "aosplan"])
 
@@ -34,7 +34,7 @@ LINES = [
 
 
 def signalled(number, after_s, arguments, restore=signal.default_int_handler):
-    """Status and stderr of a process that a signal met some time after its first line ran."""
+    """Status and stderr of a process that receives a signal some time after its first line ran."""
     with subprocess.Popen(
         [sys.executable, "-c", STARTED, *arguments],
         stdout=subprocess.DEVNULL,
@@ -54,7 +54,7 @@ def test_ctrl_c_at_any_moment_is_status_130_and_silent(folder, arguments):
     moments = random.Random(str(arguments))
     for _ in range(5):
         status, err = signalled(signal.SIGINT, moments.uniform(0.0, 0.12), arguments)
-        assert status in {0, 130, -signal.SIGINT}  # the last: while Python itself ends
+        assert status in {0, 130, -signal.SIGINT}  # the last one if Python itself is ending
         assert "Traceback" not in err
         assert "KeyboardInterrupt" not in err
         assert not [name for name in os.listdir(folder) if name != "a.geojson"]
@@ -83,14 +83,14 @@ sys.meta_path.insert(0, Interrupting())
 from aosplan.__main__ import main
 main()
 """
-"""Ctrl-C where it is no common exception: in a callback, in the making of a class."""
+"""Programs with Ctrl-C where it is not a usual exception: in a callback, and while a class is made."""
 
 
 @pytest.mark.parametrize(
     ("then", "statuses"),
     [
         ("call_back(); import time; time.sleep(60)", {130}),
-        ("call_back()", {0, 130}),  # what takes less than a moment longer may just be done
+        ("call_back()", {0, 130}),  # a short command may already be finished
         ("type('Class', (), {'member': Member()})", {130}),
     ],
 )
@@ -176,7 +176,7 @@ def test_closed_streams_take_nothing_with_them(folder, line, status):
     assert done.returncode == status
     assert "Traceback" not in done.stderr
     written = folder / "a.csv"
-    if written.exists():  # no word of another stream has gone into it
+    if written.exists():  # it does not contain output of another stream
         rows = written.read_text().splitlines()
         assert rows[0].startswith("index,")
         assert len(rows) == 51

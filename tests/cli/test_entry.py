@@ -1,4 +1,4 @@
-"""What is set before a command is loaded."""
+"""Settings that are made before a command is loaded."""
 
 import subprocess
 import sys

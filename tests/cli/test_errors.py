@@ -1,4 +1,4 @@
-"""Bad input is one `error:` line, a `hint:` where there is a remedy, and nothing written."""
+"""Bad input gives one `error:` line, a `hint:` if there is a remedy, and no files."""
 
 import re
 import shlex
@@ -308,7 +308,7 @@ def test_a_hint_never_asks_for_more_than_one_plan_may_have(command):
 )
 @pytest.mark.parametrize("output", [["--json"], []], ids=["json", "table"])
 def test_absurd_numbers_never_end_in_a_traceback(command, line, output):
-    # Anything that escapes fails the test by itself.
+    # An unexpected exception fails the test.
     status, out, err = command(*shlex.split(line), *output)
     if status != 0:
         check_refusal(status, out, err)
@@ -319,7 +319,7 @@ def test_absurd_numbers_never_end_in_a_traceback(command, line, output):
         assert not re.search(r"\binf\b", out)
 
 
-# Each of these once ran without end; a small machine needs a few seconds at most.
+# Each of these once did not end; a small machine needs a few seconds at most.
 ENDLESS = """
 plan --altitude 40 --visibility 0.678511
 plan --altitude 40 --visibility 0.6785109999999
@@ -355,7 +355,7 @@ def test_requests_beyond_any_plan_are_refused_in_finite_time(folder, line):
     check_refusal(done.returncode, done.stdout, done.stderr)
 
 
-# Names from outside
+# Names from input
 
 NASTY = [
     "a\nb",

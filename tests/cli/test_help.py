@@ -49,7 +49,7 @@ def test_help_of_every_command_has_two_examples(command, name):
 
 @pytest.fixture(scope="module")
 def things(tmp_path_factory):
-    """A folder with every file that an example names."""
+    """A folder with all files that the examples name."""
     folder = tmp_path_factory.mktemp("things")
     for name, seed in (("stand", 0), ("north", 1), ("south", 2)):
         write_cloud(folder / f"{name}.laz", *stand(seed))

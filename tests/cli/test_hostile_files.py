@@ -1,6 +1,6 @@
-"""Small files that ask for too much, or hold what no reader expects: one error line, at once.
+"""Small files that need too much time or memory, or contain the unexpected, give one error line.
 
-What each of them once did (minutes, gigabytes, a traceback, words of a library) stands beside it.
+The comment at each test says what the file once caused: minutes, gigabytes, or an exception.
 """
 
 import io
@@ -35,7 +35,7 @@ STAND = {
 
 @pytest.fixture
 def refused(folder, command):
-    """A function that writes a file and runs a command that is to refuse it: its message."""
+    """A function that writes a file, runs a command that must refuse it, and returns the message."""
 
     def run(name, content, *arguments):
         if not isinstance(content, (str, bytes)):
@@ -67,7 +67,7 @@ def test_an_outline_that_crosses_itself_everywhere(refused, points):  # > 60 s; 
 
 
 def grid_of_needles(count):
-    """Polygons of which each of one half crosses each of the other half."""
+    """Two sets of polygons, in which each polygon of one set crosses all of the other."""
     span, width = 0.001, 0.001 / count / 4
     for index in range(count):
         at = span * index / count
@@ -176,7 +176,7 @@ def test_a_geometry_whose_type_is_a_list(refused):  # TypeError
 
 
 def voxels(about, occupied=None, **members):
-    """The bytes of a voxel file of a small stand, with some of it replaced."""
+    """The bytes of a voxel file of a small stand, with some members replaced."""
     packed = np.full((10, 8, 1), 255, np.uint8) if occupied is None else occupied
     slices, rows, octets = packed.shape
     plain = {
@@ -233,7 +233,7 @@ def test_a_library_that_panics(command, monkeypatch):  # a traceback
     polars = pytest.importorskip("polars")
 
     class PanicException(BaseException):
-        """What Rust's panics are in Python."""
+        """A panic of Rust in Python."""
 
     def panic(*_arguments, **_options):
         raise PanicException("assertion failed")
@@ -284,7 +284,7 @@ def test_canopy_heights_that_overflow(folder, command):  # a RuntimeWarning of n
 
 
 def jpeg(width, height):
-    """A JPEG that declares its size, and holds nothing else."""
+    """A JPEG that declares a size and contains nothing else."""
     frame = struct.pack(">BHBHHB", 0xC0, 11, 8, height, width, 1) + b"\1\x11\0"
     return b"\xff\xd8\xff" + frame + b"\xff\xd9"
 

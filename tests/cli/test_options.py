@@ -1,5 +1,5 @@
 # ruff: noqa: ARG005 (an effect compares a result with the default, or does not need it)
-"""Every option of `plan`, and the effect that it has: `EFFECTS`, one entry an option."""
+"""The effect of every option of `plan`, with one entry in `EFFECTS` for each."""
 
 import math
 from itertools import pairwise
@@ -19,7 +19,7 @@ from support.command_line import (
 from aosplan.planning.options import OPTIONS
 
 PERSON = ["--find", "person", "--contrast", "1", "--canopy-offset", "0", "--crown-share", "0"]
-"""A person with a signature of one's own; what comes later on the command line counts."""
+"""A person with an explicit signature; a later option on the command line replaces an earlier one."""
 
 STEMS = ["--stems-per-hectare", "400", "--crown-diameter", "5", "--leaf-area-index", "1e5"]
 STEMS = [*STEMS, "--volume-height", "10", "--volume-base", "6"]
@@ -78,7 +78,7 @@ EFFECTS = {
     ),
     "crown_share": (
         [*PERSON, "--crown-share", "90%"],
-        # Clutter of the crowns' size is what hides a person.
+        # Clutter at the scale of crowns hides a person.
         lambda r, d: "detection" in r and r["detection"]["probability"] < 0.7,
     ),
     "false_alarms": (
@@ -96,7 +96,7 @@ EFFECTS = {
     ),
     "occluder_size": (
         ["--density", "0.01", "--occluder-size", "0.4", "--volume-height", "18"],
-        # The footprint bounds what would be b = o h/H, 6.8 m.
+        # The footprint limits the baseline, which would be b = o h/H = 6.8 m.
         lambda r, d: 3.8 < r["baseline_m"] < 0.4 * 40 / 2.36,
     ),
     "volume_height": (
@@ -109,7 +109,7 @@ EFFECTS = {
     ),
     "stems_per_hectare": (
         [*STEMS, "--stems-per-hectare", "600"],
-        # Dense leaves: what is seen lies between the crowns.
+        # With dense leaves, only the gaps between crowns are visible.
         lambda r, d: math.isclose(hidden(r), 1 - math.exp(-0.06 * math.pi * 6.25), rel_tol=1e-6),
     ),
     "crown_diameter": (
@@ -118,7 +118,7 @@ EFFECTS = {
     ),
     "leaf_area_index": (
         [*STEMS, "--leaf-area-index", "1e-6"],
-        # Thin leaves: Beer-Lambert with G = 1/2, whatever the crowns.
+        # With thin leaves, Beer-Lambert with G = 1/2 holds for any crowns.
         lambda r, d: math.isclose(hidden(r), 0.5e-6, rel_tol=1e-5),
     ),
     "camera": (
@@ -149,7 +149,7 @@ EFFECTS = {
     ),
     "image_height": (
         [*LENS, "--image-height", "320"],
-        # Square pixels: half as many along the heading as across it.
+        # Pixels are square, and there are half as many along the heading as across it.
         lambda r, d: math.isclose(2 * r["camera"]["footprint_m"][0], r["camera"]["footprint_m"][1]),
     ),
     "coverage": (
@@ -230,7 +230,7 @@ EFFECTS = {
     ),
     "acceleration": (
         ["--acceleration", "8"],
-        # At twice the acceleration's root, legs from stop to stop take half the time.
+        # Time of a leg from stop to stop; short legs do not reach the speed of 5 m/s.
         lambda r, d: math.isclose(
             r["flight"]["time_s"] - 50,
             sum(
@@ -265,7 +265,7 @@ EFFECTS = {
     ),
     "climb": (
         ["--climb", "1"],
-        # 40 m up and as much down, each with a second or three of ramps.
+        # 40 m up and down; each takes h/v + v/a.
         lambda r, d: math.isclose(
             r["flight"]["total_time_s"] - d["flight"]["total_time_s"],
             2 * (40 / 1 + 1 / 2) - 2 * (40 / 3 + 3 / 2),
@@ -292,12 +292,12 @@ EFFECTS = {
     ),
     "wind_speed": (
         ["--wind-speed", "14", "--wind-from", "0"],
-        # Northward legs have 15 - 14 m/s left, the others what they had.
+        # On northward legs the ground speed is 15 - 14 = 1 m/s; others keep their speed.
         lambda r, d: r["flight"]["time_s"] > d["flight"]["time_s"] + 10,
     ),
     "wind_from": (
         ["--wind-speed", "14", "--wind-from", "90"],
-        # Across the lines it takes their 5 m/s from √(15² - 14²) = 5.4, against it 1 is left.
+        # Along the lines √(15² - 14²) = 5.4 m/s remain, which is enough; against the wind 1 m/s.
         lambda r, d: 0 < r["flight"]["time_s"] - d["flight"]["time_s"] < 10,
     ),
     "airspeed": (
@@ -367,7 +367,7 @@ CLOUD_ONLY = (
     "edges",
 )
 TERRAIN = ("terrain", "terrain_units", "terrain_tolerance")
-"""Tested where there is a terrain, in test_terrain.py."""
+"""Tested with a terrain, in test_terrain.py."""
 
 
 def test_every_option_has_its_effect_tested():

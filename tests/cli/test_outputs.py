@@ -1,4 +1,4 @@
-"""What commands print and write, and what stays when they cannot."""
+"""What commands print and write, and which files remain if they fail."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from aosplan.cli.output import print_json
 from aosplan.errors import RequestError
 
 WIDE = "--allow-no-common-ground"
-"""Wider than the footprint, which is a warning then."""
+"""Allows apertures wider than the footprint, with a warning."""
 
 
 def test_out_writes_and_says_so(folder, command):
@@ -75,7 +75,7 @@ def test_one_file_is_not_written_twice_under_two_names(folder, command):
 
 
 def test_special_files_are_never_replaced(folder, command):
-    # --force once put an ordinary file where a device was, for everybody on the machine.
+    # --force once replaced a device by an ordinary file, for all users of the machine.
     os.mkfifo("pipe")
     status, _, err = command("plan", "--altitude", "40", "--out", "csv:pipe", "--force")
     assert status in (1, 2), err

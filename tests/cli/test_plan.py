@@ -1,4 +1,4 @@
-"""`plan`: what it answers, its JSON name by name, and requests that are fed back."""
+"""`plan`: its results, all names in its JSON, and requests that are planned again."""
 
 import csv
 import io
@@ -12,7 +12,7 @@ from support.command_line import AREAS, FIELD, LENS, UNIFORM, check_refusal, ext
 
 import aosplan
 
-# What the issue asks for
+# The requirements
 
 
 def test_forty_metres_and_98_percent(plan_of):
@@ -163,8 +163,8 @@ def test_options_of_areas_that_do_not_fit_are_one_error(command, arguments, mess
         ("rectangle", 7, 8, 56, 50),
         ("square", 8, 8, 64, 50),
         ("line", 1, 50, 50, 50),
-        ("lanes", 3, 17, 51, 51),  # lanes come whole
-        ("spiral", 1, 50, 50, 50),  # one line of sites, wound up
+        ("lanes", 3, 17, 51, 51),  # lanes are complete
+        ("spiral", 1, 50, 50, 50),  # one path of sites, like a line
     ],
 )
 def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, samples, required):
@@ -179,7 +179,7 @@ def test_grids_hold_at_least_the_samples_required(plan_of, kind, rows, columns, 
 def test_objectives_are_the_best_of_all(plan_of, objective):
     measure = {
         "samples": lambda r: r["samples"],
-        # The least extent within the 1 % that buys fewer samples.
+        # The smallest extent, within the 1 % that may be traded for fewer samples.
         "aperture": lambda r: extent(r) / 1.01,
         "time": lambda r: r["flight"]["time_s"],
     }[objective]
@@ -229,7 +229,7 @@ def test_the_best_grid_is_named_with_its_reason(plan_of):
     assert "is the best by flight time" in reason["message"]
 
 
-# JSON of plan, name by name
+# Names in the JSON of plan
 
 NAMES = {
     "schema": int,

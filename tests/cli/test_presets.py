@@ -1,4 +1,4 @@
-"""`cameras`, `scenes`, `formats`: every preset is listed, and plans."""
+"""`cameras`, `scenes` and `formats` list every preset, and every preset can be planned with."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""`tradeoff`: one table in three forms."""
+"""`tradeoff`: the same table in three formats."""
 
 import csv
 
@@ -17,7 +17,7 @@ def test_the_trade_off_is_one_table_in_three_forms(folder, document, command):
     assert [own["extent_x_m"], own["extent_y_m"]] == chosen["grid"]["extent_m"]
     for name in ("table.csv", "table.json", "table.jsonl"):
         status, _, err = command(*line, "--optimize", "aperture", "--out", name)
-        assert (status, err.count("\n")) == (0, 1)  # the baseline moves less than a pixel
+        assert (status, err.count("\n")) == (0, 1)  # one warning: the disparity is below one pixel
     assert loads((folder / "table.json").read_text())["rows"] == rows
     lines = (folder / "table.jsonl").read_text().splitlines()
     assert [loads(line) for line in lines] == rows
@@ -35,7 +35,7 @@ def test_the_trade_off_shows_the_front_and_the_plan_on_a_terminal(command):
     )
     assert (status, err) == (0, "")
     assert all(len(line) <= 80 for line in out.splitlines())
-    assert sum("◀" in line for line in out.splitlines()) == 2  # the plan, and the note
+    assert sum("◀" in line for line in out.splitlines()) == 2  # the row of the plan, and the note
 
 
 def test_rows_tell_how_likely_a_target_is_found(document, command):
@@ -45,7 +45,7 @@ def test_rows_tell_how_likely_a_target_is_found(document, command):
     rows = document("tradeoff", *line, *own)["rows"]
     planned = document("plan", *line, *own)
     (chosen,) = (row for row in rows if row["chosen"])
-    # A table of offsets stands behind the rows.
+    # The probabilities in the rows come from an interpolated table of offsets.
     assert chosen["detection"] == pytest.approx(planned["detection"]["probability"], abs=0.02)
     assert len({row["detection"] for row in rows}) > 5
     assert all("detection" not in row for row in document("tradeoff", *line)["rows"])

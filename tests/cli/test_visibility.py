@@ -1,4 +1,4 @@
-"""`visibility`, the calculator."""
+"""The `visibility` command."""
 
 import shlex
 
@@ -32,20 +32,20 @@ def test_the_calculator_takes_whole_grids(document, grid):
 
 
 def one_disparity(planned, spacing):
-    """V̂ of a plan's grid by one d̂, as the calculator has it; the plan itself counts slices."""
+    """V̂ of a plan's grid with a single d̂, as the command computes it; plans use slices."""
     pattern = pattern_for("trimmed", planned["samples"])
     return 1.0 - pattern_shortfall(pattern, planned["baseline_m"] / spacing)
 
 
 def test_the_calculator_takes_the_waypoints_of_a_plan(folder, document, command):
     planned = document("plan", "--altitude", "40", "--baseline", "1.9", "--out", "a.csv")
-    # The offset at which an occluder has moved by its own size is the optimal baseline.
+    # At the optimal baseline an occluder moves by its own size.
     spacing = planned["baseline_m"] / planned["disparity"]["normalized"]
     density = planned["visibility"]["density"]
     line = ["visibility", "--positions", "a.csv", "--spacing", spacing, "--density", density]
     result = document(*line)
     assert result["samples"] == planned["samples"]
-    # Positions in files are rounded to a tenth of a millimetre.
+    # Positions in files are rounded to 0.1 mm.
     assert result["visibility"]["normalized"] == pytest.approx(
         one_disparity(planned, spacing), abs=1e-5
     )
@@ -63,7 +63,7 @@ def test_the_calculator_turns_the_waypoints_of_a_heading(folder, document, headi
 
 
 def test_the_calculator_shows_no_number_where_nothing_is_hidden(command):
-    # With p = 0, V̂ is 0/0; JSON says null.
+    # With p = 0, V̂ is 0/0, which is null in JSON.
     status, out, _ = command("visibility", "--density", "0", "--samples", "50", "--dhat", "1")
     assert status == 0
     assert "0.98" not in out

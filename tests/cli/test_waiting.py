@@ -1,4 +1,4 @@
-"""What a terminal shows while something takes long, and how it is left."""
+"""Progress that a terminal shows during long work, and its removal at the end."""
 
 import re
 
@@ -9,7 +9,7 @@ AT_ONCE = (
     "import aosplan.cli.output as output\noutput.PATIENCE_S = 0.0\n"
     "from aosplan.__main__ import main\nmain()\n",
 )
-"""The program, without the second that it waits before it shows a search."""
+"""The program without the delay before it shows a search."""
 
 SEARCH = ["plan", "--altitude", "40", "--grid", "best", "--optimize", "visibility"]
 SEARCH = [*SEARCH, "--max-samples", "30", "--max-aperture", "9"]

@@ -1,4 +1,4 @@
-"""The documentation: its examples print what it shows, and it leaves nothing out."""
+"""The documentation: its examples print the output that it shows, and it is complete."""
 
 import ast
 import re
@@ -181,7 +181,7 @@ def test_every_page_is_in_a_table_of_contents():
     }
 
 
-# The machinery itself.
+# Tests of the test helpers
 
 
 def shown(text, folder):

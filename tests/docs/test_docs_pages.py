@@ -1,4 +1,4 @@
-"""The built documentation in a real browser; skipped where it is not built, or there is none.
+"""The built documentation in a real browser; skipped if it is not built or there is no browser.
 
 Built as `.ci/run` does:  sphinx-build -W -n -b html docs docs/_build/html
 """
@@ -25,7 +25,7 @@ LAYOUTS = {
 
 @pytest.fixture(params=LAYOUTS)
 def opened(request, chromium):
-    """A page in one of the layouts, and what it asked for and said."""
+    """A page in one of the layouts, and a list of its requests and errors."""
     context = chromium.new_context(offline=True, **LAYOUTS[request.param])
     page, faults = context.new_page(), []
     page.on("console", lambda message: faults.append(message.text))

@@ -1,4 +1,4 @@
-"""The examples and the README's code run, and print what the README says."""
+"""The examples and the code in the README run and print the output in the README."""
 
 import contextlib
 import io
@@ -45,7 +45,7 @@ def test_example_files_plan(arguments):
 def test_the_commands_of_the_readme_run_and_print_what_it_shows(tmp_path):
     (tmp_path / "examples").symlink_to(EXAMPLES)
     text = README.read_text(encoding="utf-8")
-    # The first block makes an environment, installs and plans.
+    # The first block creates an environment, installs and plans; only the plan is run here.
     planned = re.sub(r"python3 -m venv .*?&& aosplan plan", "aosplan plan", text, count=1)
     for block, printed in examples.follow(planned, tmp_path):
         assert examples.same(block.body, printed), f"shown:\n{block.body}printed:\n{printed}"

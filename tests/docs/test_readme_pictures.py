@@ -1,4 +1,4 @@
-"""The README's pictures: small enough, and a photo hides what a count of rays says it hides."""
+"""The README's pictures: sufficiently small, and photos hide as much as counted rays."""
 
 import runpy
 import shutil
@@ -16,7 +16,7 @@ FOLDER = ROOT / "examples" / "readme"
 
 @pytest.fixture
 def beneath(monkeypatch):
-    """The script that draws the photos, with pixels as large as voxels."""
+    """The script that draws the photos, with pixels of the size of voxels."""
     monkeypatch.syspath_prepend(str(FOLDER))
     import beneath
 
@@ -55,7 +55,7 @@ def test_a_photo_shows_the_ground_where_rays_reach_it(beneath, site):
     views = VoxelViews(forest, beneath.ALTITUDE_M, targets_per_voxel=1)
     counted = views.blocked_views([site]) == 0
     assert 0.2 < counted.mean() < 0.6
-    # A drawn ray leaves out the voxel between the two of a slice that it meets.
+    # A drawn ray skips the voxels between the first and the last one that it meets in a slice.
     assert (seen == counted).mean() > 0.97
     assert seen.mean() == pytest.approx(counted.mean(), abs=0.02)
     assert camera.hidden == [pytest.approx(1.0 - seen.mean())]

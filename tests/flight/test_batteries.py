@@ -1,4 +1,4 @@
-"""Flights: each battery's share of the sites, from the take-off and back."""
+"""Flights: the sites of each battery, with the way from the take-off and back."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
         assume(False)
     whole = planned(values | {"flight_time": None})
     flights, missions = split.route.flights, split.missions()
-    # Every waypoint belongs to one flight, and every site to one of them, in order.
+    # Each waypoint belongs to one flight, and each site to one flight, in order.
     assert flights[0].first == 0
     assert flights[-1].last == len(split.waypoints) - 1
     assert all(other.first == one.last + 1 for one, other in pairwise(flights))
@@ -67,7 +67,7 @@ def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
     for flight, mission in zip(flights, missions, strict=True):
         assert flight.time_s <= 60.0 * values["flight_time"]
         assert len(photos(mission.waypoints)) == flight.samples >= 1
-    # Each flight takes what it takes on its own, from the take-off and back.
+    # Each flight takes as long as it takes alone, from the take-off and back.
     for flight, mission in zip(flights, missions, strict=True):
         ways = mission.waypoints
         track = Track(
@@ -86,7 +86,7 @@ def home_of(result):
         first = result.waypoints[0]
         return Home(first.east_m, first.north_m, 0.0)
     latitude, longitude = result.request.takeoff
-    # Good to a millimetre over some tens of metres: radii of curvature of WGS 84 at the place.
+    # Accurate to a millimetre over some tens of metres, with the radii of curvature of WGS 84.
     from pyproj import Geod
 
     azimuth, _, distance = Geod(ellps="WGS84").inv(LINZ[1], LINZ[0], longitude, latitude)
@@ -103,7 +103,7 @@ def test_no_flight_has_room_for_the_next_site(values):
         assume(False)
     missions, timing, home = split.missions(), split.route.timing, home_of(split)
     for mission, following in pairwise(missions):
-        # Together with the next site, or the next line that is flown through.
+        # With the next site, or with the next line if it is flown without stops, it is too long.
         ways = list(mission.waypoints) + list(following.waypoints)
         count = len(mission.waypoints)
         part = next(
@@ -125,8 +125,8 @@ def test_no_flight_has_room_for_the_next_site(values):
 
 
 def test_the_way_from_the_takeoff_and_back_by_hand():
-    # 30 m up, 40 m there, one photo, and back: at 5 m/s and 2 m/s² 40 m take 10.5 s; 30 m at
-    # 3 m/s take 11.5 s.
+    # 30 m up, 40 m there, one photo, and back: 40 m take 10.5 s at 5 m/s and 2 m/s², and 30 m take
+    # 11.5 s at 3 m/s.
     track = Track([0.0], [40.0], [30.0], [True])
     (flight,) = flights_of(track, Timing(5.0, 2.0, 1.5, 3.0), Home(0.0, 0.0, 0.0))
     assert flight.time_s == pytest.approx(2 * (10.5 + 11.5) + 1.5)
@@ -137,7 +137,7 @@ def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
     track = Track([0.0], [400.0], [30.0], [True])
     timing, home = Timing(5.0, 2.0, 0.0, 3.0), Home(0.0, 0.0, 0.0)
     (calm,) = flights_of(track, timing, home)
-    # Against 13 of 15 m/s 2 are left one way; the other way the autopilot holds its 5.
+    # Against the wind 15 - 13 = 2 m/s remain; with the wind the autopilot keeps its 5 m/s.
     (windy,) = flights_of(track, timing._replace(wind=(0.0, -13.0), airspeed_mps=15.0), home)
     assert windy.time_s - calm.time_s == pytest.approx((200.0 + 1.0) - (80.0 + 2.5))
 
@@ -162,7 +162,7 @@ def test_total_time_is_that_of_all_flights():
     assert one["total_time_s"] > one["time_s"]
 
 
-# Resuming
+# Resuming a flight
 
 
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
@@ -176,7 +176,7 @@ def test_a_resumed_plan_takes_the_photos_that_are_left(trigger, at):
     assert resumed.solution == whole.solution
     assert resumed.route.takeoff_ground_m is None
     if trigger == "distance":
-        assert not resumed.waypoints[0].photo  # it runs in again
+        assert not resumed.waypoints[0].photo  # it starts with a run-in again
 
 
 def test_every_flight_resumes_where_the_one_before_ended():

@@ -1,4 +1,4 @@
-"""Drones by name: whole, sourced, and what they bring to a plan."""
+"""Drones by name: complete data with sources, and their effects on a plan."""
 
 import json
 
@@ -70,7 +70,7 @@ def test_a_drone_flies_no_faster_than_it_can():
 def test_a_camera_too_slow_for_short_stops_is_a_warning():
     result = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=0, baseline=0.5, samples=9))
     (warning,) = [warning for warning in result.warnings if warning.code == "photo_interval"]
-    # 0.5 m from stop to stop at 2 m/s² take a second; the camera wants two.
+    # 0.5 m from stop to stop takes one second at 2 m/s²; the camera needs two.
     assert "hold 1 s" in warning.message
     held = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=1, baseline=0.5, samples=9))
     assert "photo_interval" not in {warning.code for warning in held.warnings}
@@ -81,7 +81,7 @@ def test_a_flight_longer_than_the_battery_is_a_warning():
     whole = plan(PlanRequest(**values, flight_time=60))
     assert "battery" in {warning.code for warning in whole.warnings}
     assert len(whole.route.flights) == 1
-    # Unless given, two thirds of the 45 minutes in still air are planned with.
+    # The default flight time is two thirds of the 45 minutes in still air.
     split = plan(PlanRequest(**values))
     assert split.request.flight_time == 30.0
     assert (
@@ -90,7 +90,7 @@ def test_a_flight_longer_than_the_battery_is_a_warning():
         < whole.route.flights[0].time_s
     )
     assert "battery" not in {warning.code for warning in split.warnings}
-    # The files of later flights count on.
+    # The numbers of waypoints continue in the files of later flights.
     assert [m.first_index for m in split.missions()] == [f.first for f in split.route.flights]
 
 

@@ -1,4 +1,4 @@
-"""Times against a fine integration of the motion, and paths against their waypoints."""
+"""Times compared with a fine integration of the motion, and paths with their waypoints."""
 
 import math
 from fractions import Fraction
@@ -30,11 +30,11 @@ accelerations = st.floats(0.3, 6.0)
 
 
 def integrated(bounds, acceleration, stops, step=2e-3):
-    """When each cell's end is reached, of a motion that is as fast as it may be everywhere.
+    """Times at the ends of cells, for the fastest motion within the speed limits.
 
-    `bounds` are speed limits of cells `step` long, `stops` the ends of cells where it stands.
-    The largest speed allowed comes from a sweep forwards and one backwards: v² grows by at most
-    2 a s over a length s.
+    `bounds` are the speed limits of cells of length `step`, `stops` the ends of cells at which the
+    drone stands.  The speeds come from a forward and a backward sweep, in which v² increases by at
+    most 2 a s over a length s.
     """
     speed = [0.0]
     for cell, bound in enumerate(bounds):
@@ -55,7 +55,7 @@ def test_stop_to_stop_is_the_fastest_motion_within_the_bounds(length, speed, acc
     cells = 4000
     times = integrated([speed] * cells, acceleration, {cells}, length / cells)
     time = stop_to_stop_s(length, speed, acceleration)
-    # Where the speed bound sets in within a cell, the sweep is off by less than that cell.
+    # If the speed limit is reached within a cell, the sweep is off by less than this cell.
     assert times[-1] == pytest.approx(time, rel=1e-3)
     for cell in range(0, cells + 1, 250):
         passed = passing_s(cell * length / cells, length, speed, acceleration)
@@ -85,7 +85,7 @@ SLOPED = [(0, 0, 40), (3, 0, 41), (6, 0, 44), (6, 9, 44), (6, 9, 60), (-20, 9, 4
 
 
 def bound(start, stop, timing):
-    """Speed allowed along a sloped leg: level no faster than cruise, up no faster than climb."""
+    """Speed along a sloped leg: horizontally at most the cruise speed, vertically the climb speed."""
     length, level = math.dist(start, stop), math.dist(start[:2], stop[:2])
     rise = abs(stop[2] - start[2])
     return min(
@@ -117,7 +117,7 @@ def test_flying_through_takes_what_its_motion_takes(speed, grid):
     points = list(zip(sites.east_m, sites.north_m, [40.0] * len(sites.photo), strict=True))
     track = track_of(points, sites.photo)
     turning = [place for place, photo in enumerate(sites.photo) if not photo]
-    assert track.stops(timing) == turning  # run-in and run-out, and nowhere else
+    assert track.stops(timing) == turning  # only at run-ins and run-outs
     true = motion(points, timing, lambda a, b: bound(a, b, timing), turning)
     assert track.times_s(timing) == pytest.approx(true, rel=2e-3, abs=5e-3)
 
@@ -162,14 +162,15 @@ def test_wind_leaves_the_airspeed_it_leaves(speed, start, course):
 
 def test_wind_from_the_north_blows_south():
     assert wind_mps(3.0, 0.0) == pytest.approx((-3.0, 0.0))
-    assert wind_mps(3.0, 90.0) == pytest.approx((0.0, -3.0), abs=1e-12)  # from the east: west
+    # wind from the east blows west
+    assert wind_mps(3.0, 90.0) == pytest.approx((0.0, -3.0), abs=1e-12)
     assert wind_mps(3.0, 120.0, heading_deg=120.0) == pytest.approx((-3.0, 0.0))
 
 
 def test_a_drone_holds_its_ground_speed_while_the_air_lets_it():
     calm = Timing(5.0)
     light = Timing(5.0, wind=wind_mps(8.0, 0.0), airspeed_mps=15.0)
-    assert light.leg_s(30.0) == calm.leg_s(30.0)  # 13 m/s through the air will do
+    assert light.leg_s(30.0) == calm.leg_s(30.0)  # 13 m/s through the air is possible
     strong = Timing(5.0, wind=wind_mps(12.0, 0.0), airspeed_mps=15.0)
     assert strong.leg_s(30.0) == pytest.approx(30.0 / 3.0 + 3.0 / 2.0)
     assert strong.leg_s(-30.0) == calm.leg_s(30.0)
@@ -185,7 +186,7 @@ def flown_track(pattern, baseline, timing):
     x, y = map(list, zip(*sites, strict=True))
     photo = [True] * len(x)
     if timing.fly_through:
-        # East and north with a heading of 90 degrees: x along it.
+        # For a heading of 90 degrees, the x axis of the pattern points east.
         x, y, photo = with_turns(
             all_photos(x, y), spacing_m=baseline, run_in_m=timing.run_in_m, heading_deg=90.0
         )

@@ -1,4 +1,4 @@
-"""Photos in passing: which bound rules the speed, and where the drone turns."""
+"""Photos in passing: the limit that determines the speed, and the turning points."""
 
 import math
 from itertools import pairwise
@@ -27,10 +27,10 @@ def ruling(result):
     ("values", "speed", "word"),
     [
         ({}, 5.0, "at the requested speed"),
-        # 5.27 cm a pixel at 40 m: a pixel in 20 ms is 2.64 m/s.
+        # 5.27 cm per pixel at 40 m: one pixel in 20 ms is 2.64 m/s.
         ({"exposure_time": 0.02}, 40 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
         ({"exposure_time": 0.02, "max_blur": 0.5}, 20 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
-        # 2.8 m each 2 s.
+        # 2.8 m every 2 s.
         ({"photo_interval": 2}, 1.4, "each 2 s"),
         ({"photo_interval": 2, "exposure_time": 0.1}, 40 * 7.68 / 640 / 9.1 / 0.1, "--max-blur"),
         (
@@ -38,7 +38,7 @@ def ruling(result):
             10.0,
             "Mini 3 Pro",
         ),
-        # Against 13 of 15 m/s.
+        # Against a wind of 13 m/s, 2 of 15 m/s remain.
         ({"wind_speed": 13, "wind_from": 180}, 2.0, "wind"),
         ({"wind_speed": 13, "wind_from": 0}, 2.0, "wind"),
         ({"wind_speed": 13, "wind_from": 0, "heading": 90}, 5.0, "at the requested speed"),
@@ -69,13 +69,13 @@ def test_no_photo_is_blurred_or_missed(exposure, blur, interval, wanted):
         interval * speed / result.solution.baseline_m,
         speed / wanted,
     )
-    assert max(used) == pytest.approx(1.0)  # one of them is met exactly
+    assert max(used) == pytest.approx(1.0)  # one of the limits is reached exactly
 
 
 @pytest.mark.parametrize("heading", [0.0, 57.0, 300.0])
 @pytest.mark.parametrize("grid", LATTICES)
 def test_photos_are_the_sites_and_turns_lie_outside_on_the_line(grid, heading):
-    # A line of as many photos is longer than its footprint.
+    # A line with this number of photos is longer than the footprint.
     asked = {"grid": grid, "heading": heading, "allow_no_common_ground": grid == "line"}
     stopping = plan(PlanRequest(altitude=40, **asked))
     result = passing(**asked)

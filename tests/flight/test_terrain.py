@@ -1,4 +1,4 @@
-"""Ground heights from rasters, and flights that keep their height above the ground."""
+"""Ground heights from rasters, and flights at a constant height above the ground."""
 
 import json
 import math
@@ -61,7 +61,7 @@ def test_heights_are_bilinear_between_four_pixels(folder):
 
 
 def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
-    # The plane sampled on a lattice of degrees, and on one that is turned by 30 degrees.
+    # The same plane in a raster in degrees, and in one that is turned by 30 degrees.
     step, size = 1e-5, 500
     lon = LINZ[1] + (np.arange(size) - 0.5 * (size - 1)) * step
     lat = LINZ[0] - (np.arange(size) - 0.5 * (size - 1)) * step
@@ -85,7 +85,7 @@ def test_degrees_and_metres_and_turned_rasters_say_the_same(folder, sloped):
         assert three.heights_m(*places) == pytest.approx(one.heights_m(*places), abs=2e-3)
         assert one.pixel_m == pytest.approx(1.0, abs=4e-4)  # the scale of UTM here
         assert three.pixel_m == pytest.approx(one.pixel_m)
-        # A hundred-thousandth of a degree is 1.11 m north and 0.74 m east: the smaller side.
+        # 1e-5 degrees are 1.11 m north and 0.74 m east; the smaller side counts.
         assert two.pixel_m == pytest.approx(0.742, abs=0.002)
 
 
@@ -132,7 +132,7 @@ def test_a_raster_with_a_vertical_datum_names_it(folder):
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="no /proc")
 def test_a_huge_raster_is_read_only_where_it_is_needed(folder):
-    # 60,000 x 60,000 heights would take 14 GB; only the tiles that are written exist.
+    # 60,000 x 60,000 heights would need 14 GB; only tiles that are written are stored.
     path, size = str(folder / "huge.tif"), 60_000
     west, top = EAST - 0.5 * size, NORTH + 0.5 * size
     with rasterio.open(
@@ -154,7 +154,7 @@ def test_a_huge_raster_is_read_only_where_it_is_needed(folder):
         "from aosplan import PlanRequest, plan\n"
         f"r = plan(PlanRequest(altitude=40, origin={LINZ}, terrain={path!r}))\n"
         "print(r.waypoints.ground_m[0])\n"
-        # The peak of this program alone: ru_maxrss keeps that of the process that started it.
+        # The peak memory of this program only, because ru_maxrss includes that of its parent.
         "status = open('/proc/self/status').read()\n"
         "print(status.split('VmHWM:')[1].split()[0])\n"
     )
@@ -162,7 +162,7 @@ def test_a_huge_raster_is_read_only_where_it_is_needed(folder):
     height, kilobytes = done.stdout.split()
     assert 290.0 < float(height) < 310.0
     assert int(kilobytes) < 1_000_000
-    # Points far apart are read in parts.
+    # Distant points are read in parts.
     with Terrain(path) as terrain:
         lon, lat = UTM.transform(
             [EAST, EAST + 29e3, EAST - 29e3],
@@ -185,7 +185,7 @@ def true_ground(function, waypoints, result):
 def test_every_waypoint_keeps_its_height_above_the_ground(hilly, trigger):
     result = planned(terrain=hilly, trigger=trigger, heading=25)
     ways = result.waypoints
-    # The raster's pixels of 1 m round the hills off by 12 / 17² / 8 m at most.
+    # The raster's pixels of 1 m flatten the hills by at most 12 / 17² / 8 m.
     assert ways.ground_m == pytest.approx(true_ground(hills, ways, result), abs=0.01)
     assert set(ways.altitude_m) == {40.0}
     above = result.mission().above_takeoff_m()
@@ -222,7 +222,7 @@ def test_between_waypoints_the_way_stays_within_the_tolerance(
             x, y = UTM.transform(lon, lat)
             level = (1 - share) * one.ground_m + share * other.ground_m + 40.0
             nearest = min(nearest, level - float(hills(x - EAST, y - NORTH)))
-    # Half a pixel between looks, and the pixels themselves, hide at most some centimetres.
+    # The distance of half a pixel between checked places, and the pixels themselves, hide a few cm.
     assert nearest >= 40.0 - tolerance - 0.05
     assert result.document()["height"]["nearest_m"] == pytest.approx(nearest, abs=0.05)
     photos = [way for way in ways if way.photo]
@@ -242,20 +242,20 @@ def test_a_tolerance_adds_waypoints_only_where_the_way_is_too_low(hilly):
 
 
 def test_the_clearance_bounds_the_tolerance(hilly):
-    # 22.5 m up, half a metre is left above 20.04 m of canopy and 2 m of clearance.
+    # At 22.5 m, half a metre remains above 20.04 m of canopy and 2 m of clearance.
     low = planned(altitude=22.5, terrain=hilly, baseline=25, samples=16, terrain_tolerance=50)
     nearest = low.document()["height"]["nearest_m"]
     assert nearest >= low.scene.canopy_top_m + 2.0
 
 
 def test_climbs_take_their_time(sloped):
-    # North on a slope of 10 %, east on one of 20 %.
+    # The slope is 10 % to the north and 20 % to the east.
     flat = planned(baseline=20, samples=16, grid="line", heading=90)
     steep = planned(baseline=20, samples=16, grid="line", heading=90, terrain=sloped)
     slow = planned(baseline=20, samples=16, grid="line", heading=90, terrain=sloped, climb=0.5)
     assert flat.route.time_s < steep.route.time_s < slow.route.time_s
-    # 15 legs of some 4 m up and 20 m ahead (grid north is not true north): half a metre a second
-    # of climb, and a ramp of v/a at each.
+    # 15 legs, each about 4 m up and 20 m long (grid north is not true north), at a climb rate of
+    # 0.5 m/s, with a ramp of v/a for each.
     ground = true_ground(slope, slow.waypoints, slow)
     rise = (ground[-1] - ground[0]) / 15
     assert rise == pytest.approx(4.0, abs=0.05)
@@ -278,7 +278,7 @@ def test_heights_without_a_takeoff_say_where_to_take_off(hilly):
     first = result.waypoints[0]
     (warning,) = [w.message for w in result.warnings if w.code == "takeoff_assumed"]
     assert f"{first.ground_m:.1f} m" in warning
-    # Every flight's file says the same take-off, and so heights that mean the same.
+    # The files of all flights state the same take-off, so heights in them mean the same.
     for mission in result.missions():
         place = mission.settings.takeoff_latitude, mission.settings.takeoff_longitude
         assert place == pytest.approx((first.latitude, first.longitude), abs=1e-9)
@@ -293,7 +293,7 @@ def test_the_drone_climbs_above_a_hill_on_its_way_from_the_takeoff(folder):
     far = planned(terrain=path, takeoff=(lat, lon))
     codes = {w.code: w.message for w in far.warnings}
     assert "takeoff_assumed" not in codes
-    # Canopy and clearance above the ridge, on ground of 300 m: there, and back from any site.
+    # The transit is above the canopy on the ridge plus the clearance, on ground of 300 m.
     (flight,) = far.route.flights
     expected = 45.0 + far.scene.canopy_top_m + 2.0
     assert flight.climb_m == pytest.approx(expected, abs=0.3)
@@ -380,7 +380,7 @@ def test_without_the_extra_it_says_which_one(monkeypatch, hilly, capsys):
     assert 'pip install "aosplan[raster]"' in capsys.readouterr().err
 
 
-# Places
+# Locations
 
 
 @given(

@@ -1,4 +1,4 @@
-"""What is no terrain, or not where it is needed: one clear error."""
+"""Invalid terrain, or terrain that does not cover the flight, gives one clear error."""
 
 from pathlib import Path
 

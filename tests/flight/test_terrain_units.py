@@ -1,4 +1,4 @@
-"""One ground in every unit and projection that a raster has: the same heights, or a refusal."""
+"""The same ground in all units and projections of rasters gives the same heights, or a refusal."""
 
 import numpy as np
 import pytest

@@ -1,9 +1,9 @@
-"""Every reader against mutated files: one error line or a result, in bounded time and memory.
+"""All readers with mutated files: one error line or a result, within limits of time and memory.
 
-Each example runs the command line in a process of its own, whose end, words, time and memory are
-looked at.  ``AOSPLAN_FUZZ_EXAMPLES`` mutations of each good file are tried, from the number
-``AOSPLAN_FUZZ_SEED`` on; what fails is written to the folder ``AOSPLAN_FUZZ_KEEP``.  What once failed
-has a test with an input of its own in ``tests/cli/test_hostile_files.py``.
+Each example runs the command line in its own process; status, output, time and memory are checked.
+``AOSPLAN_FUZZ_EXAMPLES`` mutations of each valid file are tried, starting with number
+``AOSPLAN_FUZZ_SEED``.  Failures are written to the folder ``AOSPLAN_FUZZ_KEEP``.  Earlier failures
+have tests of their own in ``tests/cli/test_hostile_files.py``.
 """
 
 import os
@@ -23,7 +23,8 @@ from support.fuzz_seeds import NUMBERS, WORDS, seeds
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks, and measures memory")
 
 for needed in ("laspy", "lazrs", "rasterio", "PIL", "polars", "shapely"):
-    if find_spec(needed) is None:  # imported only by the processes: threads do not outlive a fork
+    # imported only by the child processes, because threads do not survive a fork
+    if find_spec(needed) is None:
         pytest.skip(f"{needed} is not installed", allow_module_level=True)
 
 EXAMPLES = int(os.environ.get("AOSPLAN_FUZZ_EXAMPLES", "60"))
@@ -33,13 +34,13 @@ OURS = re.compile(r"(error|hint|warning|note): \S|Wrote \S|[a-z0-9 ]+: \S")
 
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
-    """The good files, and the folder with what their commands need."""
+    """The valid files, and the folder with the other inputs of their commands."""
     folder = tmp_path_factory.mktemp("good")
     return folder, seeds(folder)
 
 
 def mutated(content, rng):
-    """A file with some of it cut, repeated, or replaced by what readers do not expect."""
+    """A file with parts cut, repeated, or replaced by unexpected values."""
     content = bytearray(content)
     is_text = b"\0" not in content[:1000]
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
@@ -47,7 +48,7 @@ def mutated(content, rng):
         kind = rng.randrange(7 if is_text else 5)
         if kind == 0 and content:  # one bit
             content[at % len(content)] ^= 1 << rng.randrange(8)
-        elif kind == 1:  # a number of a header: those lie in front, or at the end
+        elif kind == 1:  # a number in a header, which is at the start or at the end
             number = rng.choice(NUMBERS)
             near = rng.choice((at, rng.randrange(400), max(len(content) - rng.randrange(400), 0)))
             content[near : near + len(number)] = number
@@ -59,7 +60,7 @@ def mutated(content, rng):
         elif kind == 4:
             other = rng.randrange(len(content) + 1)
             content[at : at + 16] = content[other : other + 16]
-        else:  # a word of a text
+        else:  # a word in a text
             words = [match.span() for match in re.finditer(rb"[-+.\w]+", content)]
             if words:
                 start, stop = rng.choice(words)
@@ -68,7 +69,7 @@ def mutated(content, rng):
 
 
 def outcome(folder, command):
-    """How a command ends in a process of its own: what is wrong with that, or nothing."""
+    """Description of what is wrong with the result of a command in its own process, or empty."""
     said = folder / "stderr"
     started = time.monotonic()
     pid = os.fork()
@@ -107,7 +108,7 @@ def outcome(folder, command):
 
 
 def run_on(folder, seed, content, tmp_path):
-    """What is wrong when a command reads some content in place of the good file."""
+    """Description of what goes wrong if a command reads some content instead of the valid file."""
     place = tmp_path / "here"
     if not place.exists():
         shutil.copytree(folder, place)

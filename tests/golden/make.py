@@ -1,8 +1,8 @@
-"""Writes the golden files: `PYTHONPATH=tests python tests/golden/make.py`; read the difference.
+"""Write the golden files:  PYTHONPATH=tests python tests/golden/make.py.  Then read the difference.
 
-Small missions in every format that are compared byte for byte; of a zip its members, as
-compression differs between machines.  Of the plan's summary a few parts stay, so neither a release
-nor an option that is added changes them.
+They are small missions in every format that are compared byte by byte.  Zip files are compared
+member by member, because compression differs between machines.  Only a few parts of the plan's
+summary are kept, so that neither a release nor a new option changes the files.
 """
 
 import io
@@ -23,7 +23,7 @@ REQUESTS = {
     "antimeridian": PlanRequest(altitude=40, vhat=0.75, origin=(-16.5, 180.0), heading=90),
     "local": PlanRequest(altitude=50, vhat=0.8, grid="line"),
 }
-"""Small plans by name."""
+"""Small plans, by name."""
 
 
 SUMMARY = ("schema", "samples", "scene", "camera")
@@ -31,7 +31,7 @@ SUMMARY = ("schema", "samples", "scene", "camera")
 
 
 def missions():
-    """The missions by name; `through` flies lines with turns, over a slope, from a take-off."""
+    """The missions by name; `through` has lines with turns, a slope and a take-off."""
     made = {name: plan(request).mission() for name, request in REQUESTS.items()}
     stop = made["placed"]
     count = len(stop.waypoints)
@@ -53,7 +53,7 @@ def missions():
 
 
 def flown_by(mission, form):
-    """The mission for an autopilot that takes the format: its own, or the format's first."""
+    """The mission for an autopilot that supports the format: its own, or else the format's first."""
     autopilot = mission.settings.autopilot
     if not form.flown_by or autopilot in form.flown_by:
         return mission
@@ -61,7 +61,7 @@ def flown_by(mission, form):
 
 
 def contents():
-    """The golden files by name, as they would be written now."""
+    """The current content of the golden files, by name."""
     files = {}
     for name, mission in missions().items():
         for form in formats().values():

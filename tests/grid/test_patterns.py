@@ -1,4 +1,4 @@
-"""Patterns: which sites of a lattice, in which order, and what the solver assumes of them."""
+"""Patterns: their sites, the order of the sites, and properties that the solver assumes."""
 
 import itertools
 import math
@@ -26,20 +26,20 @@ from aosplan.models.positions import pattern_shortfall
 from aosplan.scenes.scene import Layer
 
 MOST = 600
-"""Every count up to here is held against the rule as the contract words it."""
+"""All numbers of samples up to this are compared with the documented rule."""
 
 
 def rectangle_for(samples):
-    """The smallest r x r or r x (r+1) rectangle that holds a number of sites."""
+    """The smallest r x r or r x (r+1) rectangle with at least a number of sites."""
     sizes = ((r, r + more) for r in itertools.count(1) for more in (0, 1))
     return next((rows, columns) for rows, columns in sizes if rows * columns >= samples)
 
 
 def sites_left(samples):
-    """The trimming rule, worked out over all sites of the rectangle.
+    """Sites that the trimming rule leaves, computed from all sites of the rectangle.
 
-    Surplus sites go as point-mirrored pairs, farthest from the centre first, ties by (row,
-    column); an odd last one goes alone.
+    Surplus sites are removed in point-mirrored pairs, starting with those farthest from the centre,
+    with ties in order of (row, column).  If one is left over, it is removed alone.
     """
     rows, columns = rectangle_for(samples)
 
@@ -240,7 +240,7 @@ def test_within_a_frame_every_sample_lowers_the_shortfall_in_exact_arithmetic():
 @pytest.mark.parametrize("row_pitch", [1.0, 4.0])
 def test_every_frame_lowers_the_shortfall_of_the_one_before(grid, row_pitch):
     pitch = max(row_pitch, NARROWEST_TURNS) if grid == "spiral" else row_pitch
-    most = 50 if grid == "spiral" else 120  # spirals are summed pair by pair
+    most = 50 if grid == "spiral" else 120  # spirals are summed pair by pair, which is slow
     for dhat in DISPARITIES:
         shortfalls = [
             pattern_shortfall(frame.whole, dhat)
@@ -312,7 +312,7 @@ def test_a_path_is_as_long_as_its_legs_and_takes_as_long(samples, baseline):
     for (row, column), (to_row, to_column) in itertools.pairwise(pattern.sites()):
         leg = baseline * math.hypot(to_row - row, to_column - column)
         length += leg
-        # To 5 m/s and back to a stop takes 12.5 m and 5 s.
+        # Accelerating to 5 m/s and stopping again takes 12.5 m and 5 s.
         time += 5.0 + (leg - 12.5) / 5.0 if leg >= 12.5 else 2.0 * math.sqrt(leg / 2.0)
     path = path_of(pattern)
     assert path.samples == samples

@@ -1,4 +1,4 @@
-"""Spirals: where their sites are, and what every pattern owes to models and missions."""
+"""Spirals: their sites, and the properties that models and missions require of patterns."""
 
 import itertools
 import math
@@ -39,7 +39,7 @@ def test_each_site_lies_a_baseline_from_the_one_before(spiral):
 
 @every
 def test_sites_lie_on_two_arms_whose_turns_are_as_far_apart_as_asked(spiral):
-    """r = t θ/π, with the other arm half a turn behind: from arm to arm it is t."""
+    """Both arms have r = t θ/π and are half a turn apart, so neighbouring arms are t apart."""
     sites = list(spiral.offsets())
     outward = sites[(spiral.samples + 1) // 2 :]
     turns, before = 0.0, 0.0

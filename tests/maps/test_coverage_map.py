@@ -1,4 +1,4 @@
-"""What a flight over an area left out is found where it was left out, and the top-up closes it."""
+"""Gaps are found where photos of an area are missing, and the top-up closes them."""
 
 import json
 
@@ -21,7 +21,7 @@ SEARCH = {"find": "person", "contrast": 1.0, "canopy_offset": -1.0, "crown_share
 
 @pytest.fixture(scope="module")
 def square(tmp_path_factory):
-    """A square of 80 m, as a GeoJSON file."""
+    """A square of 80 m in a GeoJSON file."""
     east, north = [-40.0, 40.0, 40.0, -40.0, -40.0], [-40.0, -40.0, 40.0, 40.0, -40.0]
     latitude, longitude = to_wgs84(MIDDLE, east, north)
     ring = [list(point) for point in zip(longitude, latitude, strict=True)]
@@ -31,7 +31,7 @@ def square(tmp_path_factory):
 
 
 def flown(path, planned, kept, noise_m=0.0):
-    """A table of the photos of a plan, some left out, and their positions."""
+    """A table of some of the photos of a plan, and their positions."""
     ways = planned.waypoints
     points = np.column_stack([ways.east_m, ways.north_m])[kept]
     points = points + noise_m * np.random.default_rng(2).standard_normal(points.shape)
@@ -75,7 +75,7 @@ def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path
     assert found.missing == np.flatnonzero(gone).tolist()
     coverage = found.coverage
     places = coverage.cells.middles_m
-    # The rule says which places miss a site: those in whose rectangle it lies.
+    # A place lacks a site if the site is missing in the rectangle around the place.
     window = planned.layout.survey.rectangle_m
     turn = np.radians(25.0)
     axes = np.array([[np.sin(turn), np.cos(turn)], [np.cos(turn), -np.sin(turn)]])
@@ -84,11 +84,11 @@ def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path
     short = in_window[:, ~gone].sum(axis=1) < np.minimum(in_window.sum(axis=1), 12)
     assert (coverage.gaps == (short & coverage.inside)).all()
     assert 0.05 < coverage.gap_share < 0.5
-    # All gaps lie within the reach of what was left out, and the place itself is one.
+    # All gaps are within reach of the missing sites, and the centre of these is a gap.
     near = np.hypot(*(places[coverage.gaps] - [10.0, -5.0]).T)
     assert near.max() < 12.0 + np.hypot(*window) / 2
     assert near.min() < 1.0
-    # Flown, the top-up leaves no gap.
+    # After the top-up is flown, there is no gap.
     route = found.topup.waypoints
     more = np.column_stack([route.east_m, route.north_m])
     latitude, longitude = to_wgs84(planned.origin, *np.vstack([points, more]).T.tolist())
@@ -116,7 +116,7 @@ def test_a_search_is_topped_up_until_its_detection_is_as_planned(tmp_path, squar
     assert detection.flown < detection.planned - 0.02
     assert detection.planned - 0.02 < detection.completed < detection.planned + 0.01
     assert coverage.document()["rule"] == "detection"
-    # Where no photo was left out of a footprint, nothing changed.
+    # If all planned photos of a place were taken, its detection has not changed.
     same = inside & (coverage.flown == coverage.planned)
     change = coverage.planned_detection[same] - coverage.flown_detection[same]
     assert np.abs(change).max() < 0.05
@@ -140,7 +140,7 @@ def test_few_sites_cover_all_places(seed):
     chosen = set(covering(rows, wanted, 12).tolist())
     for row, number in zip(rows, wanted.tolist(), strict=True):
         assert len(chosen & set(row.tolist())) >= min(number, len(row))
-    # Greedy multi-cover is within 1 + ln(30) of the fewest; one place alone takes what it wants.
+    # The greedy choice is within 1 + ln(30) of the smallest; a single place gets the wanted number.
     assert len(covering([np.arange(5)], np.array([3]), 5)) == 3
     assert len(covering([np.arange(5)], np.array([0]), 5)) == 0
 

@@ -1,4 +1,4 @@
-"""Detection by place, held against counting photo by photo and against one place at a time."""
+"""Detection by place, compared with counting photo by photo and with predictions for single places."""
 
 import json
 import math
@@ -39,7 +39,7 @@ def over_field():
 
 
 def seen_from(planned, east, north):
-    """The photos whose footprint holds a place, in plain Python."""
+    """The photos whose footprint contains a place, in plain Python."""
     heading = math.radians(planned.heading_deg)
     along_m, across_m = planned.camera.footprint_m(planned.altitude_m)
     ways = planned.waypoints
@@ -79,7 +79,7 @@ def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
         errors.append(found[place] - alone)
     assert np.abs(errors).max() < 0.04
     assert np.sqrt(np.mean(np.square(errors))) < 0.015
-    assert 0.3 < found[inside].mean() < 0.99  # where there is something to be wrong about
+    assert 0.3 < found[inside].mean() < 0.99  # neither all nor nothing is found
 
 
 def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_field):
@@ -90,7 +90,7 @@ def test_the_mean_is_that_of_the_places_and_the_area_that_of_the_outline(over_fi
         sum(found.probability[inside].tolist()) / int(inside.sum()), rel=1e-12
     )
     assert document["area_m2"] == pytest.approx(planned.layout.survey.area_m2, rel=0.01)
-    assert document["photos"]["least"] >= 12  # the rule: N sites around every point
+    assert document["photos"]["least"] >= 12  # the coverage rule: N sites around every point
     assert document["unseen_share"] == 0.0
     assert document["canopy"] == "scene"
 
@@ -101,7 +101,7 @@ def test_one_grid_is_mapped_over_all_that_its_photos_show():
     x, y = planned.camera.footprint_m(40.0)
     extent = planned.extent_m
     box = (x + extent[0]) * (y + extent[1])
-    assert 0.85 * box < found.cells.area_m2 <= 1.01 * box  # trimmed corners are not shown
+    assert 0.85 * box < found.cells.area_m2 <= 1.01 * box  # trimmed corners are not visible
     looks = found.looks[found.cells.inside.ravel()]
     assert (looks.min(), looks.max()) == (1, 12)
     common = (looks == 12).sum() * found.cells.cell_m**2
@@ -114,8 +114,8 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
     planned = plan(PlanRequest(**wanted, **line))
     found = detection_map(planned)
     along_m, swath_m = planned.camera.footprint_m(40.0)
-    # Lateral range curve: in the middle of the line, each place is in the 9 or 10 photos of a
-    # footprint's length, whatever its distance from the line.
+    # Lateral range curve: in the middle of the line, each place is in the 9 or 10 photos that are
+    # within a footprint's length, at any distance from the line.
     aside = (np.arange(11) - 5.0) * swath_m / 11.0
     width = []
     for phase in (np.arange(10) + 0.5) / 10.0:
@@ -136,7 +136,7 @@ def test_the_sweep_width_of_a_line_is_the_swath_times_the_probability():
 def test_a_denser_canopy_hides_more_and_the_middle_of_the_stand_is_where_it_is():
     stand = clumped_forest(next(iter(STANDS.values())))
     middle = (48.3, 14.3)
-    # Open in the western half, as it is in the eastern one.
+    # The western half is open, but not the eastern one.
     occupied = stand.occupied.copy()
     occupied[:, :, : occupied.shape[2] // 2] = False
     stand = replace(stand, occupied=occupied, place=middle)
@@ -182,7 +182,8 @@ def prior_of(path, found, values, **profile):
 
 def test_success_is_detection_times_the_prior_that_is_there(tmp_path, over_field):
     _, found = over_field
-    # Ten by ten pixels of 100 m around the area: a uniform prior has its area's share there.
+    # Ten by ten pixels of 100 m around the area: with a uniform prior, its share is that of its
+    # area.
     even = success_of(found, prior_of(tmp_path / "even.tif", found, np.full((10, 10), 7.0)))
     assert even.area == pytest.approx(found.cells.area_m2 / 1e6, rel=0.002)
     assert even.success == pytest.approx(even.area * found.mean, rel=1e-3)

@@ -1,4 +1,4 @@
-"""Files for QGroundControl and Mission Planner, by the rules of the programs that read them."""
+"""Files for QGroundControl and Mission Planner, checked with the rules of these programs."""
 
 import json
 import re
@@ -16,7 +16,7 @@ NUMBER, TEXT, LIST, TABLE, YES_NO = (int, float), str, list, dict, bool
 
 
 def check_keys(table, keys):
-    """JsonHelper::validateKeys: keys that must be there, of a type; null stands for a number."""
+    """JsonHelper::validateKeys: required keys with their types; null is allowed for numbers."""
     for name, kind in keys.items():
         assert name in table, name
         if table[name] is None:
@@ -72,7 +72,7 @@ def test_plans_follow_the_rules_of_qgroundcontrol(mission):
         codes = [item["command"] for item in plan["mission"]["items"]]
         assert codes[:3] == [22, 178, 205]
         assert codes[-1] == 20
-        # Cameras: 2000 for PX4, and 203 for ArduPilot, which refuses 2000 before 4.4.
+        # PX4 uses command 2000, and ArduPilot 203, because it refuses 2000 before version 4.4.
         assert ({203, 2000} & set(codes)) <= {203 if autopilot == "ardupilot" else 2000}
         wired = flown._replace(settings=flown.settings._replace(camera_control="outputs"))
         wired_items = plan_of(wired)["mission"]["items"]
@@ -128,7 +128,7 @@ def test_home_is_the_take_off_and_the_climb_reaches_the_highest_site():
     assert rows[1][8:11] == [48.0, 14.0, 83.0]
     assert plan_of(mission)["mission"]["plannedHomePosition"] == [48.0, 14.0, 190.0]
     (template, waylines) = documents_of(written(mission, "kmz")).values()
-    # Its height is above the ellipsoid, and the element optional.
+    # The element is optional, and its height would have to be above the ellipsoid.
     assert texts(template, "takeOffRefPoint") == []
     ellipsoidal = grid(ground_m=ground, **place, height_datum="ellipsoid")
     (template, _) = documents_of(written(ellipsoidal, "kmz")).values()

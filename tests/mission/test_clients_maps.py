@@ -1,6 +1,6 @@
-"""Programs that show maps read what is written: GDAL, fastkml with the OGC schema, geojson, litchi-wp.
+"""Programs for maps read the files: GDAL, fastkml with the OGC schema, geojson, and litchi-wp.
 
-What is not installed is skipped.
+Tests of programs that are not installed are skipped.
 """
 
 import io
@@ -32,7 +32,7 @@ def client(name):
 
 
 def check_sites(found, mission):
-    """Latitude, longitude, altitude of the sites, in their order."""
+    """Check latitude, longitude and altitude of the sites, in order."""
     assert len(found) == len(mission.waypoints)
     for (latitude, longitude, altitude), site in zip(found, mission.waypoints, strict=True):
         assert abs(latitude - site.latitude) <= 1e-7
@@ -41,7 +41,7 @@ def check_sites(found, mission):
 
 
 def gdal_points(path, **options):
-    """Points that GDAL reads from the first layer, as latitude, longitude, altitude."""
+    """Latitude, longitude and altitude of the points that GDAL reads from the first layer."""
     raw = client("pyogrio.raw")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -80,7 +80,7 @@ def test_gdal_reads_both_documents_of_wpml(tmp_path, member):
     path = tmp_path / f"{member}.kml"
     path.write_bytes(archive.read(f"wpmz/{member}"))
     found = gdal_points(path)
-    # The heights of WPML stand in elements of its own.
+    # WPML has heights in elements of its own.
     check_sites([(latitude, longitude, 40.0) for latitude, longitude, _ in found], mission)
 
 
@@ -149,7 +149,7 @@ def test_litchi_wp_reads_every_row(tmp_path, name, trigger):
     path = tmp_path / "mission.csv"
     path.write_bytes(render(mission, formats()["litchi"]))
     assert path.read_text().splitlines()[0] == Waypoint.get_header(None)
-    # It prints and skips rows that it does not understand: count them.
+    # It prints and skips rows that it does not understand, so the rows are counted.
     read = Waypoint.from_file(str(path))
     if trigger == "stop":
         check_sites([(site.lat, site.lon, site.altitude.value) for site in read], mission)

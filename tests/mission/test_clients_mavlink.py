@@ -1,7 +1,7 @@
-"""Programs that fly MAVLink load what is written: pymavlink, MAVSDK and MAVProxy themselves.
+"""Programs that use MAVLink load the files: pymavlink, MAVSDK and MAVProxy.
 
-MAVProxy talks to a vehicle of the test's own on the loopback; MAVSDK to its own server.  What is
-not installed is skipped.
+MAVProxy connects to a simulated vehicle on the loopback interface, MAVSDK to its own server.  Tests
+of programs that are not installed are skipped.
 """
 
 import importlib.util
@@ -32,11 +32,11 @@ def file_of(mission, name, folder, **settings):
 
 
 def check_sites(found, mission):
-    """Latitude, longitude in 1e-7 degrees and altitude of the points, in their order."""
+    """Check latitude and longitude in 1e-7 degrees and altitude of the points, in order."""
     ways = flown_path(mission)
     assert len(found) == len(ways)
     for (latitude, longitude, altitude), site in zip(found, ways, strict=True):
-        # A client that cuts instead of rounding is off by one more unit.
+        # A client that truncates instead of rounding has an error of one more unit.
         assert abs(latitude - site.latitude * 1e7) <= 1.01
         assert abs(longitude - site.longitude * 1e7) <= 1.01
         assert abs(altitude - site.height_m) <= 1e-3
@@ -44,7 +44,7 @@ def check_sites(found, mission):
 
 @pytest.fixture(scope="module")
 def mavutil():
-    """pymavlink, speaking MAVLink 2."""
+    """pymavlink with MAVLink 2."""
     os.environ["MAVLINK20"] = "1"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -73,7 +73,7 @@ def test_pymavlink_loads_waypoints(mavutil, tmp_path, name):
     assert (len(photos), len(switches)) == ((0, 2) if name == "through" else (len(sites), 0))
 
 
-# It leaves files open that it does not understand.
+# It does not close files that it cannot read.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def free_port():
 
 
 def upload(missions, items):
-    """Upload once the station has learned what the autopilot understands, soon after it is found."""
+    """Upload as soon as the station knows the autopilot's capabilities, shortly after connecting."""
     from mavsdk.plugins.mission_raw.mission_raw import MissionRawError
 
     for _ in range(200):
@@ -181,7 +181,7 @@ def test_mavsdk_refuses_a_plan_without(ground_station, tmp_path, key):
 
 
 class Vehicle:
-    """The least of an ArduCopter: a heartbeat, and a place to upload missions to."""
+    """A minimal ArduCopter, with a heartbeat and the upload of missions."""
 
     def __init__(self, mavutil, port):
         self.mavlink = mavutil.mavlink
@@ -189,7 +189,7 @@ class Vehicle:
         self.items = []
 
     def serve(self, on_contact, seconds=30.0):
-        """Answer until a mission has arrived whole; `on_contact` is called when a station is there."""
+        """Answer until a complete mission has arrived; call `on_contact` when a station connects."""
         count, asked, end = None, False, time.monotonic() + seconds
         beat = 0.0
         while time.monotonic() < end:

@@ -1,4 +1,4 @@
-"""Formats: the same positions in the same order in every file, whole files or none."""
+"""Formats: the same positions in the same order in every file, and complete files or none."""
 
 import csv
 import importlib
@@ -141,7 +141,7 @@ def test_geojson_is_a_feature_collection_of_rfc_7946(origin, grid):
         assert feature["type"] == "Feature"
         assert isinstance(feature["properties"], dict)
         assert set(feature["geometry"]) == {"type", "coordinates"}
-    # RFC 7946, 4: WGS 84, longitude first, and a third element for height.
+    # RFC 7946, section 4: WGS 84, longitude first, and a third element for height.
     for point in collection["features"][:-1]:
         assert point["geometry"]["type"] == "Point"
         longitude, latitude, altitude = point["geometry"]["coordinates"]
@@ -151,7 +151,7 @@ def test_geojson_is_a_feature_collection_of_rfc_7946(origin, grid):
 
 
 def test_geojson_names_longitude_first():
-    # At Linz 48 can only be the latitude; a file with swapped axes lies in the Indian Ocean.
+    # At Linz 48 must be the latitude; with swapped axes the position is in the Indian Ocean.
     for point in points_of(rendered(planned(origin=LINZ), "geojson")):
         longitude, latitude, _ = point["geometry"]["coordinates"]
         assert longitude == pytest.approx(LINZ[1], abs=1e-3)
@@ -209,7 +209,7 @@ def test_a_path_across_the_antimeridian_is_cut_there(longitude, grid, heading):
         assert len(part) >= 2
         assert all(abs(stop[0] - start[0]) <= 180 for start, stop in pairwise(part))
     for part, following in pairwise(parts):
-        # Cut at one place, which has two names.
+        # The cut is at one place, which has two longitudes.
         assert {part[-1][0], following[0][0]} == {180.0, -180.0}
         assert part[-1][1:] == following[0][1:]
     places = [tuple(place) for part in parts for place in part]
@@ -241,7 +241,7 @@ def test_geojson_read_back_is_the_mission(mission):
         assert altitude == pytest.approx(waypoint.altitude_m, rel=0, abs=5.1e-5)
 
 
-# One mission, every format
+# One mission in every format
 
 
 @pytest.mark.parametrize("origin", [LINZ, (12.0, 180.0), (-90.0, 0.0)])
@@ -332,7 +332,7 @@ def test_an_unknown_ending_lists_the_known_ones():
         choose("plan.txt")
     assert "csv (.csv)" in caught.value.hint
     assert "geojson (.geojson)" in caught.value.hint
-    assert "litchi (litchi:FILE)" in caught.value.hint  # has no ending of its own
+    assert "litchi (litchi:FILE)" in caught.value.hint  # has no extension of its own
 
 
 def test_a_misspelt_format_gets_the_nearest():
@@ -343,7 +343,7 @@ def test_a_misspelt_format_gets_the_nearest():
 
 @pytest.fixture
 def added_format(tmp_path, monkeypatch):
-    """One more module of formats, and its line in the registry."""
+    """An additional module of formats, and its entry in the registry."""
     (tmp_path / "counted.py").write_text(
         "from aosplan.mission.format import Format\n"
         'FORMAT = Format("counted", (".cnt",), "Count", needs_place=False)\n'
@@ -373,7 +373,7 @@ def test_a_format_that_was_added_goes_away_again():
     assert "counted" not in formats()
 
 
-# Writing
+# Writing files
 
 
 def test_a_plan_writes_itself(tmp_path):
@@ -418,7 +418,7 @@ def test_a_disk_that_is_full_leaves_no_file(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-# aosplan export
+# The command `aosplan export`
 
 LINE = ["plan", "--altitude", "40", "--vhat", "0.9", "--origin=48.3358,14.3261", "--heading", "30"]
 

@@ -1,4 +1,4 @@
-"""Every format: the same sites in the same order, the rules of its readers, and its limits."""
+"""All formats: the same sites in the same order, the rules of their readers, and their limits."""
 
 import itertools
 import json
@@ -26,7 +26,7 @@ from aosplan.errors import RequestError
 from aosplan.mission.export import files, formats
 from aosplan.mission.mission import Mission, Waypoints, photo_lines
 
-# One mission, every format
+# One mission in every format
 
 
 def test_every_format_has_a_reader_here():
@@ -37,7 +37,7 @@ def test_every_format_has_a_reader_here():
 @settings(max_examples=15)
 def test_the_same_sites_in_the_same_order_in_every_format(mission):
     ways = mission.waypoints
-    # With photos in passing, files that are flown hold the ends of lines: test_replay.py.
+    # With photos in passing, files for autopilots only have the ends of lines: see test_replay.py.
     stopping = mission._replace(settings=mission.settings._replace(trigger="stop"))
     for name, form in formats().items():
         written_ = flown_in(stopping if form.flown_by else mission, name)
@@ -64,7 +64,7 @@ def test_heights_count_from_the_take_off_where_the_ground_is_known(name):
     heights = [place[2] for place in positions_of(name, [written(mission, name)])]
     expected = [40.0 if above_ground else 40.0 + up - 190.0 for up in ground]
     if not above_ground:
-        # The drone comes on the level of the highest site, and goes down at the first.
+        # The drone arrives at the height of the highest site, and descends at the first.
         assert heights.pop(0) == 83.0
     assert heights == pytest.approx(expected, abs=1e-4)
 
@@ -76,7 +76,7 @@ def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
         ground_m=ground, takeoff_ground_m=190.0, altitude_frame="terrain", autopilot=AUTOPILOT[name]
     )
     content = written(mission, name)
-    # The way to the first site is flown above the take-off, where nothing is known of the ground.
+    # The transit to the first site is relative to the take-off, as the ground there is not known.
     assert [place[2] for place in positions_of(name, [content])] == [83.0, *[40.0] * 12]
     if name == "litchi":
         modes = [line.split(b",")[38] for line in content.splitlines()[1:]]
@@ -113,7 +113,7 @@ def test_stopping_takes_one_photo_at_each_site_after_its_hold(photo):
     items = plan_of(mission)["mission"]["items"]
     places = [place for place, item in enumerate(items) if item["command"] == 16]
     assert [items[place + 1]["command"] == 2000 for place in places] == shot
-    # PX4 takes the photo as the hold of its waypoint ends: the other half follows it.
+    # PX4 takes the photo at the end of the waypoint's hold, so half of the hold comes after it.
     assert [items[place]["params"][0] for place in places] == [1.0 if yes else 0.0 for yes in shot]
     delays = [items[place + 2] for place, yes in zip(places, shot, strict=True) if yes]
     assert [(item["command"], item["params"][0]) for item in delays] == [(93, 1.0)] * sum(shot)
@@ -136,12 +136,12 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     rows = commands_of(written(mission, "waypoints").decode())
     switches = [(row[4], row[6]) for row in rows if row[3] == 206]
     assert switches == [(2.5, 1.0), (0.0, 0.0)] * 3
-    # A line that nothing runs out from is flown on for half a spacing.
+    # After a line without a run-out, the drone continues for half a spacing.
     assert [row[3] for row in rows if row[3] in {203, 206}] == [206, 206] * 3
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
-    assert holds == [0.0] * 9  # first photo, last photo and the trigger's end of each line
+    assert holds == [0.0] * 9  # first photo, last photo, and end of the trigger, for each line
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [
         (
@@ -160,7 +160,7 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
 
 
 def test_turning_points_take_no_photo_in_flight():
-    # Two lines of three with a turning point before and after each.
+    # Two lines of three sites, with a turning point before and after each line.
     east = [0.0, 3.0, 6.0, 9.0, 12.0, 12.0, 9.0, 6.0, 3.0, 0.0]
     north = [0.0] * 5 + [3.0] * 5
     photo = [False, True, True, True, False] * 2
@@ -168,7 +168,7 @@ def test_turning_points_take_no_photo_in_flight():
     mission = grid(trigger="distance")._replace(waypoints=ways)
     assert photo_lines(mission) == [(1, 3), (6, 8)]
     codes = [row[3] for row in commands_of(written(mission, "waypoints").decode())[4:-1]]
-    # On at the first site, off half a spacing after the last, before the turn.
+    # The trigger is on from the first site until half a spacing after the last, before the turn.
     assert codes == [115, 16, 115, 16, 206, 115, 16, 206, 115, 16] * 2
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     stops = ["Stop" in mode for mode in texts(waylines, "waypointTurnMode")]
@@ -231,7 +231,7 @@ def test_names_stay_names(name):
     mission = grid()._replace(summary={"scene": {"name": name}, "camera": {"name": "dji-m3t-wide"}})
     for form in formats().values():
         if "\ud800" in name and form.name in {"geojson", "plan"}:
-            continue  # JSON files are UTF-8: half a character never comes out of one
+            continue  # JSON files are UTF-8, which cannot contain half a surrogate pair
         content = written(mission, form.name)
         assert len(positions_of(form.name, [content])) == 12
         assert b"<script>" not in content or form.name in {"geojson", "plan"}

@@ -1,4 +1,4 @@
-"""What one file may hold: missions are split, or refused with the number."""
+"""Limits of a file: missions are split, or refused with the number."""
 
 import itertools
 import json
@@ -27,7 +27,7 @@ def limit_cases():
 def test_no_file_holds_more_than_its_target_takes(name, target, most):
     autopilot = target if target in {"px4", "ardupilot"} else None
     size = size_of(formats()[name])
-    # Waypoints with their commands: home, take-off, speed, gimbal, return, and so many a site.
+    # Items of a file: home, take-off, speed, gimbal and return, and a number for each site.
     each = {"px4": 3, "ardupilot": 3}.get(target, 1)
     fits = (most - (5 if each > 1 else 0)) // each
     for count in (fits, fits + 1, *([2 * fits + 1] if most < 1000 else [])):
@@ -116,7 +116,8 @@ def test_turning_points_on_their_neighbours_are_left_out_of_files_that_are_flown
     for name, form in formats().items():
         (content,) = files([flown_in(mission, name)], form, "g").values()
         found = [place[0] for place in positions_of(name, [content])]
-        # On at 0, off at the turn after 9; or a stop at each site.
+        # The trigger is on at 0 and off at the turn after 9; otherwise there is a stop at each
+        # site.
         flown = [0.0, 9.4] if "distance" in form.triggers else [0.0, 3.0, 6.0, 9.0]
         assert found == pytest.approx(flown if form.flown_by else east, abs=1e-6), name
 

@@ -1,4 +1,4 @@
-"""DJI Fly, Autel and Parrot: structure, numbers and limits, and what each refuses."""
+"""DJI Fly, Autel and Parrot: structure, numbers and limits, and missions that each refuses."""
 
 import pytest
 from hypothesis import given, settings
@@ -28,7 +28,7 @@ def names(element):
     return [child.tag.partition("}")[2] for child in element]
 
 
-# What all of them refuse
+# Missions that all of them refuse
 
 
 @pytest.mark.parametrize("name", FLYERS)
@@ -130,7 +130,7 @@ def test_autel_has_its_own_namespace_and_numbers():
         assert [e.text for e in document.iter(AUTEL + "droneSubEnumValue")] == ["0"]
         assert [e.text for e in document.iter(AUTEL + "payloadEnumValue")] == ["806"]
         assert not [e for e in document.iter() if e.tag.startswith(WPML)]
-        # The structure is that of DJI's specification, which test_wpml.py checks.
+        # It has the structure of DJI's specification, which test_wpml.py checks.
         shape = [names(element) for element in document.iter()]
         assert shape == [names(element) for element in theirs[name].iter()]
 
@@ -142,7 +142,7 @@ def test_autel_refuses_a_drone_without_a_number():
         render(other, formats()["autel"])
 
 
-# Parrot: the commands and ranges of Parrot's documentation, messages V1
+# Parrot: the commands and ranges in Parrot's documentation, messages V1
 
 ALLOWED = {16, 20, 22, 112, 178, 205, 2000, 50000}
 
@@ -157,8 +157,8 @@ def test_parrot_items_are_those_that_the_anafi_takes(mission):
     assert (rows[0][3], rows[-1][3]) == (22, 20)
     for row in rows:
         if row[3] == 16:
-            assert row[4] == 0  # ignored: holds are delays
-            assert row[5] > 0  # else 5 m
+            assert row[4] == 0  # ignored, because holds are delays
+            assert row[5] > 0  # otherwise 5 m is used
             assert 0 <= row[7] < 360
     assert [row[4:11] for row in rows if row[3] == 205] == [[-90, 0, 0, 0, 0, 0, 2]]
 

@@ -33,7 +33,7 @@ def test_x_runs_along_the_heading_and_y_to_its_right(heading, along, right):
 
 
 def test_a_heading_of_30_degrees_is_east_of_north():
-    # sin 30 = 1/2 eastwards, cos 30 northwards.
+    # At a heading of 30 degrees: sin 30 = 1/2 to the east, cos 30 to the north.
     start, stop = positions("line", 2, 10.0, 30.0)
     assert stop[0] - start[0] == pytest.approx(5.0, abs=1e-12)
     assert stop[1] - start[1] == pytest.approx(10.0 * math.sqrt(3) / 2, abs=1e-12)

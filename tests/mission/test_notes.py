@@ -1,4 +1,4 @@
-"""What is said beside a file: absolute heights, settings that it does not hold, and who flies it."""
+"""Notes beside a file: absolute heights, settings that it does not contain, and its autopilot."""
 
 import pytest
 from support.flights import flown_in, grid

@@ -1,7 +1,7 @@
-"""Every file that any combination of options writes, flown ideally from the file alone.
+"""Ideal flights from the files alone, for all combinations of options.
 
-Photos lie at the planned sites and nowhere else, never below the clearance over terrain and canopy,
-within the drone's speeds, and the time of the file is the time of the plan.
+Photos are taken at the planned sites and nowhere else.  The flights keep the clearance over terrain
+and canopy, do not exceed the drone's speeds, and take the time of the plan.
 """
 
 import itertools
@@ -84,24 +84,25 @@ SHAPES = {"takeoff": relief, "terrain": relief, "rough": rough}
 
 PIXEL_M = {"takeoff": 4.0, "terrain": 4.0, "rough": 1.0}
 RASTER_M = {
-    # Bilinear interpolation misses a ridge by its curvature times a pixel squared over 8.
+    # Bilinear interpolation of a ridge has an error of its curvature times the pixel squared over
+    # 8.
     "takeoff": 2.0 * 50.0 / 25.0**2 * 4.0**2 / 8.0,
     "terrain": 2.0 * 50.0 / 25.0**2 * 4.0**2 / 8.0,
     "rough": (8.0 / 8.0**2 + 8.0 / 6.0**2) * 1.0**2 / 8.0,
     "flat": 0.0,
 }
-"""What the rasters themselves miss of the shapes."""
+"""Largest difference between the rasters and the shapes."""
 
 DEGREE_M = 111_700.0
 
 PLACE_M = {"waypoints": 0.5e-8 * DEGREE_M, "parrot": 0.5e-8 * DEGREE_M}
-"""Rounding of latitudes and longitudes to eight decimals; the others have ten."""
+"""Rounding error of latitudes and longitudes with eight decimals; other formats have ten."""
 
 HEIGHT_M = {"litchi": 0.5e-3, "waypoints": 0.5e-8, "parrot": 0.5e-8}
-"""Rounding of heights to so many decimals; the others have four."""
+"""Rounding error of heights; other formats have four decimals."""
 
 SPEED_MPS = dict.fromkeys(("litchi", "kmz", "dji-fly", "autel"), 0.5e-4)
-"""Rounding of speeds to four decimals; the others have eight or more."""
+"""Rounding error of speeds with four decimals; other formats have eight or more."""
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +170,8 @@ def test_files_fly_as_planned(terrains, craft, trigger, frame, grid):
             written += 1
         except RequestError as refused:
             check_refusal(name, values, refused)
-    # A drone whose formats have no photos in passing, or no heights above ground, gets no file.
+    # There is no file for drones whose formats support neither photos in passing nor terrain
+    # heights.
     assert written or trigger == "distance" or frame == "terrain"
 
 
@@ -200,7 +202,7 @@ def check_flight(name, contents, result, mission, frame):
     ]
     flights = [replayed(name, content, ground, result, mission) for content in contents]
     shots = [shot for flight in flights for shot in flight.photos]
-    # Along a line the distance from its first photo counts, which both ends of the line round, and
+    # The distance along a line counts from its first photo.  Both ends of the line are rounded, and
     # the spacing has six decimals.
     place_m = 2.0 * math.sqrt(2.0) * PLACE_M.get(name, 0.5e-10 * DEGREE_M) + 1e-4
     place_m += 0.5e-6 * len(sites)
@@ -232,7 +234,7 @@ def check_flight(name, contents, result, mission, frame):
 
 
 def check_time(name, flights, result, mission, ground, *, bends):
-    """The time of a file is that of the plan; a file that is split has the times of its parts."""
+    """Check that a file takes the time of the plan; parts of a split file take their shares of it."""
     motion = {"acceleration": result.request.acceleration, "climb": result.request.climb}
     if len(flights) > 1:
         one_file = mission.settings._replace(file_waypoints=100_000)
@@ -249,13 +251,13 @@ def check_time(name, flights, result, mission, ground, *, bends):
         flights = [alone]
     expected = result.route.flights[mission.flight - 1].time_s
     points = flights[0].points
-    # A leg takes longer by the share by which its speed is rounded down.
+    # A leg takes longer by the relative amount by which its speed is rounded down.
     slack = sum(
         math.dist(one[:3], other[:3]) / one.speed * SPEED_MPS.get(name, 0.0) / one.speed
         for one, other in itertools.pairwise(points[:-1])
         if one.speed
     )
-    # Where a line climbs, its heights bound the speed, and the file leaves bends of 0.1 m out.
+    # On climbing lines the heights limit the speed, and the file omits bends of less than 0.1 m.
     lines = sum(point.spacing == 0.0 for point in points)
     slack += bends * (lines + 1) * 2.0 * BEND_M / result.request.climb
     slack += 0.03

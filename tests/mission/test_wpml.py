@@ -1,4 +1,4 @@
-"""DJI WPML, by the rules of its specification."""
+"""DJI WPML, checked with the rules of its specification."""
 
 import zipfile
 from io import BytesIO

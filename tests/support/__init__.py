@@ -1,1 +1,1 @@
-"""Helpers that tests share."""
+"""Helpers of the tests."""

@@ -1,4 +1,4 @@
-"""A sweep that tests run: crossings of a uniform scene, some of which cannot be met."""
+"""A sweep for tests: combinations of a uniform scene, some of which have no solution."""
 
 from aosplan.cli.app import run
 
@@ -19,5 +19,5 @@ def sweep(*arguments):
 
 
 def contents(folder):
-    """The content of every file of a folder, by name."""
+    """The content of every file in a folder, by name."""
     return {entry.name: entry.read_bytes() for entry in folder.iterdir()}

@@ -1,4 +1,4 @@
-"""Point clouds on the disk, and what their voxels are by brute force."""
+"""Point clouds in files, and their voxels by brute force."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ laspy = pytest.importorskip("laspy")
 def write_cloud(
     path, xyz, kind=2, *, point_format=6, scale=0.001, offset=0.0, withheld=0, crs="EPSG:32633"
 ):
-    """A LAS or LAZ file; `crs` is what pyproj takes for a coordinate reference system, or None."""
+    """Write a LAS or LAZ file; `crs` is a coordinate reference system for pyproj, or None."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.broadcast_to(scale, 3).astype(float)
     header.offsets = np.broadcast_to(offset, 3).astype(float)
@@ -31,9 +31,9 @@ def slope(x, y):
 
 
 def stand(seed=0, width=20.1, depth=12.1, count=6000):
-    """Half ground, half canopy from 3 to 9 m over a slope, in a rectangle that is filled.
+    """Points in a rectangle over a slope: half are ground, half are canopy at 3 to 9 m.
 
-    All points keep clear of the faces of voxels of 0.25 m, so that no rounding moves them over.
+    All points are inside voxels of 0.25 m, so that rounding does not move them to a neighbour.
     """
     rng = np.random.default_rng(seed)
     within = rng.uniform(0.03, 0.22, (3, count))
@@ -53,7 +53,7 @@ def patched(path, position, data):
 
 
 def refusal(path, **given):
-    """The error for a file; it has to name the file."""
+    """The error for a file, which has to name the file."""
     with pytest.raises(RequestError) as caught:
         read_voxels(path, **given)
     assert str(path) in caught.value.message

@@ -1,4 +1,4 @@
-"""A Dask cluster that tests start, each of its members a process."""
+"""A Dask cluster for tests, whose members are processes."""
 
 import json
 import os
@@ -13,11 +13,11 @@ vhat = { start = 0.5, stop = 0.95, count = 20 }
 optimize = "time"
 """
 PARTS, ROWS = 23, 900
-"""Rows of this campaign take about a millisecond each."""
+"""Number of parts and rows of this campaign; a row takes about a millisecond."""
 
 
 class Cluster:
-    """A scheduler and its workers, each a process."""
+    """A scheduler and its workers, each in its own process."""
 
     def __init__(self, folder):
         self.folder = folder
@@ -45,7 +45,7 @@ class Cluster:
         return worker
 
     def crew(self, count):
-        """See to it that so many workers are there."""
+        """Start or stop workers until there is a given number."""
         for worker in self.workers[count:]:
             end(worker)
         del self.workers[count:]

@@ -1,4 +1,4 @@
-"""What the tests of the command line share: processes, terminals, and what a refusal looks like."""
+"""Helpers of tests of the command line: processes, terminals, and the check of refusals."""
 
 import fcntl
 import json
@@ -19,7 +19,7 @@ FIELD = ["--area", str(AREAS / "field.geojson")]
 
 
 def loads(text):
-    """One JSON document, and no constant that JSON does not have."""
+    """Parse a JSON document; constants that JSON does not have are an error."""
 
     def refuse(constant):
         raise AssertionError(constant)
@@ -28,7 +28,7 @@ def loads(text):
 
 
 def process(*arguments, cwd=None, stdin="", **environment):
-    """A real process, with no colour and no encoding but what is asked for."""
+    """Run a real process, with no settings of colour and encoding except those given."""
     cleared = ("NO_COLOR", "FORCE_COLOR", "PYTHONIOENCODING", "PYTHONUTF8", "COLUMNS", "LC_ALL")
     kept = {name: value for name, value in os.environ.items() if name not in cleared}
     return subprocess.run(
@@ -43,7 +43,7 @@ def process(*arguments, cwd=None, stdin="", **environment):
 
 
 def check_refusal(status, out, err, expected=2):
-    """One `error:` line, at most one `hint:`, and nothing else anywhere."""
+    """Check that there is one `error:` line, at most one `hint:`, and no other output."""
     assert status == expected
     assert out == ""
     lines = err.split("\n")
@@ -56,7 +56,9 @@ def check_refusal(status, out, err, expected=2):
 
 
 def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environment):
-    """What a process writes to a terminal, and where keys are `typed` once it writes, its status."""
+    """Output of a process to a terminal; if keys are `typed` after its first output, also its
+    status.
+    """
     parent, child = pty.openpty()
     kept = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
     with subprocess.Popen(
@@ -75,7 +77,7 @@ def on_a_terminal(*arguments, program=("-m", "aosplan"), typed=None, **environme
         while True:
             try:
                 part = os.read(parent, 65536)
-            except OSError:  # the other end has gone
+            except OSError:  # the other end is closed
                 break
             if not part:
                 break

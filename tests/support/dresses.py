@@ -1,4 +1,4 @@
-"""One stand in many dresses: the units, systems and records that a LAS file may have."""
+"""One stand in many variants of units, reference systems and records of LAS files."""
 
 import struct
 
@@ -9,7 +9,7 @@ laspy = pytest.importorskip("laspy")
 pyproj = pytest.importorskip("pyproj")
 
 UNITS = {
-    # Metres, the name in WKT, the EPSG code.
+    # Metres, name in WKT, EPSG code.
     "m": (1.0, "metre", 9001),
     "ft": (0.3048, "foot", 9002),
     "us-ft": (1200 / 3937, "US survey foot", 9003),
@@ -18,11 +18,11 @@ UNITS = {
 }
 
 EAST_M, NORTH_M = 500_000.0, 5_200_000.0
-"""Where the stand is, on the central meridian of UTM zone 33N: the scale is 0.9996 there."""
+"""Position of the stand, on the central meridian of UTM zone 33N, where the scale is 0.9996."""
 
 
 def wkt(across, up=None):
-    """UTM 33N with another unit of x and y, and of z if there is one, as WKT 1."""
+    """UTM 33N as WKT 1 with another unit of x and y, and of z if given."""
     metres, name, _ = UNITS[across]
     text = (
         'PROJCS["UTM 33N in its own unit",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",'
@@ -42,7 +42,7 @@ def wkt(across, up=None):
 
 
 def geo_keys(keys, doubles=()):
-    """Records of GeoTIFF keys: values, or ``(34736, index)`` for a double."""
+    """Records of GeoTIFF keys; a value is a number, or ``(34736, index)`` for a double."""
     rows = [
         (key, *(value if isinstance(value, tuple) else (0, value))) for key, value in keys.items()
     ]
@@ -55,7 +55,7 @@ def geo_keys(keys, doubles=()):
 
 
 def write_dressed(path, xyz, kind, *, before=(), behind=(), bit=None, point_format=6, scale=1e-4):
-    """A file with records of the user LASF_Projection, before its points and behind them."""
+    """Write a file with records of the user LASF_Projection before and after its points."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.full(3, scale)
     header.offsets = np.floor(xyz.min(axis=1))

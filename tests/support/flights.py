@@ -1,6 +1,6 @@
-"""Missions anywhere on earth for the tests of formats, what is written of them, and its readers.
+"""Missions anywhere on earth for tests of formats, with functions that write and read them.
 
-The readers are written from the formats' own rules and share nothing with the writers.
+The readers follow the rules of the formats and share no code with the writers.
 """
 
 import csv
@@ -23,7 +23,7 @@ SUMMARY = {"scene": {"name": "stand"}, "camera": {"name": "dji-m3t-thermal"}}
 
 
 def grid(samples=12, *, origin=(48.3358, 14.3261), baseline_m=3.0, heading_deg=30.0, **values):
-    """A mission over a grid; other values go to its flight settings, or to its waypoints' columns."""
+    """A mission over a grid; other values are flight settings or columns of its waypoints."""
     altitude_m = values.pop("altitude_m", 40.0)
     kind = values.pop("kind", "trimmed")
     columns = {name: values.pop(name) for name in ("ground_m", "photo") if name in values}
@@ -58,11 +58,11 @@ FLYERS = {
     "dji-fly": "dji-mini-4-pro",
     "parrot": "parrot-anafi-thermal",
 }
-"""A drone for each format that asks for one; all of them stop for their photos."""
+"""A drone for each format that needs one; all of them stop for photos."""
 
 
 def flown_in(mission, name):
-    """The mission as a drone that flies the format flies it."""
+    """The mission for a drone that supports the format."""
     if name not in FLYERS:
         return mission
     autopilot = name.removeprefix("dji-fly") or "dji"
@@ -194,7 +194,7 @@ def texts(element, name):
 
 
 def pairs(count):
-    """A mission of many lines of two photos each, which takes the most commands."""
+    """A mission of many lines with two photos each, which needs the most commands."""
     east = [3.0 * (index % 2) for index in range(count)]
     north = [3.0 * (index // 2) for index in range(count)]
     where = ([1e-5 * value for value in north], [1e-5 * value for value in east])

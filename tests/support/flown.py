@@ -1,4 +1,4 @@
-"""Folders of photos with drone tags: a textured plane, seen from known places."""
+"""Folders of photos with drone tags, which show a textured plane from known positions."""
 
 import math
 
@@ -38,7 +38,7 @@ SKYDIO = (
 
 
 def rotation_of(yaw, pitch, roll):
-    """World (east, north, up) to camera by SciPy's Euler angles."""
+    """World-to-camera rotation (east, north, up) from SciPy's Euler angles."""
     body = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True).as_matrix()
     east_north_up = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ body
     return np.stack([east_north_up[:, 1], east_north_up[:, 2], east_north_up[:, 0]])
@@ -46,7 +46,7 @@ def rotation_of(yaw, pitch, roll):
 
 def write_photo(path, position, angles, *, xmp=DJI, image=None, gps=True, focal=FOCAL, more="",
                 mode="L", **tags):  # fmt: skip
-    """One JPEG or TIFF, taken at a place east, north and up of `ORIGIN`."""
+    """Write one JPEG or TIFF, taken at a position east, north and up of `ORIGIN`."""
     east, north, up = position
     (latitude,), (longitude,) = to_wgs84(ORIGIN, [east], [north])
     yaw, pitch, roll = angles
@@ -84,7 +84,7 @@ def sexagesimal(degrees):
 
 
 def fly(folder, *, count=9, seed=1, name="DJI_{:04d}.jpg", **tags):
-    """Photos of a small grid, slightly tilted and in several directions; their poses."""
+    """Write photos of a small grid, slightly tilted and with several headings; return their poses."""
     rng = np.random.default_rng(seed)
     folder.mkdir(exist_ok=True)
     side = round(count**0.5)

@@ -1,6 +1,7 @@
-"""Clumped forests from a seed: trees with a stem and a crown of leafy clumps, in voxels.
+"""Clumped forests from a seed: trees with a stem and a crown of leafy clumps, as voxels.
 
-They stand for stands that no cloud in reach shows; the plot wraps, as the models do.
+They replace real point clouds, which are not part of the project.  The plot is periodic, as in the
+models.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from aosplan.scenes.voxels import VoxelVolume
 
 
 class Stand(NamedTuple):
-    """Parameters of a stand; heights and radii are means, each tree varies by a fifth."""
+    """Parameters of a stand; heights and radii are means, and vary by a fifth between trees."""
 
     seed: int
     trees: int
@@ -32,7 +33,7 @@ STANDS = {
 
 
 def clumped_forest(stand: Stand, *, side_m: float = 24.0, voxel_m: float = 0.25) -> VoxelVolume:
-    """A stand as voxels: crowns are ellipsoids in which whole clumps are leafy or empty."""
+    """A stand as voxels; crowns are ellipsoids of clumps, each of which is leafy or empty."""
     rng = np.random.default_rng(stand.seed)
     cells = round(side_m / voxel_m)
     levels = round(1.4 * stand.height_m / voxel_m)

@@ -1,4 +1,4 @@
-"""One good file of every kind that is read, and the commands that read it."""
+"""One valid file of every kind that is read, and commands that read it."""
 
 import io
 import json
@@ -12,7 +12,7 @@ import numpy as np
 
 
 class Seed(NamedTuple):
-    """A good file: its name, its content, and a command line that reads it."""
+    """A valid file: its name, its content, and a command line that reads it."""
 
     name: str
     content: bytes
@@ -134,14 +134,14 @@ def photo():
 
 
 def made(folder, *arguments):
-    """What a command of ours writes to stdout, or to the file that it ends with."""
+    """Output of a command of aosplan."""
     line = [sys.executable, "-m", "aosplan", *arguments]
     done = subprocess.run(line, cwd=folder, capture_output=True, check=True)
     return done.stdout
 
 
 def seeds(folder):
-    """A good file of each kind; `folder` gets what their commands need beside them."""
+    """A valid file of each kind; other inputs of their commands are written to `folder`."""
     (folder / "images").mkdir()
     for name in ("a.png", "b.png"):
         (folder / "images" / name).write_bytes(image("PNG"))
@@ -198,7 +198,9 @@ def seeds(folder):
 
 
 def parquet():
-    """A table of scenarios; the library that writes it has threads, which no fork outlives."""
+    """A table of scenarios, written in another process, because its library's threads do not
+    survive a fork.
+    """
     code = (
         "import sys, polars\n"
         "table = {'altitude': [40.0, 50.0], 'scene': ['paper-forest', 'open-woodland']}\n"
@@ -215,7 +217,7 @@ NUMBERS = [
         ("<d", -0.0), ("<f", 3e38), ("B", 0), ("B", 255),
     ]
 ]  # fmt: skip
-"""What a field of a binary file may overflow with."""
+"""Values with which a field of a binary file may overflow."""
 
 WORDS = [
     *b"1e308 -1e308 1e999 NaN Infinity -0 0 1e-320 9007199254740993 99999999999999999999".split(),
@@ -223,4 +225,4 @@ WORDS = [
     *b"' \" < & [ ] { } 0x7f".split(),
     b"\0", b"\n", b"\r", b"\t", b" ", b"9" * 400,
 ]  # fmt: skip
-"""What a text may hold in place of a word."""
+"""Replacements for a word in a text."""

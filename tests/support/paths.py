@@ -1,4 +1,4 @@
-"""Folders that tests read."""
+"""Folders of input files."""
 
 from pathlib import Path
 
@@ -6,6 +6,6 @@ TESTS = Path(__file__).parents[1]
 ROOT = TESTS.parent
 AREAS = TESTS / "support" / "areas"
 SHARED = ROOT.parent / "shared"
-"""Larger inputs beside the project; tests that need them are skipped where they are absent."""
+"""Larger inputs outside the project; tests that need them are skipped if they are missing."""
 
 CLOUDS = SHARED / "data"

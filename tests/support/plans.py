@@ -1,4 +1,4 @@
-"""Plans of the uniform scene that tests of planning share."""
+"""Plans of the uniform scene for tests of planning."""
 
 from aosplan import PlanRequest, plan
 

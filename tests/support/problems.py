@@ -1,4 +1,4 @@
-"""Problems for the solver, at random and by name."""
+"""Random and named problems for the solver."""
 
 import random
 from fractions import Fraction
@@ -15,7 +15,7 @@ from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
 from aosplan.solver.solve import solve
 
 near = partial(pytest.approx, abs=0.0)
-"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
+"""`approx` without its absolute tolerance of 1e-12."""
 
 KINDS = ("trimmed", "rectangle", "square", "line", "lanes", "spiral")
 OBJECTIVES = ("samples", "aperture", "time")
@@ -32,7 +32,7 @@ def visible(text):
 
 
 def patterns(grid, most):
-    """Every pattern of a kind up to a number of samples, fewest first."""
+    """All patterns of a kind up to a number of samples, in increasing order."""
     samples = 1
     while (pattern := grid.pattern(samples)).samples <= most:
         yield pattern
@@ -40,7 +40,7 @@ def patterns(grid, most):
 
 
 def reaches(problem, pattern, baseline, tolerance=1e-12):
-    """Whether the target is reached, in exact arithmetic on the model's float."""
+    """Whether the target is reached; the model's float is compared in exact arithmetic."""
     prediction = problem.model.predict(pattern, baseline)
     normalized = problem.requirement.quantity == "normalized"
     lacking = prediction.shortfall if normalized else prediction.mean_squared_error
@@ -49,7 +49,7 @@ def reaches(problem, pattern, baseline, tolerance=1e-12):
 
 
 def widest(problem, pattern):
-    """The widest baseline that gains anything within the bound on the aperture."""
+    """The largest useful baseline within the limit of the aperture."""
     baseline = problem.model.independent_baseline_m / pattern.nearest
     if problem.bounds.max_aperture_m is not None and pattern.longer_side > 0:
         baseline = min(baseline, problem.bounds.max_aperture_m / pattern.longer_side)
@@ -57,7 +57,7 @@ def widest(problem, pattern):
 
 
 def enumerate_samples(problem, most):
-    """Samples of the first pattern that reaches the target as wide as it may be."""
+    """Samples of the first pattern that reaches the target at its largest useful baseline."""
     return next(
         (
             pattern.samples
@@ -73,7 +73,7 @@ def extent(solution):
 
 
 def attempt(problem):
-    """A solution, or None where the solver says that there is none."""
+    """A solution, or None if the solver states that there is none."""
     try:
         return solve(problem)
     except InfeasibleError:
@@ -114,7 +114,7 @@ def random_timing(source):
 
 
 def problems(seed, count, *, grid, objective, quantity="normalized", aperture=None):
-    """Random problems with at most 60 samples; an aperture bound on about half of them."""
+    """Random problems with at most 60 samples; about half of them have a limit of the aperture."""
     source = random.Random(f"{seed} {grid} {objective} {quantity}")
     for _ in range(count):
         model = random_model(source)

@@ -1,8 +1,8 @@
-"""Recordings with known truth: a textured plane, seen by following each pixel's ray to it.
+"""Recordings with a known result: a textured plane, rendered by tracing the ray of each pixel.
 
-Nothing here is shared with `aosplan.postflight.integral`: a pixel's ray is found by turning its direction
-out of the camera, distortion is undone by iteration, and the texture is a formula, so that no
-pixel of the truth is interpolated.
+No code is shared with `aosplan.postflight.integral`.  The ray of a pixel is rotated from the camera
+to the world, distortion is removed by iteration, and the texture is a formula, so that the true
+image is not interpolated.
 """
 
 import json
@@ -16,20 +16,20 @@ FOV_DEG = np.degrees(2 * np.arctan(0.5 * WIDTH / FOCAL))
 
 
 def texture(x, y):
-    """Grey values of the plane at positions in metres: between 40 and 216, periods from 3 m."""
+    """Grey values of the plane at positions in metres, between 40 and 216, with periods from 3 m."""
     waves = np.sin(2.1 * x + 0.3) * np.cos(1.3 * y) + np.sin(0.7 * x - 1.1 * y + 1.0)
     return 128.0 + 44.0 * waves
 
 
 def nadir_to(yaw_deg, pitch_deg=0.0, roll_deg=0.0, *, z_up=True):
-    """World to camera of a camera that looks down, turned by three angles."""
+    """World-to-camera rotation of a camera that looks down, turned by three angles."""
     down = Rotation.from_matrix([[1, 0, 0], [0, -1, 0], [0, 0, -1]] if z_up else np.eye(3))
     turn = Rotation.from_euler("zxy", [yaw_deg, pitch_deg, roll_deg], degrees=True)
     return (turn * down).as_matrix()
 
 
 def undistorted(x, y, k1, k2, p1, p2):
-    """Directions of distorted ones, by fixed-point iteration."""
+    """Undistorted directions of distorted ones, by fixed-point iteration."""
     ux, uy = x.copy(), y.copy()
     for _ in range(200):
         r2 = ux**2 + uy**2
@@ -42,13 +42,13 @@ def undistorted(x, y, k1, k2, p1, p2):
 
 
 def on_plane(rotation, position, height=0.0, *, up=1.0, distortion=None, middle=None):
-    """Where the rays of all pixels meet the plane: x, y (in the world's axes) and whether ahead."""
+    """Points at which the rays of all pixels meet the plane: x, y, and whether the plane is ahead."""
     cx, cy = middle or (WIDTH / 2, HEIGHT / 2)
     column, row = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     x, y = (column - cx) / FOCAL, (row - cy) / FOCAL
     if distortion is not None:
         x, y = undistorted(x, y, *distortion)
-    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation  # Rᵀ applied to each
+    ray = np.stack([x, y, np.ones_like(x)], axis=-1) @ rotation  # Rᵀ applied to each ray
     with np.errstate(divide="ignore"):
         along = (up * height - position[2]) / ray[..., 2]
     meet = position + along[..., None] * ray
@@ -56,7 +56,7 @@ def on_plane(rotation, position, height=0.0, *, up=1.0, distortion=None, middle=
 
 
 def photo(rotation, position, *, height=0.0, up=1.0, shade=texture, **lens):
-    """The image of the plane at a height, as float32; 0 where the ray meets no plane."""
+    """The image of the plane at a height, as float32; 0 if a ray does not meet the plane."""
     x, y, ahead = on_plane(rotation, position, height, up=up, **lens)
     return np.where(ahead, shade(x, up * y), 0.0).astype(np.float32)
 
@@ -72,7 +72,7 @@ def sites(count=9, pitch=2.0, altitude=30.0, seed=1):
 
 
 def write_recording(folder, views, images, *, camera=True, text=False, **saved):
-    """An AOS JSON and a folder of images; the two paths."""
+    """Write an AOS JSON and a folder of images, and return both paths."""
     (folder / "images").mkdir(exist_ok=True)
     entries = []
     for index, ((rotation, position), image) in enumerate(zip(views, images, strict=True)):
@@ -97,7 +97,7 @@ def save(image, path, **saved):
 
 
 def write_colmap(folder, views, images, cameras, *, model_of=lambda _: 1):
-    """COLMAP's text files and a folder of images; the two paths."""
+    """Write COLMAP's text files and a folder of images, and return both paths."""
     (folder / "images").mkdir(exist_ok=True)
     (folder / "cameras.txt").write_text("# Camera list\n\n" + "\n".join(cameras) + "\n")
     lines = ["# Image list with two lines of data per image:", ""]
@@ -114,14 +114,14 @@ def write_colmap(folder, views, images, cameras, *, model_of=lambda _: 1):
 
 
 def truth(raster, *, shade=texture):
-    """The plane itself at the middles of a raster's pixels."""
+    """The texture of the plane at the centres of a raster's pixels."""
     x = raster.left_m + raster.gsd_m * (np.arange(raster.columns) + 0.5)
     y = raster.top_m - raster.gsd_m * (np.arange(raster.rows) + 0.5)
     return shade(x[None, :], y[:, None])
 
 
 def shift_px(image, reference, mask):
-    """Shift of an image against a reference in pixels, by least squares on the gradients."""
+    """Shift of an image relative to a reference in pixels, by least squares of the gradients."""
     down, right = np.gradient(reference)
     inside = mask.copy()
     inside[[0, -1]] = inside[:, [0, -1]] = False

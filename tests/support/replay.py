@@ -1,7 +1,7 @@
-"""An ideal flight of a mission's file: what is flown and photographed, from the file alone.
+"""An ideal flight from a mission's file alone: its path and its photos.
 
-The readers and the flight are written from the formats' rules and share nothing with the package.
-Places are metres east and north of a given origin, heights metres above the take-off.
+The readers and the flight follow the rules of the formats and share no code with the package.
+Positions are metres east and north of a given origin, heights metres above the take-off.
 """
 
 import csv
@@ -15,33 +15,33 @@ from xml.etree import ElementTree as ET
 
 KML = "{http://www.opengis.net/kml/2.2}"
 WPML = "{*}"
-"""DJI's namespace, or Autel's."""
+"""Any namespace: DJI's or Autel's."""
 
 
 class Point(NamedTuple):
-    """A point that a file lists, and what happens there."""
+    """A point of a file, and the actions at it."""
 
     x: float
     y: float
     up: float
     speed: float
-    """From here on."""
+    """Speed from this point on."""
     hold: float = 0.0
     stop: bool = False
     photos: int = 0
     spacing: float | None = None
-    """Of a distance trigger from here on; 0 switches it off, None leaves it."""
+    """Spacing of a distance trigger from this point on; 0 switches it off, None does not change it."""
 
 
 class Flown(NamedTuple):
-    """What a file does: points from take-off to landing, and where photos are taken."""
+    """The flight of a file: points from take-off to landing, and positions of the photos."""
 
     points: list
     photos: list
 
 
 class Ground:
-    """Local metres, and heights above the take-off of places above the ground."""
+    """Conversion to local metres, and heights above the take-off from heights above the ground."""
 
     def __init__(self, origin, height=lambda _lat, _lon: 0.0):
         self.origin, self.height = origin, height
@@ -60,7 +60,7 @@ class Ground:
 
 
 def mavlink_items(name, content):
-    """Items of a `.waypoints` or `.plan` file, home left out: command, frame, seven parameters."""
+    """Items of a `.waypoints` or `.plan` file without home: command, frame, seven parameters."""
     if name == "waypoints":
         first, *lines = content.decode().splitlines()
         assert first == "QGC WPL 110"
@@ -73,7 +73,7 @@ def mavlink_items(name, content):
 
 
 def fly_mavlink(name, content, ground):
-    """MAVLink: commands after a waypoint are carried out when its hold is over."""
+    """Fly a MAVLink file; commands after a waypoint are executed when its hold is over."""
     home, items = mavlink_items(name, content)
     assert items[0][0] == 22
     x, y = ground.place(*home[:2])
@@ -102,13 +102,15 @@ def fly_mavlink(name, content, ground):
         else:
             assert command in {20, 115, 205}
     assert items[-1][0] == 20
-    # Both autopilots return on their own height, or higher if a parameter says so.
+    # Both autopilots return at their own height, or higher if a parameter says so.
     points.append(Point(x, y, points[-1].up, points[-1].speed, stop=True))
     return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
 
 
 def fly_parrot(content, ground, takeoff, climb):
-    """Parrot: up to the first waypoint's height, and there; a delay is a wait on the spot."""
+    """Fly a Parrot file: up to the first waypoint's height, then to it; a delay is a wait on the
+    spot.
+    """
     first, *lines = content.decode().splitlines()
     assert first == "QGC WPL 120"
     x, y = ground.place(*takeoff)
@@ -132,9 +134,10 @@ def fly_parrot(content, ground, takeoff, climb):
 
 
 def fly_litchi(content, ground, takeoff, transit):
-    """Litchi: straight up to the first waypoint's height and there; home at its last one's.
+    """Fly a Litchi file: up to the first waypoint's height, then to it; back at the last one's
+    height.
 
-    The file has no speed for these ways, which Litchi and DJI's app are set to: `transit`.
+    The file has no speed for these two ways.  `transit` is the setting of Litchi and of DJI's app.
     """
     rows = list(csv.DictReader(io.StringIO(content.decode(), newline="")))
     x, y = ground.place(*takeoff)
@@ -151,7 +154,7 @@ def fly_litchi(content, ground, takeoff, transit):
             hold += value / 1000.0 if kind == 0 else 0.0
             photos += kind == 1
         spacing = float(row["photo_distinterval"])
-        # Taken to run on over waypoints that ask for the same interval.
+        # The trigger is assumed to continue over waypoints with the same interval.
         begins, on = spacing > 0.0 and not on, spacing > 0.0
         points.append(
             Point(
@@ -169,7 +172,9 @@ def text(element, name):
 
 
 def fly_wpml(content, ground, takeoff):
-    """WPML: up to the security height, there, down; from the last waypoint up, and home."""
+    """Fly a WPML file: up to the security height, to the first point and down; at the end up and
+    back.
+    """
     archive = zipfile.ZipFile(io.BytesIO(content))
     document = ET.fromstring(archive.read("wpmz/waylines.wpml"))
     transit = float(text(document, "globalTransitionalSpeed"))
@@ -214,7 +219,7 @@ def fly_wpml(content, ground, takeoff):
 
 
 def flown(points):
-    """Photos of the points: single ones, and each spacing of level way while a trigger is on."""
+    """The flight with its photos: single ones, and one per spacing of path while the trigger is on."""
     photos, spacing, gone = [], 0.0, 0.0
     for point, following in zip(points, [*points[1:], None], strict=True):
         photos += [point[:3]] * point.photos
@@ -235,7 +240,7 @@ def flown(points):
 
 
 def between(points, first, last):
-    """The points from the first at one place to the first at another one."""
+    """The points from the first one at one position to the first one at another."""
     start, stop = (
         next(k for k, point in enumerate(points) if math.dist(point[:3], place[:3]) < 1e-3)
         for place in (first, last)
@@ -244,7 +249,7 @@ def between(points, first, last):
 
 
 def duration_s(points, *, acceleration, climb):
-    """Time of a flight that stops where its file says so and where its course turns."""
+    """Time of a flight with stops in the file and where the course turns."""
     total, line = 0.0, []
     stops = {0, len(points) - 1}
     for index in range(1, len(points) - 1):
@@ -273,8 +278,8 @@ def duration_s(points, *, acceleration, climb):
     return total + sum(point.hold for point in points)
 
 
-# What autopilots take: PX4, MavlinkMissionManager::parse_mavlink_mission_item and
-# FeasibilityChecker; ArduPilot, AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
+# Items that autopilots accept.  PX4: MavlinkMissionManager::parse_mavlink_mission_item and
+# FeasibilityChecker.  ArduPilot: AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
 
 PX4_PLACED = {16, 17, 19, 21, 22, 31, 84, 85, 195, 201}
 PX4_PLAIN = {20, 93, 112, 114, 177, 178, 179, 189, 197, 203, 204, 205, 206, 214, 530, 532, 1000}
@@ -282,13 +287,13 @@ PX4_PLAIN |= {1001, 2000, 2001, 2003, 2500, 2501, 3000}
 
 
 def check_px4(items, home):
-    """PX4 takes every item, and finds the mission feasible with the parameters it comes with."""
+    """Check that PX4 accepts every item, and finds the mission feasible with default parameters."""
     placed = False
     for command, frame, params in items:
         assert frame in {0, 2, 3, 5, 6}
         assert command in (PX4_PLAIN if frame == 2 else PX4_PLACED)
         if command == 22:
-            assert not placed  # the take-off is the first item with a place
+            assert not placed  # the take-off is the first item with a position
             assert params[6] - 1.0 >= 2.0  # one metre more than NAV_ACC_RAD
         placed |= frame != 2
         if frame != 2:
@@ -303,7 +308,7 @@ ARDUPILOT = {16, 17, 19, 20, 21, 22, 93, 112, 114, 115, 177, 178, 179, 201, 203,
 
 
 def check_ardupilot(items, home):
-    """ArduCopter stores every item, and takes none of their zeros for "here"."""
+    """Check that ArduCopter stores every item, and that no zero means the current position."""
     assert len(items) + 1 <= 718
     assert all(math.isfinite(value) for value in home)
     for command, frame, params in items:
@@ -311,12 +316,12 @@ def check_ardupilot(items, home):
         if command in {16, 22}:
             assert frame in {0, 3, 10}
             assert abs(params[6]) < 83_000.0
-            assert round(100.0 * params[6]) != 0  # centimetres; zero means the present height
+            assert round(100.0 * params[6]) != 0  # centimetres; zero means the current height
             assert (round(1e7 * params[4]), round(1e7 * params[5])) != (0, 0)
         if command == 16:
             assert params[0] == int(params[0])
     yaws = [params[0] for command, _, params in items if command == 115]
     assert all(0.0 <= yaw <= 360.0 for yaw in yaws)
-    # It turns to the next waypoint unless the item before it says otherwise.
+    # It turns to the next waypoint unless the preceding item sets the yaw.
     codes = [command for command, _, _ in items]
     assert all(codes[place - 1] == 115 for place, code in enumerate(codes) if code == 16)

@@ -1,4 +1,4 @@
-"""Random areas for tests: convex and ragged outlines, holes, several parts, slivers, specks."""
+"""Random areas for tests: convex and ragged outlines, holes, several parts, slivers, and specks."""
 
 import math
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 @st.composite
 def outlines(draw, least_m=1.0, most_m=60.0):
-    """One polygon: a star with random rays, a triangle, or a thin strip, anywhere near 0, 0."""
+    """One polygon near the origin: a star with random rays, a triangle, or a thin strip."""
     size = draw(st.floats(least_m, most_m))
     x, y = draw(st.floats(-most_m, most_m)), draw(st.floats(-most_m, most_m))
     turn = draw(st.floats(0.0, 2 * math.pi))
@@ -33,7 +33,7 @@ def outlines(draw, least_m=1.0, most_m=60.0):
 
 @st.composite
 def areas(draw, **sizes):
-    """A multipolygon of one to three outlines, perhaps with holes cut out of it."""
+    """A multipolygon of one to three outlines, possibly with holes."""
     whole = shapely.union_all(draw(st.lists(outlines(**sizes), min_size=1, max_size=3)))
     for hole in draw(st.lists(outlines(**sizes), max_size=2)):
         rest = shapely.difference(whole, hole)
@@ -45,7 +45,7 @@ def areas(draw, **sizes):
 
 
 def points_in(shape, count, rng):
-    """Points of a shape: its corners, points on its border, and random ones."""
+    """Points of a shape: its corners, points on its border, and random points."""
     corners = shapely.get_coordinates(shape)
     border = shapely.line_interpolate_point(
         shape.boundary, rng.uniform(0, 1, count), normalized=True

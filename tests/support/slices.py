@@ -4,7 +4,7 @@ import numpy as np
 
 
 def slices_shortfall(points, layers, altitude_m):
-    """K = ΣΣ Cov/(N² p T) with Cov = Π (q² + D q τ) - Π q² over the slices; points along the axes."""
+    """K = ΣΣ Cov/(N² p T), with Cov = Π (q² + D q τ) - Π q² over slices; points are along the axes."""
     points = np.asarray(points, dtype=float)
     x, y = np.abs(points[:, None] - points[None, :]).transpose(2, 0, 1)
     both, clear = np.ones(x.shape), 1.0

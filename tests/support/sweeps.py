@@ -1,4 +1,4 @@
-"""What plan says of a scenario, in the columns of sweeps."""
+"""Results of `plan` for a scenario, in the columns of sweeps."""
 
 import math
 
@@ -9,7 +9,7 @@ from aosplan.sweeps.row_solver import RESULTS
 
 
 def results_of(result):
-    """The numbers of a plan's JSON document by the names of `RESULTS`; nan where it has none."""
+    """The numbers in a plan's JSON document by the names of `RESULTS`; nan if there is none."""
     document = result.document()
     named = {name: document.get(name) for name in RESULTS}
     for part in ("visibility", "disparity", "camera", "flight"):
@@ -22,7 +22,7 @@ def results_of(result):
 
 
 def by_plan(values):
-    """Status, reason and results of a scenario, from what plan says of it."""
+    """Status, reason and results of a scenario, from its plan."""
     try:
         return "ok", "", results_of(plan(PlanRequest(**values)))
     except InfeasibleError as error:

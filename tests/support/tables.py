@@ -1,4 +1,4 @@
-"""Cameras and scenes as tables, and files of them."""
+"""Cameras and scenes as tables and as files."""
 
 import json
 

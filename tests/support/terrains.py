@@ -1,4 +1,4 @@
-"""Rasters of ground heights that tests write, and flights over them."""
+"""Rasters of ground heights for tests, and flights over them."""
 
 import numpy as np
 from pyproj import Transformer
@@ -10,11 +10,11 @@ LINZ = (48.3358, 14.3261)
 UTM = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True)
 EAST, NORTH = UTM.transform(LINZ[1], LINZ[0])
 SIZE = 400
-"""Pixels of a raster's side."""
+"""Number of pixels along a raster's side."""
 
 
 def saved(path, heights, *, crs="EPSG:32633", transform=None, pixel=1.0, nodata=None, unit=""):
-    """A GeoTIFF centred at LINZ."""
+    """Write a GeoTIFF that is centred at LINZ."""
     import rasterio
     from rasterio.transform import from_origin
 
@@ -33,7 +33,7 @@ def saved(path, heights, *, crs="EPSG:32633", transform=None, pixel=1.0, nodata=
 
 
 def surface(function, pixel=1.0, size=SIZE):
-    """Heights at the centres of pixels, as a function of metres from the middle."""
+    """Heights at the centres of pixels, from a function of metres from the middle."""
     middle = (np.arange(size) - 0.5 * (size - 1)) * pixel
     return function(middle[None, :], -middle[:, None]).astype(np.float32)
 
@@ -47,5 +47,5 @@ def hills(x, y):
 
 
 def planned(**values):
-    """A plan from 40 m at LINZ."""
+    """A plan at 40 m at LINZ."""
     return plan(PlanRequest(**({"altitude": 40, "origin": LINZ} | values)))

@@ -1,4 +1,4 @@
-"""What tests of the equations share: tables of exact values, and hard arguments."""
+"""Tables of exact values and difficult arguments for tests of the equations."""
 
 import math
 from functools import partial
@@ -17,7 +17,7 @@ from aosplan.models.equations import (
 near = partial(pytest.approx, abs=0.0)
 
 
-# --- What the properties are drawn from ----------------------------------------------------
+# --- Arguments of the property tests -------------------------------------------------------
 
 LARGEST_SIDE = 10**6
 
@@ -28,7 +28,7 @@ sides = st.one_of(
 
 @st.composite
 def breakpoints(draw):
-    """1/k, where a neighbour falls out of reach, and the floats on both sides of it."""
+    """1/k, beyond which a pair of samples shares no occluder, and the floats on both sides of it."""
     at = 1.0 / draw(st.integers(1, LARGEST_SIDE))
     return draw(st.sampled_from([math.nextafter(at, 0.0), at, math.nextafter(at, 2.0)]))
 
@@ -51,7 +51,7 @@ grids = st.tuples(sides, sides, disparities)
 
 
 def spread(count, seed):
-    """The same mixture as arrays: p, rows, columns, d̂."""
+    """Arrays of the same distribution of arguments: p, rows, columns, d̂."""
     rng = np.random.default_rng(seed)
 
     def mixed(*kinds):

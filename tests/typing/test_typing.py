@@ -1,4 +1,4 @@
-"""Type checkers accept what users write, and refuse what is wrong."""
+"""Type checkers accept the calls of users, and reject wrong ones."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""Calls as users write them: checked by mypy and pyright, and never run."""
+"""Calls as users write them, checked by mypy and pyright but not run."""
 
 from typing import Any, assert_type
 
@@ -9,7 +9,7 @@ from aosplan.mission.mission import Waypoint, Waypoints
 
 
 def usage() -> None:
-    """Every function, and what it returns."""
+    """All functions and the types of their results."""
     found = aosplan.plan(altitude=40, vhat="98%", origin=(48.3, 14.3))
     assert_type(found, aosplan.Plan)
     assert_type(aosplan.plan(aosplan.PlanRequest(altitude=40)), aosplan.Plan)
