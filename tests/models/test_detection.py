@@ -1,4 +1,4 @@
-"""Detection against the design's figures, drawn points, and drawn windows and cells."""
+"""Detection compared with the design's numbers, random points, and random windows and cells."""
 
 import math
 from dataclasses import replace
@@ -39,7 +39,7 @@ def detection(layers, samples, baseline_m, signature=(5.0, 0.0, 0.0), altitude_m
 
 @pytest.mark.parametrize("target", [PERSON, Target(2.0, 2.0), Target(0.3, 4.0)])
 def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
-    """E|δ|² of two points of a rectangle is (w² + l²)/6, of a point of it and one of the box more."""
+    """E|δ|² is (w² + l²)/6 for two points of a rectangle, and larger with a point of the box."""
     made = kernels(target, 0.2)
     square = np.add.outer(made.fine_m**2, made.fine_m**2)
     expected = (target.width_m**2 + target.length_m**2) / 6.0
@@ -57,7 +57,7 @@ def test_kernels_have_the_moments_of_drawn_pairs_of_points(target):
 
 
 def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
-    """Q and C at one offset on the ground and one of the cameras, in 20,000 drawn stacks."""
+    """Q and C at one offset on the ground and of the cameras are those of 20,000 random stacks."""
     layers = (Layer(3.0, 5.0, 0.3, 0.4), Layer(7.0, 9.0, 0.1, 0.3), Layer(9.0, 13.0, 0.5, 0.8))
     altitude, ground, camera = 40.0, np.array([0.15, -0.1]), np.array([0.6, 0.4])
     rng = np.random.default_rng(3)
@@ -75,7 +75,7 @@ def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
         open_pair &= ~first & ~second
     both = open_pair
     pairs = WindowPairs(layers, altitude, PERSON)
-    # A lattice whose offsets are the one that was drawn, mirrored as the integrals are.
+    # The lattice contains the simulated offset and its mirror images, as in the integrals.
     found_both, found_same = (
         found[1, 0] for found in pairs.maps(np.array([ground[0], ground[1]]), camera[0], camera[1])
     )
@@ -85,7 +85,7 @@ def test_pairs_of_rays_share_what_they_share_in_drawn_slices():
 
 
 def test_the_variance_of_the_seen_share_is_that_of_drawn_windows():
-    """One slice: windows over random cells, their seen shares counted; rays that meet in the camera."""
+    """The variance is that of windows over one slice of random cells, with converging rays."""
     layer, altitude, target = Layer(9.99, 10.01, 0.6, 0.3), 40.0, PERSON
     pattern, baseline = Pattern(2, 3), 1.1
     sites = baseline * np.array(list(pattern.offsets()))
@@ -115,7 +115,7 @@ def test_the_variance_of_the_seen_share_is_that_of_drawn_windows():
 
 
 def test_single_slice_seen_share():
-    """Section 4.8, parallel rays: var_s 0.005755, P(s >= 0.1) 0.469(10) within the form's 0.05."""
+    """Section 4.8, parallel rays: var_s is 0.005755, and P(s >= 0.1) is 0.469 within 0.05."""
     seen = detection(COARSE, 9, 2.0, rigid=False).seen
     assert seen.variance == pytest.approx(0.005755, rel=0.01)
     assert seen.at_least(0.1) == pytest.approx(0.469, abs=0.05)
@@ -129,7 +129,7 @@ def test_single_slice_seen_share():
     ],
 )
 def test_detection_of_the_design(layers, samples, found, clutter, level):
-    """Section 4.8: found at three contrasts (± 0.018), without the mean of the box."""
+    """Section 4.8: the share found at three contrasts within 0.018, without the box mean."""
     predicted = detection(layers, samples, 2.0, rigid=False, local=False)
     assert predicted.deviation == pytest.approx(clutter, rel=0.021)
     assert predicted.threshold / predicted.deviation == pytest.approx(level, rel=0.02)
@@ -180,23 +180,23 @@ def test_what_is_colder_is_found_as_what_is_warmer():
 
 
 def test_clutter_at_crown_scale_hides_a_person():
-    """Half of the variance at the scale of crowns: of those mostly found, none is."""
+    """With half of the variance at the scale of crowns, a target that was mostly found is not."""
     own = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.0), local=False)
     crowns = detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5), local=False)
     assert own.probability > 0.75
     assert crowns.probability < 0.05
-    # The mean of the box takes part of the crowns away.
+    # Subtracting the box mean removes part of the clutter of crowns.
     assert detection(TWENTY, 25, 2.0, (5.0, 0.0, 0.5)).probability > crowns.probability
 
 
 def test_crowns_have_the_covariance_of_drawn_fields():
-    """One photo over one slice: window and box means of fields that are smooth across crowns."""
+    """Window and box means of smooth random fields have this covariance (one photo and slice)."""
     target, altitude, height = PERSON, 40.0, 10.0
     made = kernels(target, 0.3)
     window, box = crown_covariances(
         np.zeros((1, 2)), np.array([height]), np.array([1.0]), altitude, target, made
     )
-    shape, pitch = (480, 480), 0.1  # on the ground, where a crown's length is 1 m/(1 - H/h)
+    shape, pitch = (480, 480), 0.1  # on the ground, where the length of a crown is 1 m/(1 - H/h)
     detector = MatchedWindow((target.width_m, target.length_m), shape, (pitch, pitch))
     found = []
     for seed in range(12):
@@ -213,7 +213,7 @@ def test_crowns_have_the_covariance_of_drawn_fields():
 
 @pytest.mark.parametrize("scattered", [False, True], ids=["grid", "scattered"])
 def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
-    """Against the sum over every pair of photos and of heights, of the box by quadrature."""
+    """The covariances equal sums over all pairs of photos and heights, with quadrature for the box."""
     altitude, heights = 40.0, np.array([3.0, 9.0, 16.0])
     ends, made = np.array([0.2, 0.5, 0.3]), kernels(PERSON, 0.3)
     x, y = np.meshgrid([0.0, 5.0, 10.0], [-2.0, 1.5])
@@ -231,7 +231,7 @@ def test_crowns_of_a_pattern_are_summed_over_all_its_pairs(scattered):
     shares = np.outer(share, share)
 
     def mean(variance, offsets, weights):
-        """Of the correlation, a Gaussian blurred by a variance, averaged over offsets."""
+        """Correlation, which is a Gaussian blurred by a variance, averaged over offsets."""
         wide = CROWN_LENGTH_M**2 + variance
         field = np.exp(-0.5 * (apart[..., None] + offsets) ** 2 / wide) @ weights
         return CROWN_LENGTH_M**2 / wide * float((shares * field.prod(axis=2)).sum())
@@ -277,21 +277,21 @@ def test_a_counted_distribution_is_the_one_that_was_counted():
 
 def test_windows_that_count_as_independent_are_more_at_higher_levels():
     few, many = (independent_windows(level, 3.0) for level in (3.0, 5.0))
-    # χ(u)/Φ̄(u) grows nearly as u³.
+    # χ(u)/Φ̄(u) increases nearly as u³.
     assert many / few == pytest.approx((5.0 / 3.0) ** 3, rel=0.15)
     assert independent_windows(4.0, 6.0) == pytest.approx(2.0 * independent_windows(4.0, 3.0))
 
 
 @pytest.mark.parametrize("number", [0.3, 3.0, 500.0])
 def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
-    """Of 20,000 peaks above 2 with the scale 0.1, n exceed 2 + 0.1 ln(20,000/n)."""
+    """Of 20,000 peaks above 2 with an exponential scale of 0.1, n exceed 2 + 0.1 ln(20,000/n)."""
     rng = np.random.default_rng(6)
     drawn = [
         tail_level(np.sort(2.0 + 0.1 * rng.exponential(size=20_000))[::-1], number)
         for _ in range(60)
     ]
     expected = 2.0 + 0.1 * math.log(20_000 / number)
-    # The expected peak number n lies 1/(2 n) nearer to the top; 30 peaks make that 0.002.
+    # The mean of the n-th peak is higher by about 0.1/(2 n), which is 0.002 for a fit to 30 peaks.
     assert abs(np.mean(drawn) - expected) < 4.0 * np.std(drawn) / math.sqrt(60) + 0.002
 
 
@@ -300,14 +300,14 @@ def test_an_exponential_tail_is_followed_beyond_the_highest_peaks(number):
 
 @pytest.mark.parametrize("slice_m", [None, 0.8])
 def test_what_is_counted_in_voxels_is_what_the_measured_model_sees(slice_m):
-    """Cubes, and the same voxels as plates in thicker slices."""
+    """Counted detection equals the measured model, for cubes and for plates in thicker slices."""
     volume = clumped_forest(generator(3), 0.7, 0.4, 2.0, 8.0, (24.0, 24.0))
     volume = replace(volume, slice_m=slice_m)
     sites = 1.5 * np.array(list(Pattern(3, 3).offsets()))
     found = count_detection(volume, sites, 40.0, PERSON, Signature(8.0, 0.0, 0.0), false_alarms=1.0)
     seen = MeasuredModel(volume, 40.0).predict_positions(sites)
     assert found.seen.mean == pytest.approx(seen.transparency, abs=0.01)
-    # Windows spread less than points: V = 1 - E[X²] bounds the variance of s.
+    # Windows vary less than points, so V = 1 - E[X²] bounds the variance of s.
     points = 1.0 - seen.expected - seen.density**2
     assert 0.3 * points < found.seen.variance < points
     assert 0.0 < found.probability < 1.0
@@ -333,7 +333,7 @@ def test_an_empty_stand_hides_nobody():
     ],
 )
 def test_seen_share_below_a_real_stand(samples, baseline, shares, errors, mean, deviation):
-    """Section 4.8: UAS_Clip, voxels of 0.25 m above 0.5 m, 50 m, telecentric, wrapped."""
+    """Section 4.8: UAS_Clip, voxels of 0.25 m above 0.5 m, from 50 m, telecentric, periodic."""
     volume = read_voxels(
         (str(SHARED / "data" / "UAS_Clip.laz"),), voxel_m=0.25, ground="auto", min_height_m=0.5
     )

@@ -1,4 +1,4 @@
-"""Eq. 2 to 5 backwards: the samples, disparity and baseline that a target takes."""
+"""Inverses of Eq. 2 to 5: samples, disparity and baseline for a target."""
 
 import math
 from decimal import Decimal
@@ -70,12 +70,12 @@ def test_one_sample_has_no_aperture():
     assert math.isnan(baseline_for_aperture(0.0, 1))
 
 
-# --- Eq. 4 backwards -----------------------------------------------------------------------
+# --- Inverse of Eq. 4 ----------------------------------------------------------------------
 
 
 @st.composite
 def decimals(draw):
-    """A decimal below 1 as people write it, with the whole numbers it is made of."""
+    """A decimal below 1 as text, with its digits and its denominator as whole numbers."""
     places = draw(st.integers(1, 30))
     digits = draw(
         st.one_of(
@@ -223,7 +223,7 @@ def test_the_hint_for_more_than_100_percent_can_be_followed():
     assert "%%" not in caught.value.hint
 
 
-# --- Eq. 3 backwards -----------------------------------------------------------------------
+# --- Inverse of Eq. 3 ----------------------------------------------------------------------
 
 
 @given(target=st.floats(0.0, 1.0), density=st.floats(0.0, 1.0))

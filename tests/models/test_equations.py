@@ -1,4 +1,4 @@
-"""Eq. 1 to 5 against exact arithmetic, published values and each other."""
+"""Eq. 1 to 5 compared with exact arithmetic, published values, and each other."""
 
 import csv
 import math
@@ -124,7 +124,7 @@ def test_v_and_vhat_and_their_complements_are_within_8_ulp_of_exact_arithmetic(d
     ],
 )
 def test_arguments_found_by_search_to_be_the_worst_keep_8_ulp(density, side, dhat):
-    """Where every rounding on the way points to the same side."""
+    """Arguments for which all rounding errors have the same sign stay within 8 ulp."""
     values = computed_values(density, side, side, dhat)
     for value, reference in zip(values, exact_values(density, side, side, dhat), strict=True):
         assert exact.ulps(value, reference) <= ULPS
@@ -163,7 +163,7 @@ def test_transparency_may_be_an_array():
 
 
 def test_no_term_of_eq_2_jumps_at_a_breakpoint():
-    """Both sides of d̂ = 1/k are right, and one ulp apart in d̂ they are that close in V̂."""
+    """Both sides of d̂ = 1/k are accurate, and values at neighbouring floats differ by a few ulp."""
     for k in (1, 2, 3, 7, 49, 999, 12345, 10**6):
         at = 1.0 / k
         for side in (2, 3, k, k + 1, k + 2, 10**6):
@@ -186,7 +186,7 @@ def test_the_limits_are_within_2_ulp(density):
 
 
 def not_above(low, high, units=ULPS):
-    """Whether low <= high, to the accuracy that both have."""
+    """Whether low <= high, within the accuracy of both."""
     return low <= high + units * math.ulp(high)
 
 
@@ -286,7 +286,7 @@ def test_rows_and_columns_may_be_exchanged(grid, density):
 
 
 def eq_1_bound(row):
-    """8 + 2 |ln T| units: a relative error of the exponent grows with the exponent."""
+    """8 + 2 |ln T| units, because a relative error of the exponent is multiplied by the exponent."""
     return 8.0 + 2.0 * abs(float(mpmath.log(mpmath.mpf(row["transparency"]))))
 
 
@@ -354,7 +354,7 @@ def test_p_rises_with_density_and_with_height(share, ratio, factor):
 @given(share=st.floats(1e-6, 0.9), ratio=st.floats(1e-3, 10.0))
 def test_slice_density_inverts_eq_1(share, ratio):
     p = integrated_density(share, ratio, 1.0)
-    # p holds D to as many digits as 1 - p has left.
+    # D can be recovered from p with as many digits as 1 - p has.
     lost = 1e-15 / transparency(share, ratio, 1.0)
     assert slice_density(p, ratio, 1.0) == near(share, rel=1e-14 + 2 * lost / share)
     assert integrated_density(slice_density(p, ratio, 1.0), ratio, 1.0) == near(p, rel=1e-14)
@@ -392,22 +392,22 @@ def test_empty_and_solid_volumes_are_clear_and_opaque():
     assert slice_density(1.0, 20.0, 0.2) == 1.0
 
 
-# --- What the paper prints -----------------------------------------------------------------
+# --- Numbers in the paper ------------------------------------------------------------------
 
 
 def test_98_percent_need_50_samples():
-    """Section II and Fig. 5b: 98 % correlate to 50 samples, whatever the density."""
+    """Section II and Fig. 5b: 98 % are reached by 50 samples at any density."""
     assert required_samples("98%") == 50
     assert normalized_visibility(5, 10, 1.0) == 0.98
 
 
 def test_the_aperture_of_50_samples_is_6_1_baselines():
-    """Section III and Fig. 7a."""
+    """Section III and Fig. 7a: the aperture of 50 samples is 6.1 baselines."""
     assert round(aperture(50, 1.0), 1) == 6.1
 
 
 def test_a_density_of_0_95_percent_integrates_to_56_7_percent():
-    """Section III: D = 0.95 %, p = 56.7 %; the height over occluder size that gives them."""
+    """Section III: the ratio l/o that connects D = 0.95 % and p = 56.7 %."""
     ratio = math.log1p(-0.567) / math.log1p(-0.0095)
     assert ratio == near(87.69, rel=1e-4)
     assert integrated_density(0.0095, ratio, 1.0) == near(0.567, rel=1e-14)
@@ -422,7 +422,7 @@ def test_the_limits_at_56_7_percent():
 
 
 def test_the_apertures_of_fig_9_are_one_pitch_larger_than_eq_5():
-    """14 m for 25 samples and 19.6 m for 49 at b = 2.8 m are √N b; Eq. 5 is followed."""
+    """The paper's 14 m for 25 samples and 19.6 m for 49 at b = 2.8 m are √N b, but Eq. 5 is used."""
     for samples, printed in ((25, 14.0), (49, 19.6)):
         assert math.sqrt(samples) * 2.8 == near(printed, rel=1e-15)
         assert aperture(samples, 2.8) == near(printed - 2.8, rel=1e-15)

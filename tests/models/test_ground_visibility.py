@@ -1,4 +1,4 @@
-"""Visibility over the ground of a plan, held against rays and against quadrature of its own."""
+"""Visibility over the ground of a plan, compared with rays and with quadrature."""
 
 import math
 
@@ -25,18 +25,19 @@ def test_quadrature_is_exact_for_polynomials_of_the_fifth_degree():
 
 
 def test_slanted_leaves_hide_what_monte_carlo_finds():
-    """One layer of leaves of random direction, independent for every sample (K = 1/N)."""
+    """One layer of randomly oriented leaves, independent for each sample (K = 1/N)."""
     rng = np.random.default_rng(3)
     sites = followed(pattern_for("trimmed", 12), 4.0)
     p, altitude, place = 0.6, 20.0, (3.0, -5.0)
     at = of_statistics(Prediction(p, 1 - p, 1 / 12), sites, altitude)
     path = [math.dist((*site, altitude), (*place, 0.0)) / altitude for site in sites]
-    # Leaves that a ray meets: Poisson, in proportion to its path.
+    # The number of leaves on a ray has a Poisson distribution, in proportion to the length of the
+    # ray.
     draws = rng.poisson(-math.log(1 - p) * np.array(path), (200_000, 12)) > 0
     shares = draws.mean(axis=1)
     hidden, visible = at(*place)
     assert abs(hidden - shares.mean()) < 4 * shares.std() / math.sqrt(200_000)
-    # K mean p_i (1 - p_i) is the variance of the mean of independent samples.
+    # K times the mean of p_i (1 - p_i) is the variance of the mean of independent samples.
     squares = 1 - shares**2
     assert abs(visible - squares.mean()) < 4 * squares.std() / math.sqrt(200_000)
 
@@ -65,7 +66,7 @@ def test_a_target_beside_the_middle_of_a_stand_is_seen_from_the_other_side():
     at = measured_at(model, pattern, 2.0)
     middle = model.predict(pattern, 2.0)
     assert at(0.0, 0.0) == (middle.density, middle.expected)
-    # At heading 90° x runs east, and y south.
+    # At heading 90° the x axis points east, and y points south.
     sites = model.sites_m(pattern, 2.0) - np.array([3.03, -1.57])
     aside = model.predict_positions(sites)
     assert at(3.03, 1.57) == pytest.approx((aside.density, aside.expected), rel=1e-12)

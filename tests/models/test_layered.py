@@ -1,4 +1,4 @@
-"""The layered model against exact sums, exact enumeration and simulated volumes."""
+"""The layered model compared with exact sums, exact enumeration, and simulated volumes."""
 
 import math
 from fractions import Fraction
@@ -20,12 +20,12 @@ from aosplan.scenes.presets import SCENES
 from aosplan.scenes.scene import Layer, UniformScene
 
 near = partial(pytest.approx, abs=0.0)
-"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
+"""`approx` without its absolute tolerance of 1e-12."""
 
 
 @st.composite
 def stacks(draw, most=4):
-    """Slices one above the other, all below 50 m."""
+    """Slices above each other, all below 50 m."""
     layers, bottom = [], 0.0
     for _ in range(draw(st.integers(1, most))):
         bottom += draw(st.floats(0.0, 3.0))
@@ -37,7 +37,7 @@ def stacks(draw, most=4):
 
 
 def positions(pattern, baseline):
-    """Sites in metres, as the exact numbers that the model is given."""
+    """Sites in metres, as the exact values of the model's numbers."""
     b = Fraction(baseline)
     return [(column * b, row * b * Fraction(pattern.row_pitch)) for row, column in pattern.sites()]
 
@@ -52,7 +52,7 @@ def positions(pattern, baseline):
     dhat=st.floats(0.0, 1.5),
 )
 def test_one_slice_is_eq_2(density, rows, columns, dhat):
-    # Occluders of 0.5 m in the middle of 4 m to 6 m, seen from 40 m: d̂ = 1 at 4 m.
+    # Occluders of 0.5 m at the middle of 4 m to 6 m, seen from 40 m, have d̂ = 1 at 4 m.
     layers = [Layer(4.0, 6.0, density, 0.5)]
     baseline = 4.0 * dhat
     assert layered_visibility(layers, 40.0, rows, columns, baseline) == near(
@@ -74,11 +74,11 @@ def test_one_slice_is_the_uniform_model_for_every_trimmed_grid(dhat):
 
 
 def test_slices_that_move_alike_are_one_slice():
-    """Equal size over height: what one occludes the others occlude, whatever their number."""
+    """Slices with equal ratios of size and height have equal disparities, and K = 1/N at d̂ = 1."""
     apart = [Layer(height, height, 0.2, 0.05 * height) for height in (2.0, 4.0, 8.0)]
     samples = pattern_for("trimmed", 20)
     mixed = LayeredModel(apart, 40.0).predict(samples, 1.0)
-    # Not the uniform shortfall: two occluders may be in the way.  But no slice moves further.
+    # K is less than in the uniform model, because two occluders may hide a target.
     assert mixed.density == near(1 - 0.8**3, rel=1e-15)
     assert mixed.shortfall < pattern_shortfall(samples, 0.5)
     assert LayeredModel(apart, 40.0).predict(samples, 2.0).shortfall == near(1 / 20, rel=1e-12)
@@ -138,7 +138,7 @@ def test_the_size_of_a_block_does_not_matter(monkeypatch, terms_at_once):
     points = np.random.default_rng(2).uniform(-3.0, 3.0, (25, 2))
 
     def found():
-        model = LayeredModel(layers, 50.0)  # a new one, which remembers nothing
+        model = LayeredModel(layers, 50.0)  # a new model without stored results
         return model.predict(Pattern(9, 11), 0.6).shortfall, model.positions_shortfall(points)
 
     at_once = found()
@@ -164,11 +164,11 @@ ENUMERATED = [
 
 @pytest.mark.parametrize(("slices", "size"), ENUMERATED)
 def test_every_state_of_a_tiny_volume_counted_out_gives_the_same_visibility(slices, size):
-    """No covariance, no independence of pairs: only cells that are occupied or not."""
+    """Enumeration uses only occupied and empty cells, without covariances or independence of pairs."""
     exactly = [(Fraction(density), Fraction(dhat)) for density, dhat in slices]
     sites = [(row, column) for row in range(size[0]) for column in range(size[1])]
     density, seen = exact.enumerated_volume(exactly, sites)
-    # From 64 m, 1 m apart, occluders of 1/4 m at height 16 d̂ have a disparity of d̂.
+    # From 64 m, at 1 m apart, occluders of 1/4 m at a height of 16 d̂ have the disparity d̂.
     layers = [
         Layer(16.0 * float(dhat), 16.0 * float(dhat), float(share), 0.25) for share, dhat in exactly
     ]
@@ -192,15 +192,15 @@ def test_enumeration_and_the_sum_over_pairs_are_the_same_number():
 # --- Against simulated volumes -------------------------------------------------------------
 
 SIXTY = [Layer(height, height, 0.012, 0.15) for height in np.linspace(0.25, 20.0, 60).tolist()]
-"""Sixty slices of small occluders; d̂ = 1 at very different baselines."""
+"""Sixty slices of small occluders, which have d̂ = 1 at very different baselines."""
 
 
 def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
-    """Mean and standard error of what side x side views hide of random volumes.
+    """Simulated means and standard errors of the hidden share X of side x side views.
 
-    Every slice is a torus of cells, occupied or not, under a random phase; views look up the
-    cells on their way to random targets.  Returns the estimates of E[X²], and of the variance
-    of X about the p that the cells were filled with, each as (mean, standard error).
+    Every slice is a periodic lattice of random cells with a random phase.  Views look up the cells
+    on their rays to random targets.  Returns the estimates of E[X²] and of the variance of X about
+    the density p of the cells, each as (mean, standard error).
     """
     rng = np.random.default_rng(seed)
     cells = 128
@@ -226,7 +226,7 @@ def simulate(layers, altitude, side, baseline, *, volumes, targets, seed):
 
 @pytest.mark.parametrize(("baseline", "vhat"), [(1.0, 0.938), (3.5, 0.970)])
 def test_a_simulated_volume_of_sixty_slices_shows_what_is_predicted(baseline, vhat):
-    """Where the uniform formula promises V̂ = 0.980; judged in standard errors, fixed seed."""
+    """The simulation agrees within its standard errors; the uniform formula would give V̂ = 0.980."""
     prediction = LayeredModel(SIXTY, 50.0).predict(Pattern(7, 7), baseline)
     assert prediction.normalized == pytest.approx(vhat, rel=0.0, abs=0.0005)
     (square, square_error), (variance, variance_error) = simulate(
@@ -236,7 +236,7 @@ def test_a_simulated_volume_of_sixty_slices_shows_what_is_predicted(baseline, vh
     scale = prediction.density * prediction.transparency
     shortfall, error = variance / scale, variance_error / scale
     assert abs(shortfall - prediction.shortfall) <= 3.0 * error
-    # The test can tell: the paper's 1/49 lies far outside.
+    # The simulation is accurate enough to exclude the paper's 1/49.
     assert error < 0.002
     assert abs(shortfall - 1 / 49) > 4.0 * error
 
@@ -289,7 +289,7 @@ def test_the_papers_forest_is_cut_into_slices_one_occluder_thick():
     ],
 )
 def test_98_percent_in_layers_of_the_papers_forest_needs_these_baselines(samples, baseline, extent):
-    """The smallest baseline, by halving, as the design states it; 3.5 m by the paper's rule."""
+    """The smallest baseline, by bisection, is that of the design; the paper's rule gives 3.5 m."""
     model = LayeredModel(paper_forest().slices(), 50.0)
     pattern = pattern_for("trimmed", samples)
     low, high = 0.0, 3.5
@@ -302,7 +302,7 @@ def test_98_percent_in_layers_of_the_papers_forest_needs_these_baselines(samples
 
 
 def is_written(value, text):
-    """Whether a value is what a text says, within one unit of its last place."""
+    """Whether a value equals a printed number within one unit of its last digit."""
     return abs(value - float(text)) < 10.0 ** -len(text.partition(".")[2])
 
 
@@ -312,7 +312,7 @@ def test_the_papers_baseline_gives_less_in_layers_than_in_one_volume():
     assert 1 / 56 < prediction.shortfall < 0.02
 
 
-# --- The other answers of the model --------------------------------------------------------
+# --- Other results of the model ------------------------------------------------------------
 
 
 @given(layers=stacks(), samples=st.integers(1, 30), share=st.floats(0.0, 1.2))
@@ -352,7 +352,7 @@ def test_at_one_place_all_samples_are_one():
 
 
 def test_an_occluder_smaller_than_a_pixel_counts_as_one_pixel():
-    """o = 1 cm at 10 m under a camera at 50 m: 40 m / 2000 px are 2 cm."""
+    """With o = 1 cm at 10 m below a camera at 50 m, a pixel is 40 m / 2000 px = 2 cm."""
     tiny, grown = Layer(10.0, 10.0, 0.2, 0.01), Layer(10.0, 10.0, 0.2, 0.02)
     with_camera = LayeredModel([tiny], 50.0, focal_length_px=2000.0)
     without = LayeredModel([grown], 50.0)

@@ -1,4 +1,4 @@
-"""The measured model against its definitions, Eq. 2, the layered model and the known figures."""
+"""The measured model compared with its definitions, Eq. 2, the layered model, and known values."""
 
 import math
 
@@ -93,7 +93,8 @@ def test_the_heading_turns_the_pattern(forest):
         sites(pattern, 1.7, 37.0)
     )
     assert turned.predict(pattern, 1.7) != MeasuredModel(forest, 50.0).predict(pattern, 1.7)
-    # North lies along rows of voxels: a line flown north along walls that run north sees less.
+    # North is along rows of voxels; along walls that run north, views from a northward line are
+    # alike.
     walls = np.zeros((10, 20, 20), dtype=bool)
     walls[:, :, ::5] = True
     along, across = (
@@ -136,7 +137,7 @@ def test_kept_views_are_not_computed_again(forest, monkeypatch):
     assert len(computed) == 25 + 1
 
 
-# --- What the solver asks --------------------------------------------------------------------
+# --- Properties that the solver uses ---------------------------------------------------------
 
 
 def test_the_plot_bounds_the_aperture(forest):
@@ -169,13 +170,13 @@ def test_an_altitude_below_the_canopy_is_refused(forest):
 
 # --- Against the other models ----------------------------------------------------------------
 #
-# Views that shift by whole targets meet one cell of a slice, if it is thin against its height:
-# then single slices and independent ones have the expectations of Eq. 2 and of the layered
-# model, without any bias.
+# If views shift by whole targets and a slice is thin compared with its height, rays meet one cell
+# of it.  Single slices and independent slices then have the expectations of Eq. 2 and of the
+# layered model without bias.
 
 
 def assert_expected(values, expected):
-    """Within four standard errors, which are small enough for that to mean something."""
+    """Check a mean within four standard errors, which have to be small."""
     error = np.std(values, ddof=1) / math.sqrt(len(values))
     assert 0.0 < error < 0.002
     assert abs(np.mean(values) - expected) < 4.0 * error
@@ -195,7 +196,7 @@ def test_one_slice_is_eq_2(rows, columns, dhat):
         found.append(model.predict(Pattern(rows, columns), baseline))
     expected = visibility(density, rows, columns, dhat)
     assert_expected([prediction.expected for prediction in found], expected)
-    # The plot's own p takes a cell's share of the variance, and the scatter of p is gone.
+    # K relative to the plot's own p: a share 1/cells of the variance is in p itself.
     shortfall = (visibility_shortfall(rows, columns, dhat) - 1.0 / cells) / (1.0 - 1.0 / cells)
     assert_expected([prediction.shortfall for prediction in found], shortfall)
 
@@ -205,7 +206,7 @@ def test_independent_slices_are_the_layered_model(targets_per_voxel):
     rng = np.random.default_rng(9)
     slices = {12: 0.2, 37: 0.35, 62: 0.1}
     altitude = 1000.0
-    # One target, three and five from neighbour to neighbour.
+    # The rays of neighbouring views are one, three and five targets apart.
     baseline = altitude / (targets_per_voxel * 12.5)
     pattern = Pattern(5, 3)
     layers = [Layer(level, level + 1.0, density, 1.0) for level, density in slices.items()]
@@ -222,12 +223,12 @@ def test_independent_slices_are_the_layered_model(targets_per_voxel):
     assert_expected(values, expected)
 
 
-# --- Known figures ---------------------------------------------------------------------------
+# --- Known values ----------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def conifers():
-    """A drone's cloud of a mixed-conifer stand, 27 m x 26 m."""
+    """A drone's cloud of a mixed conifer stand, 27 m x 26 m."""
     pytest.importorskip("laspy")
     if not CLOUD.is_file():
         pytest.skip("the real point clouds are not at hand")
@@ -250,7 +251,7 @@ def test_known_density(conifers):
     ],
 )
 def test_known_figures(conifers, view, baseline, density, v, vhat):
-    # Computed elsewhere from the same cloud, by other code, on other ground interpolations.
+    # Computed from the same cloud with other code and other ground interpolations.
     found = MeasuredModel(conifers, 50.0, view=view).predict(Pattern(7, 7), baseline)
     assert found.density == pytest.approx(density, abs=0.002)
     assert found.expected == pytest.approx(v, abs=0.001)

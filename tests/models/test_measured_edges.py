@@ -1,4 +1,4 @@
-"""Targets whose rays stay on a plot: what stands around it does not change what is predicted for them."""
+"""Targets whose rays stay on a plot: the surroundings of the plot do not affect their prediction."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def test_interior_targets_do_not_know_what_stands_around_the_plot(stand, plot, v
     sites = inside.sites_m(pattern, baseline) + np.array([1.7, -0.9])
     window = inside.interior(sites)
     if view == "perspective":
-        assert window is None  # all cameras are above the plot, and so are their rays
+        assert window is None  # all cameras are above the plot, so all rays stay on it
         return
     k = inside.occlusion.targets_per_voxel
     whole = MeasuredModel(stand, ALTITUDE_M)
@@ -41,7 +41,7 @@ def test_interior_targets_do_not_know_what_stands_around_the_plot(stand, plot, v
     found = inside.predict_positions(sites)
     assert found.density == pytest.approx(share.mean(), rel=1e-12)
     assert found.expected == pytest.approx(1.0 - (share**2).mean(), rel=1e-12)
-    # Wrapping knows: the copies of the plot are not what stands there.
+    # The periodic plot gives another result, because its copies differ from the true surroundings.
     wrapped = MeasuredModel(plot, ALTITUDE_M).predict_positions(sites)
     assert abs(wrapped.expected - found.expected) > 1e-4
 

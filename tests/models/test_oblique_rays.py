@@ -1,4 +1,4 @@
-"""Rays off nadir against their definition, and against cubes thrown at random without any grid."""
+"""Rays off nadir compared with their definition, and with random cubes without any grid."""
 
 import math
 from functools import partial
@@ -33,7 +33,7 @@ def test_lengths_of_rays():
     assert ray_lengths(-30.0, 40.0, 50.0, "cubes") == near(2.4, rel=1e-15)
     assert ray_lengths(-30.0, 40.0, 50.0, "nadir") == 1.0
     x = np.linspace(-80.0, 80.0, 9)
-    # 1/cos of the angle from the vertical.
+    # The length is 1/cos of the angle from the vertical.
     expected = 1.0 / np.cos(np.arctan2(np.abs(x), 50.0))
     assert ray_lengths(x, 0.0, 50.0, "oblique") == near(expected, rel=1e-14)
 
@@ -110,7 +110,7 @@ def test_one_sample_and_a_high_flight_are_those_of_nadir_rays():
 
 
 def test_far_apart_samples_can_need_fewer_than_their_number():
-    # Views of unlike density spread less about their own means: K is below 1/N.
+    # Views with different densities vary less about their own means, so K is below 1/N.
     found = UniformModel(0.6, 0.4, 1.0, rays="oblique", altitude_m=20.0).predict(Pattern(4, 4), 9.0)
     _, shortfall = by_definition([Layer(9, 11, 0.6, 0.5)], 20.0, Pattern(4, 4), 9.0, "oblique")
     assert found.shortfall == near(shortfall, rel=1e-12)
@@ -127,22 +127,23 @@ def test_where_nothing_is_seen_views_count_as_independent():
         assert found == (1.0, 0.0, 0.25)
 
 
-# --- Cubes thrown at random ------------------------------------------------------------------
+# --- Random cubes ----------------------------------------------------------------------------
 
 SIDE, EDGE, BASE, DEPTH, ALTITUDE = 12.0, 0.5, 3.0, 5.0, 20.0
 
 
 def hidden(rng, rate, cameras, targets):
-    """Which targets each camera does not see through cubes of a Poisson process: (views, targets).
+    """Targets that cubes of a Poisson process hide from each camera, shape (views, targets).
 
-    The cubes' centres fill a slab; the plot wraps, and every target lies in the aperture's middle.
+    The centres of the cubes fill a slab.  The plot is periodic, and each target is at the centre of
+    the aperture.
     """
     cubes = rng.uniform(0.0, SIDE, (rng.poisson(rate * SIDE**2 * DEPTH), 2))
     middle = rng.uniform(BASE, BASE + DEPTH, len(cubes))
     at = rng.uniform(0.0, SIDE, (targets, 2))
     found = np.zeros((len(cameras), targets), dtype=bool)
     for view, camera in enumerate(cameras):
-        # A ray is inside a cube where all three of its coordinates are, for one common height.
+        # A ray is inside a cube at the heights at which all three coordinates are inside.
         low = np.tile(middle - 0.5 * EDGE, (targets, 1))
         high = low + EDGE
         for axis in range(2):
@@ -182,13 +183,14 @@ def test_cubes_at_random_show_what_is_predicted(baseline):
     expected = [1.0 - (views.mean(axis=0) ** 2).mean() for views in seen]
     for values, predicted, slack in (
         (density, found.density, 0.0),
-        (expected, found.expected, 0.003),  # the assumption on pairs of unlike rays
+        # the model approximates pairs of rays with different slopes
+        (expected, found.expected, 0.003),
     ):
         error = np.std(values, ddof=1) / math.sqrt(len(values))
         assert 0.0 < error < 0.008
         assert abs(np.mean(values) - predicted) < 4.0 * error + slack
     nadir = LayeredModel(layers, ALTITUDE).predict(pattern, baseline)
-    if baseline == 3.0:  # without its sides a cube hides clearly less
+    if baseline == 3.0:  # the sides of the cubes hide a considerable part
         error = np.std(density, ddof=1) / math.sqrt(len(density))
         assert np.mean(density) - nadir.density > 4.0 * error
 

@@ -1,4 +1,4 @@
-"""The paper's figures: their committed numbers against exact values, and made again."""
+"""The paper's figures: their stored numbers compared with exact values, and made again."""
 
 import csv
 import runpy
@@ -19,7 +19,7 @@ def table(name, folder=PAPER / "results"):
 
 
 def figure_script(name, monkeypatch, folder):
-    """A figure's script, writing elsewhere."""
+    """Run a figure's script with another output folder."""
     pytest.importorskip("matplotlib")
     monkeypatch.syspath_prepend(str(PAPER))
     for module in ("common", *(f"figure_{each}" for each in FIGURES)):
@@ -79,8 +79,8 @@ def test_simulated_points_scatter_about_the_lines_as_their_errors_say(name, mode
     z = np.array(
         [(float(r[simulated]) - float(r[model])) / float(r["standard_error"]) for r in rows]
     )
-    # Errors are from 16 patterns, so z follows Student's t with 15 degrees of freedom: its
-    # variance is 15/13, that of its square 3.45.
+    # Errors are from 16 patterns, so z has a Student's t distribution with 15 degrees of freedom.
+    # Its variance is 15/13, and that of its square 3.45.
     assert abs(z.mean()) < 4 * np.sqrt(15 / 13 / len(z))
     assert (z**2).mean() < 15 / 13 + 4 * np.sqrt(3.45 / len(z))
     assert np.abs(z).max() < 5

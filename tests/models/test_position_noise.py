@@ -1,4 +1,4 @@
-"""Position noise against quadrature, draws of positions, and what the solver makes of it."""
+"""Position noise compared with quadrature and random positions, and its effect on plans."""
 
 import math
 from functools import partial
@@ -40,7 +40,7 @@ LAYERS = [Layer(1.0, 1.5, 0.2, 0.3), Layer(4.0, 5.0, 0.4, 0.5), Layer(9.0, 12.0,
 
 
 def triangle_by_quadrature(distance, spread):
-    """E[max(0, 1 - |u + ς Z|)] from its definition."""
+    """E[max(0, 1 - |u + ς Z|)], computed from its definition."""
     u, s = mp.mpf(distance), mp.mpf(spread)
     low, high = -u - 9 * s, -u + 9 * s
     kinks = sorted({low, high, *(x for x in (-1 - u, -u, 1 - u) if -9 * s < x < 9 * s)})
@@ -57,7 +57,7 @@ def test_the_blurred_triangle_is_an_expectation(distance, spread):
 
 
 def second_difference(distance, spread):
-    """The same in closed form, with digits to spare for what cancels."""
+    """The same in closed form, with enough digits for the cancellation."""
     with mp.workdps(80):
         u, s = mp.mpf(distance), mp.mpf(spread)
         return float(
@@ -168,7 +168,7 @@ def test_blurred_slices_are_integrals(hold_error):
         z = (x - middle) / deviation
         return math.exp(-0.5 * z * z) / (math.sqrt(2.0 * math.pi) * deviation)
 
-    # Simpson on panels between the kinks, fine against both the noise and the panels.
+    # Simpson's rule on panels between the kinks, which are small compared with the noise.
     def axis(middle):
         kinks = sorted({0.0, *reach, *(-far for far in reach)})
         low, high = middle - 9.0 * deviation, middle + 9.0 * deviation
@@ -254,7 +254,7 @@ def test_visibility_still_rises_with_the_baseline_and_the_samples(which, hold_er
 
 
 def test_sites_on_no_lattice_are_summed_pair_by_pair():
-    # A lattice's own offsets say the same either way.
+    # The offsets of a lattice give the same result by either method.
     lattice = Pattern(4, 5)
     assert scattered_shortfall(lattice.offsets(), 0.8, 0.6) == near(
         blurred_shortfall(lattice, 0.8, 0.6), rel=1e-13
@@ -285,7 +285,7 @@ def test_a_plan_holds_its_target_under_noise_with_the_fewest_samples():
     found = plan(PlanRequest(altitude=40, hold_error=0.5)).solution
     unit = plan(PlanRequest(altitude=40)).solution.baseline_m
     assert found.baseline_m == unit
-    # One d̂ for all heights would take 54 samples.
+    # With one d̂ for all heights, 54 samples would be needed.
     camera = find_camera("dji-m3t-thermal")
     slices = find_preset_scene("paper-forest").slices()
     model = LayeredModel(slices, 40.0, camera.focal_length_px, hold_error_m=0.5)
@@ -313,7 +313,7 @@ def test_every_objective_takes_noise_into_account(model, optimize):
         "aperture": lambda p: max(p.extent_m),
         "time": lambda p: p.document()["flight"]["time_s"],
     }[optimize]
-    if optimize == "aperture":  # the noise itself widens an aperture of close sites
+    if optimize == "aperture":  # close sites have a larger aperture because of the noise
         assert measure(held) != measure(without)
     else:
         assert measure(held) > measure(without)
@@ -349,7 +349,7 @@ def test_measured_expectations_are_means_over_flights(forest):
     )
     assert noisy.predict(pattern, 1.5) == flown.prediction
     assert exact.predict(pattern, 1.5) != flown.prediction
-    # Other draws agree within the errors that are stated.
+    # Other random draws agree within the standard errors.
     rng = np.random.default_rng(12)
     sites = exact.sites_m(pattern, 1.5)
     others = [

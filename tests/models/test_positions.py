@@ -1,4 +1,4 @@
-"""The shortfall of any set of sites against the exact sum over all pairs."""
+"""The shortfall of any set of sites compared with the exact sum over all pairs."""
 
 import math
 from fractions import Fraction
@@ -18,7 +18,7 @@ from aosplan.models.equations import visibility_shortfall
 from aosplan.models.positions import lattice_shortfall, pattern_shortfall, positions_shortfall
 
 near = partial(pytest.approx, abs=0.0)
-"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
+"""`approx` without its absolute tolerance of 1e-12."""
 
 ACCURACY = 1e-13
 """Relative accuracy of a shortfall that is summed over pairs."""
@@ -43,7 +43,7 @@ def exact_shortfall(positions, spacing):
 
 @st.composite
 def patterns(draw):
-    """A rectangle with any sites taken out, at least one left."""
+    """A rectangle from which some sites are removed, but not all."""
     rows, columns = draw(st.integers(1, 8)), draw(st.integers(1, 8))
     everywhere = [(row, column) for row in range(rows) for column in range(columns)]
     removed = draw(st.lists(st.sampled_from(everywhere), unique=True, max_size=rows * columns - 1))
@@ -51,7 +51,7 @@ def patterns(draw):
     return Pattern(rows, columns, row_pitch, tuple(sorted(removed)))
 
 
-@example(  # a rectangle of which one site is left
+@example(  # a rectangle with one remaining site
     pattern=Pattern(4, 4, 1.0, tuple((i // 4, i % 4) for i in range(15))), dhat=1e-06
 )
 @given(pattern=patterns(), dhat=st.one_of(disparities, st.just(0.0)))
@@ -85,7 +85,7 @@ def test_lanes_far_apart_are_independent_of_each_other():
 
 @pytest.mark.parametrize("dhat", [0.003, pytest.param(0.011, marks=pytest.mark.slow), 0.3])
 def test_thousands_of_missing_sites_are_summed_as_precisely(dhat):
-    """More than 2000 missing sites go through the spatial index."""
+    """For more than 2000 missing sites, pairs are found with a spatial index."""
     chosen = np.random.default_rng(7).random((80, 90)) < 0.6
     missing = tuple((int(row), int(column)) for row, column in np.argwhere(~chosen))
     assert len(missing) > 2000
@@ -158,7 +158,7 @@ def test_order_does_not_matter(seed, count, spacing):
     exponent=st.integers(-30, 30),
 )
 def test_translation_mirrors_exchange_of_axes_and_scale_do_not_matter(seed, shift, exponent):
-    # On a grid of 2^-20, sums and products with these factors are exact.
+    # On a lattice of 2^-20, sums and products with these factors are exact.
     points = np.round(scattered(50, seed) * 2**20) / 2**20
     shortfall = positions_shortfall(points, 3.0)
     assert positions_shortfall(points + shift, 3.0) == near(shortfall, rel=ACCURACY)
@@ -338,10 +338,11 @@ def test_a_mask_of_another_shape_is_refused(shape):
 
 
 def test_the_exact_sums_agree_with_each_other():
-    """The reference's two ways over the pairs, against hand-counted offsets."""
+    """Both methods of the reference give the sum of the offsets that is counted by hand."""
     sites = [(0, 0), (0, 1), (2, 1)]
     dhat = Fraction(1, 4)
-    # offsets (0, 1): 3/4; (2, 1): 1/2 · 3/4; (2, 0): 1/2; each twice, and three zeros
+    # Offsets (0, 1): 3/4; (2, 1): 1/2 · 3/4; (2, 0): 1/2; each counts twice; three pairs have
+    # offset 0.
     by_hand = (3 + 2 * (Fraction(3, 4) + Fraction(3, 8) + Fraction(1, 2))) / 9
     assert exact.lattice_pair_sum(sites, dhat) == by_hand
     assert exact.pair_sum([(x, y) for y, x in sites], 1 / dhat) == by_hand

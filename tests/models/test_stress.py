@@ -1,7 +1,7 @@
-"""Numerical stress: every model at its corners stays within a few units in the last place.
+"""Every model stays within a few units in the last place at extreme arguments.
 
-`reference.stress` walks the corners and has their exact values; the same walk prints the table of
-`benchmarks/results/numerical_stress.md`.
+`reference.stress` has these arguments with exact values.  The table in
+`benchmarks/results/numerical_stress.md` is computed from the same checks.
 """
 
 import math
@@ -50,13 +50,14 @@ def test_an_error_of_ten_ulps_would_be_found(monkeypatch):
 
 
 def test_layers_that_hide_nearly_all_keep_their_digits():
-    # The logarithm of T = 10^-247 is 569: its last place alone is 256 units in that of T.
+    # ln T of T = 10^-247 is -569: one unit in its last place changes T by 256 units.
     walls = stress.STANDS["a wall of walls"]
     clear = math.prod((1 - Fraction(density) for _, _, density, _ in walls), start=Fraction(1))
     model = LayeredModel([Layer(*wall) for wall in walls], 50.0)
     assert exact.ulps(model.transparency, clear) < 4
     logarithm = Slices([Layer(*wall) for wall in walls], 50.0).log_transparency
-    assert exact.ulps(math.exp(logarithm), clear) > 20  # why it isn't done so
+    # the product of transparencies is used instead
+    assert exact.ulps(math.exp(logarithm), clear) > 20
 
 
 def test_a_rule_that_asks_for_all_gets_the_bottom_itself():

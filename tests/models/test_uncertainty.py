@@ -1,4 +1,4 @@
-"""Standard errors against fields whose scatter is known, and against forests of the same kind."""
+"""Standard errors compared with fields of known variance, and with forests of the same kind."""
 
 import csv
 import math
@@ -34,7 +34,7 @@ from aosplan.scenes.voxels import VoxelVolume
 
 
 def statistics(hidden):
-    """p̄, V and V̂ from their definitions."""
+    """p̄, V and V̂, computed from their definitions."""
     p, square = hidden.mean(), (hidden**2).mean()
     return p, 1.0 - square, 1.0 - (square - p * p) / (p * (1.0 - p))
 
@@ -57,7 +57,7 @@ def test_errors_are_the_scatter_of_fields_of_blocks(block, cell):
     errors = [of_targets(field, cell) for field in fields[:60]]
     for index, name in enumerate(("density", "expected", "normalized")):
         stated = math.sqrt(np.mean([getattr(error, name) ** 2 for error in errors]))
-        # Their scatter is known to 4 %; where blocks are few, noise makes for a longer range.
+        # The standard deviation has an error of 4 %; with few blocks, noise increases the range.
         assert 0.88 < stated / scatter[index] < (1.2 if block < 8 else 1.35), name
     assert {error.method for error in errors} == {"integral range"}
 
@@ -119,7 +119,8 @@ def test_stated_errors_are_those_of_other_forests_of_the_same_kind():
     for name in ("density", "expected", "normalized"):
         scatter = np.std([getattr(each, name) for each, _ in found], ddof=1)
         stated = math.sqrt(np.mean([getattr(error, name) ** 2 for _, error in found]))
-        assert 0.6 < stated / scatter < 1.6, name  # sixteen forests tell a scatter to 18 %
+        # the standard deviation of sixteen forests has an error of 18 %
+        assert 0.6 < stated / scatter < 1.6, name
 
 
 # --- Plans -----------------------------------------------------------------------------------
@@ -187,7 +188,7 @@ def test_scenes_of_numbers_say_why_they_state_no_error():
 
 def test_the_doubt_about_opacity_is_an_independent_error():
     rng = np.random.default_rng(2)
-    # Anywhere between two bounds, evenly: the standard deviation by drawing.
+    # The standard deviation of a uniform distribution between two bounds.
     assert rng.uniform(0.0, 1.0, 200_000).std() == pytest.approx(UNIFORM, rel=0.01)
     one, other = Prediction(0.7, 0.3, 0.2), Prediction(0.5, 0.5, 0.3)
     found = with_doubt(Uncertainty(0.03, 0.04, None, "parts"), one, other, UNIFORM, "opacity")
@@ -213,7 +214,7 @@ def test_parts_add_up_by_their_squares():
 
 
 def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
-    """The mean biases of generated stands with calibrated energies, by their density of pulses."""
+    """The biases equal the means over generated stands with calibrated energies, by pulse density."""
     with (Path(__file__).parents[2] / "benchmarks/results/opacity.csv").open() as file:
         rows = [row for row in csv.DictReader(file) if row["opacity"] == "pulses, intensity"]
     for dense in (False, True):
@@ -225,7 +226,7 @@ def test_clumps_that_pulses_do_not_resolve_are_those_of_the_benchmark():
 
 
 def test_apertures_at_several_places_add_what_differs_between_them():
-    """Fields that differ in their means alone: the scatter of these, and nothing of the plot."""
+    """For fields that differ only in their means, the error is the standard deviation of the means."""
     fields = [np.full((8, 8), value) for value in (0.2, 0.4, 0.5, 0.7)]
     errors = of_apertures(fields)
     assert errors.density == pytest.approx(PERSPECTIVE * np.std([0.2, 0.4, 0.5, 0.7], ddof=1))
@@ -250,11 +251,12 @@ def test_errors_in_perspective_are_the_scatter_of_forests_of_the_same_kind():
     for name in ("density", "expected", "normalized"):
         scatter = np.std([getattr(each, name) for each, _ in found], ddof=1)
         stated = math.sqrt(np.mean([getattr(error, name) ** 2 for _, error in found]))
-        assert 0.6 < stated / scatter < 1.9, name  # sixteen forests tell a scatter to 18 %
+        # the standard deviation of sixteen forests has an error of 18 %
+        assert 0.6 < stated / scatter < 1.9, name
 
 
 def test_targets_of_moved_apertures_are_at_their_places_of_the_plot():
-    """Straight below a single camera far away all apertures see the same of the same places."""
+    """Below one distant camera, all apertures hide the same places of the plot."""
     forest = clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)
     model = MeasuredModel(forest, 1e9, view="perspective")
     columns = forest.occupied.any(axis=0)
@@ -264,7 +266,7 @@ def test_targets_of_moved_apertures_are_at_their_places_of_the_plot():
 
 @pytest.mark.parametrize("source", ["pulses", "voxels"])
 def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
-    """Of bounds by their own predictions; of voxels by voxels of twice the size."""
+    """The error is the difference of both bounds, or the difference to voxels of twice the size."""
     rng = np.random.default_rng(3)
     middle = rng.random((40, 64, 64)) < 0.02
     thin, dense = (

@@ -1,4 +1,4 @@
-"""Drone, autopilot, camera trigger and payload of a request, against each other."""
+"""Drone, autopilot, camera trigger and payload of a request, and contradictions between them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Plans that take hours name a cheaper way, and it is one."""
+"""Plans that take hours suggest a shorter flight, which is shorter."""
 
 import re
 
@@ -10,7 +10,7 @@ from aosplan.errors import RequestError
 
 
 def flown(text, **values):
-    """The plan that a hint's options give."""
+    """The plan with the options in a hint."""
     given = dict(re.findall(r"--([a-z-]+) ([\w.]+)", text.split(" reaches")[0]))
     names = {name.replace("-", "_"): value for name, value in given.items()}
     return plan(PlanRequest(**values, **names))

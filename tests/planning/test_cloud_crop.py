@@ -1,4 +1,4 @@
-"""What `--crop` names, and what a plan takes of a cloud if nothing is named."""
+"""The argument of `--crop`, and the part of a cloud that a plan uses without it."""
 
 import json
 import math
@@ -19,7 +19,7 @@ SIDE_M = 240.0
 
 @pytest.fixture(scope="module")
 def tile(tmp_path_factory):
-    """A stand of 240 m in the middle of UTM zone 33."""
+    """A stand of 240 m, centred on the central meridian of UTM zone 33."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0.0, SIDE_M, (2, 30_000)).round(3)
     high = rng.random(x.size) < 0.5
@@ -35,7 +35,7 @@ def in_degrees(x, y):
 
 
 def square(path, low, high):
-    """A GeoJSON file of a square between two corners of the stand."""
+    """A GeoJSON file with a square between two corners of the stand."""
     corners = [(low, low), (high, low), (high, high), (low, high), (low, low)]
     ring = [in_degrees(*corner) for corner in corners]
     path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))

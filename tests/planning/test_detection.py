@@ -1,4 +1,4 @@
-"""Detection in a plan: the numbers of the model, the words, what is refused and warned of."""
+"""Detection in a plan: the model's numbers, the text, refusals and warnings."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Documents from files: good ones are read, bad ones name their place, schemas are valid."""
+"""Documents from files: valid ones are read, errors name their place, and schemas are valid."""
 
 import json
 from functools import cache
@@ -270,11 +270,11 @@ def test_the_request_schema_refuses_what_the_program_refuses(tmp_path, table):
         request_from({"altitude": 40} | read_request(str(path)))
 
 
-# What is no number although pydantic could make one of it
+# Values that pydantic could convert to a number, but that are not allowed
 
 
 def taken(read, write, tables):
-    """The tables that a reader takes, by name: those that it should have refused."""
+    """Names of the tables that a reader accepts although it should refuse them."""
     names = []
     for name, table in tables.items():
         try:
@@ -325,7 +325,7 @@ def test_no_number_of_a_saved_plan_is_a_boolean_or_text(tmp_path):
     assert taken(read_mission, write, tables) == []
 
 
-# Anything at all
+# Random content
 
 scalars = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(allow_nan=False), st.text(max_size=8)

@@ -1,4 +1,4 @@
-"""Planning as a library: advice that helps when followed, grids that are what they say."""
+"""Planning as a library: advice that works, and grids as described."""
 
 import json
 import math
@@ -90,7 +90,7 @@ def test_the_altitude_that_is_said_to_leave_common_ground_does(grid):
 def test_common_ground_is_what_all_photos_see():
     result = planned(samples=20, baseline=3, heading=0)
     length, width = result.camera.footprint_m(40)
-    # Heading north: the image's length lies north, its width east.
+    # At heading north, the length of the image is along north and its width along east.
     north = (
         min(n for _, n in places_of(result))
         + length / 2
@@ -220,7 +220,7 @@ def test_a_resolution_that_asks_for_the_canopy_says_where_the_altitude_is_from()
 
 
 def test_the_canopy_counts_from_the_focal_plane():
-    # 20.04 m of forest are 15.04 m above a plane 5 m up.
+    # The top of the forest, at 20.04 m, is 15.04 m above a focal plane at 5 m.
     assert planned(altitude=17.05, focal_height=5).altitude_m == 17.05
     with pytest.raises(RequestError, match=r"top is 15\.044 m above the focal plane"):
         planned(altitude=15, focal_height=5)
@@ -259,12 +259,12 @@ def test_the_focal_height_adds_to_the_altitude_of_the_waypoints():
 def test_a_focal_plane_inside_the_canopy_leaves_the_occluders_above_it():
     low, high = (planned(focal_height=height, vhat=0.9, **UNIFORM) for height in (0, 11))
     whole, half = low.solution.prediction.density, high.solution.prediction.density
-    # Half of the volume stands above 11 m: its transparency is the root of the whole.
+    # Half of the volume is above 11 m, so its transparency is the square root of the whole.
     assert 1 - half == pytest.approx(math.sqrt(1 - whole), rel=1e-12)
 
 
 def test_a_focal_plane_below_the_canopy_lowers_every_occluder():
-    # The occluder at the 2 % quantile, at 2.36 m, is 1.36 m above a plane 1 m up.
+    # The occluder at the 2 % quantile, at 2.36 m, is 1.36 m above a plane at 1 m.
     low, high = (planned(focal_height=height, vhat=0.9, **UNIFORM) for height in (0, 1))
     assert low.solution.baseline_m == pytest.approx(0.2 * 40 / 2.36, rel=1e-12)
     assert high.solution.baseline_m == pytest.approx(0.2 * 40 / 1.36, rel=1e-12)

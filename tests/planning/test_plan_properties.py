@@ -1,4 +1,4 @@
-"""Plans of any scene: what holds whatever is asked."""
+"""Properties that plans of any scene have."""
 
 import json
 import math
@@ -14,11 +14,11 @@ from support.plans import places_of, planned
 from aosplan import InfeasibleError, PlanRequest, RequestError, plan
 from aosplan.grid.patterns import GRIDS
 
-# Grids against the waypoints themselves
+# Grids compared with their waypoints
 
 
 def extents(result, heading):
-    """Size along and across a heading, from the positions alone."""
+    """Size along and across a heading, computed from the positions."""
     turn = math.radians(heading)
     along = [e * math.sin(turn) + n * math.cos(turn) for e, n in places_of(result)]
     across = [e * math.cos(turn) - n * math.sin(turn) for e, n in places_of(result)]
@@ -26,7 +26,9 @@ def extents(result, heading):
 
 
 def optimized():
-    """Kinds of grid, what is optimized, and bounds; a spiral of least aperture takes long to find."""
+    """Kinds of grid, objectives and bounds; the search for the smallest aperture of a spiral is
+    slow.
+    """
     for grid in GRIDS:
         for objective in ("samples", "aperture", "time"):
             slow = (grid, objective) == ("spiral", "aperture")
@@ -47,7 +49,7 @@ def test_the_grid_in_the_document_is_the_grid_of_the_waypoints(grid, objective, 
     assert document["samples"] == len(result.waypoints) == len(set(places_of(result)))
     pitch_x, pitch_y = document["grid"]["pitch_m"]
     assert pitch_x == document["baseline_m"]
-    if grid == "spiral":  # one line of sites, wound up
+    if grid == "spiral":  # one path of sites, like a line
         assert (document["grid"]["rows"], document["grid"]["columns"]) == (1, document["samples"])
         assert pitch_y == 4.0 * pitch_x
         return
@@ -67,7 +69,7 @@ def test_flight_length_and_time_are_sums_over_the_waypoints(grid):
     time = hold * len(result.waypoints)
     for leg in legs:
         ramp = speed / acceleration
-        if leg >= speed * ramp:  # speeds up, cruises, slows down
+        if leg >= speed * ramp:  # accelerates, cruises, and decelerates
             time += 2 * ramp + (leg - speed * ramp) / speed
         else:
             time += 2 * math.sqrt(leg / acceleration)
@@ -100,7 +102,7 @@ def test_bounds_bound():
         assert result.solution.pattern.samples <= most
 
 
-# Properties
+# Properties of all plans
 
 scenes = st.fixed_dictionaries(
     {
@@ -131,10 +133,11 @@ def scaled(values, factor):
 @settings(max_examples=20)
 @given(scene=scenes, options=bounds, exponent=st.integers(-6, 6))
 def test_scaling_every_length_scales_the_baseline_and_nothing_else(scene, options, exponent):
-    # Powers of two are exact, so nothing may change in the last digit either.  An occluder is
-    # as many pixels at any scale.
+    # Scaling by powers of two is exact, so the last digit must not change either.  The size of an
+    # occluder in pixels does not change with the scale.
     factor = 2.0**exponent
-    assume(scene["volume_height"] / scene["occluder_size"] < 40)  # slices of the layered model
+    # number of slices of the layered model
+    assume(scene["volume_height"] / scene["occluder_size"] < 40)
     one = plan(PlanRequest(**scene, **options, clearance=0))
     other = plan(PlanRequest(**scaled(scene, factor), **options, clearance=0))
     assert other.solution.pattern == one.solution.pattern
@@ -172,7 +175,7 @@ def test_absolute_targets_are_reached_or_refused_where_they_cannot_be(scene, vis
             PlanRequest(**scene, visibility=visibility, baseline=500.0, allow_no_common_ground=True)
         )
     except InfeasibleError:
-        # Beyond 1 - p², or so near to it that no plan has the samples.
+        # The target is above 1 - p², or so close to it that it needs too many samples.
         assert p * (1 - p) / 5_000_000 >= (1 - p * p) - visibility
     else:
         assert result.solution.prediction.expected >= visibility - 1e-12
@@ -205,7 +208,7 @@ def test_more_coverage_never_asks_for_a_smaller_baseline(coverage):
     whole = planned(coverage=1.0).solution.baseline_m
     part = planned(coverage=coverage).solution.baseline_m
     assert part <= whole * (1 + 1e-12)
-    # b = o h/H with H at the quantile of height.
+    # b = o h/H, where H is a quantile of the height.
     low, high = 2.506, 20.044
     height = high - coverage * (high - low)
     assert part == pytest.approx(0.2 * 40 / height, rel=2e-3)

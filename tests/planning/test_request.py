@@ -1,4 +1,4 @@
-"""PlanRequest: cross-option rules, files overridden by flags, and nothing that escapes."""
+"""PlanRequest: rules between options, files overridden by options, and only deliberate errors."""
 
 import json
 import math
@@ -28,7 +28,7 @@ def refusal(**values):
 
 
 def outcome(make, *arguments, **values):
-    """The result, or the error that aosplan raised on purpose; anything else escapes."""
+    """The result, or an error of aosplan; any other exception is raised."""
     try:
         return make(*arguments, **values)
     except RequestError as error:
@@ -122,12 +122,12 @@ def test_a_heading_may_be_as_small_as_rounding_leaves_it(heading):
 
 @pytest.mark.parametrize("name", ["altitude", "samples", "vhat", "origin"])
 def test_an_integer_too_long_to_print_is_refused_like_any_other(name):
-    # Python itself refuses to turn integers of more than 4300 digits into text.
+    # Python refuses to convert integers with more than 4300 digits to text.
     value = (10**5000, 1) if name == "origin" else 10**5000
     assert name in refusal(**({"altitude": 40} | {name: value})).message
 
 
-# Ways of giving an altitude
+# Options that determine the altitude
 
 
 def test_an_altitude_is_needed():
@@ -331,7 +331,7 @@ def test_unknown_words_get_the_nearest_known(name, value, hint):
     assert error.hint == hint
 
 
-# Files and flags
+# Files and options
 
 
 def test_a_flag_overrides_the_file():
@@ -375,7 +375,7 @@ def test_a_flag_drops_what_it_contradicts_in_the_file(file, flags, gone):
 
 @pytest.mark.parametrize("kept", ["scene", "camera"])
 def test_a_complete_request_can_be_overridden_by_a_preset(kept):
-    # The occluder size of a uniform scene in the file means nothing to a preset.
+    # The occluder size in the file belongs to a uniform scene, not to a preset.
     file = PlanRequest(altitude=40, **UNIFORM, **LENS).document()
     preset = {"scene": "savanna", "camera": "dji-m3t-wide"}[kept]
     request = request_from(file, overrides={kept: preset})
@@ -418,12 +418,12 @@ def test_unknown_options_get_the_nearest_known(name, nearest):
 
 
 def test_grid_lanes_in_a_file_can_be_overridden_by_another_grid():
-    # What a lanes request writes out is overridden by one flag, without naming the lanes again.
+    # Another grid also replaces the lane options in the file.
     file = PlanRequest(altitude=40, grid="lanes").document()
     assert request_from(file, overrides={"grid": "trimmed"}).grid == "trimmed"
 
 
-# Anything at all
+# Random values
 
 
 values = st.one_of(
@@ -515,7 +515,7 @@ def test_a_request_is_the_same_from_flags_and_from_a_file(values):
 def test_help_shows_the_defaults_that_a_request_takes():
     shown = {option.name: option.help for option in OPTIONS}
     for name, value in DEFAULTS.items():
-        if name != "altitude_frame":  # the first of its words
+        if name != "altitude_frame":  # the first of its allowed values
             text = value if isinstance(value, str) else f"{value:g}"
             assert re.search(rf"\[{text}[],;]", shown[name]), name
     assert shown["voxel"].endswith(f"[{DEFAULT_VOXEL_M:g}]")

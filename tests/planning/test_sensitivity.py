@@ -1,4 +1,4 @@
-"""What if the scene is not as it was thought: against plans of the changed scenes themselves."""
+"""Changes of the scene, compared with plans of the changed scenes."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,9 @@ def changes(**options):
 
 
 def check(change, planned, changed):
-    """A change is the planned grid in the changed scene, and the changed scene's own plan."""
+    """Check a change against the planned grid in the changed scene and the changed scene's own
+    plan.
+    """
     grid = planned.solution
     fixed = {"baseline": grid.baseline_m, "samples": grid.pattern.samples}
     shown = plan(PlanRequest(**changed, **fixed)).solution
@@ -94,11 +96,11 @@ def test_layers_are_changed_one_by_one(tmp_path):
 
 def test_a_change_that_leaves_no_plan_says_why():
     _, found = changes(altitude=40, max_aperture=20, max_samples=50)
-    wide = found["height", 0.8]  # occluders farther down need a wider aperture
+    wide = found["height", 0.8]  # lower occluders need a wider aperture
     assert (wide.samples, wide.baseline_m) == (None, None)
     assert wide.visibility is not None
     assert "out of reach" in wide.reason
-    _, found = changes(altitude=23)  # the canopy ends at 20.04 m
+    _, found = changes(altitude=23)  # the top of the canopy is at 20.04 m
     assert found["height", 1.2][2:6] == (None, None, None, None)
     assert "up to the cameras" in found["height", 1.2].reason
     assert found["height", 0.8].reason is None
@@ -124,7 +126,7 @@ def forest():
 
 
 def test_sizes_and_heights_of_voxels_are_altitudes(forest):
-    # A plot stretched to twice its width, every voxel four; and one of twice the height.
+    # A plot of twice the width, with four voxels for each one, and a plot of twice the height.
     pattern = Pattern(4, 3)
     wide = VoxelVolume(forest.occupied.repeat(2, axis=1).repeat(2, axis=2), 0.5)
     stretched = MeasuredModel(wide, 50.0, targets_per_voxel=2).predict(pattern, 2.0)

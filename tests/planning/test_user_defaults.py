@@ -1,4 +1,4 @@
-"""The user's own defaults: what is taken from them, and what overrides it."""
+"""The user's own defaults: which values are used, and what overrides them."""
 
 import json
 import os
@@ -20,7 +20,7 @@ MINE = 'drone = "dji-m30t"\naltitude = 50\ntakeoff = [48.0, 14.0]\nhold = 2\n'
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """An empty folder that is the current one, and the user's home."""
+    """An empty folder as the current one and as the user's home."""
     monkeypatch.chdir(tmp_path)
     for name in ("XDG_CONFIG_HOME", "AOSPLAN_DEFAULTS", "APPDATA"):
         monkeypatch.delenv(name, raising=False)
@@ -30,7 +30,7 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def mine(folder):
-    """The user's own defaults, where they are looked for."""
+    """The file with the user's own defaults, at the place where it is read."""
     path = folder / ".config" / "aosplan" / "defaults.toml"
     path.parent.mkdir(parents=True)
     path.write_text(MINE)
@@ -39,7 +39,7 @@ def mine(folder):
 
 @pytest.fixture
 def request_of(capsys):
-    """A function that plans with --json: the request that was planned."""
+    """A function that plans with --json and returns the request."""
 
     def execute(*arguments):
         status = run(["plan", *map(str, arguments), "--json"])
@@ -58,7 +58,7 @@ def refused(capsys, *arguments):
     return err
 
 
-# Where it is looked for
+# Places of the file
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_a_named_file_that_is_not_there_is_an_error(capsys, monkeypatch):
         find_defaults(None)
 
 
-# What overrides it
+# Overriding
 
 
 @pytest.mark.parametrize(
@@ -190,7 +190,7 @@ def test_files_that_defaults_name_lie_beside_them(folder, request_of):
     assert request_of("--defaults", "sub/d.toml")["camera"] == str(folder / "sub" / "cam.json")
 
 
-# What is wrong with it
+# Errors in the file
 
 
 @pytest.mark.parametrize(
@@ -219,7 +219,7 @@ def test_a_folder_is_no_file(folder, capsys):
     assert "no file" in refused(capsys, "--altitude", 40, "--defaults", ".")
 
 
-# What it costs
+# Cost
 
 
 def test_without_a_file_it_costs_one_look(folder):
@@ -239,7 +239,7 @@ def test_without_a_file_it_costs_one_look(folder):
     assert done.stdout == "[] False False\n"
 
 
-# Layers in general
+# Layers of values
 
 VALUES = {
     "altitude": 40.0,
@@ -287,7 +287,7 @@ def test_defaults_never_contradict_what_is_asked_for(own, asked):
     for name, value in asked.items():
         assert getattr(found, name) == value
     alone = {n for n in own if n not in asked and getattr(found, n) != own[n]}
-    # What is missing of the user's own was contradicted, or has no partner here.
+    # Defaults that are not used contradict an option, or need another one that is not given.
     contradicted = {"altitude", "gsd", "vhat", "visibility", "camera", "speed"}
     unpaired = {"takeoff", "max_blur", "lanes"}
     assert alone <= contradicted | unpaired

@@ -1,4 +1,4 @@
-"""What is chosen within a time."""
+"""Values that are chosen to fit into a time."""
 
 import itertools
 from dataclasses import replace
@@ -12,7 +12,7 @@ from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.within import NEARLY, Search
 
 HARD = {"scene": "dense-forest", "find": "person", "optimize": "detection", "drone": "dji-m3t"}
-"""A search that does not find everyone."""
+"""A search that does not find all targets."""
 
 
 def searched(**values):
@@ -70,7 +70,7 @@ def test_at_one_place_all_photos_show_the_target():
 
 @pytest.mark.parametrize("trigger", ["stop", "distance"])
 def test_no_grid_of_the_same_options_is_better_at_one_place(trigger):
-    """Enumerated over lanes that fit: rows, columns and spacing."""
+    """Compared with all lanes that fit: rows, columns and spacing."""
     best = searched(within=0.7, trigger=trigger)
     x, y = best.camera.footprint_m(60.0)
     for rows, columns, pitch in itertools.product((1, 2, 3, 5), (3, 6, 10), (1.0, 2.0)):

@@ -1,4 +1,4 @@
-"""Focus and alignment: the plane, the yaw and the places that a recording was really taken from."""
+"""Focus and alignment: the plane, the yaw and the positions of a recording are found."""
 
 import json
 import runpy
@@ -29,7 +29,7 @@ GRAIN_M = 0.5
 
 
 def rough(seed):
-    """A texture without a period: random values every half metre, bilinear between them."""
+    """An aperiodic texture: random values every half metre with bilinear interpolation."""
     values = np.random.default_rng(seed).uniform(0, 255, (160, 160))
 
     def shade(x, y):
@@ -60,7 +60,7 @@ def test_agreement_is_the_mean_correlation_of_all_halves():
         one, other = views[order[:6]].mean(axis=0), views[order[6:]].mean(axis=0)
         halves.append((one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean()))
     error = np.std(halves) / np.sqrt(len(halves))
-    # Ratios of means and means of ratios differ by far less than halves do from each other.
+    # The ratio of means and the mean of ratios differ by much less than the halves do.
     assert agreement(sums).value == pytest.approx(np.mean(halves), abs=4 * error + 2e-3)
 
 
@@ -77,13 +77,14 @@ def test_growth_and_turn_are_told_from_the_rest():
     shifts[7] += 50.0
     clear = np.arange(30) != 7
     fit = fitted(shifts, clear, positions)
-    # The middle is that of all positions, so the constant takes up what the seventh lacks.
+    # Positions are relative to the mean of all, so leaving the seventh out only changes the
+    # constant.
     assert (fit.growth, fit.turn_rad) == pytest.approx((0.02, 0.05))
     assert np.abs(fit.rest_m).max() < 1e-9
 
 
 def recorded(folder, height=0.0, crowns=None):
-    """Poses and images of the rough ground at a height; crowns hide what lies under them."""
+    """Poses and images of the textured ground at a height, with optional crowns above it."""
     views = [(nadir_to(10.0 * k), np.array([*site, 40.0])) for k, site in enumerate(SITES)]
     images = []
     for rotation, position in views:
@@ -117,7 +118,7 @@ def test_ground_and_crowns_are_two_peaks(folder):
 
 
 def fly(folder, *, yaw_bias=0.0, height_error=0.0, off_m=0.0, seed=4):
-    """Photos with tags that are wrong by so much; the errors of the places."""
+    """Write photos whose tags have given errors, and return the errors of the positions."""
     noise = np.random.default_rng(seed).normal(0.0, off_m, (len(SITES), 2))
     (folder / "photos").mkdir()
     for index, (site, error) in enumerate(zip(SITES, noise, strict=True)):
@@ -141,7 +142,7 @@ def test_positions_come_back_but_for_what_nothing_tells(folder):
     noise = fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.5)
     recording = Recording("photos")
     found = find_focus(recording, np.arange(25), align="positions")
-    # A shift, a turn and a growth of all places together cannot be seen in the photos.
+    # Photos do not show a common shift, rotation or scale of all positions.
     rest = fitted(noise, np.ones(25, bool), np.array(SITES)).rest_m
     left = fitted(found.correction.shifts_m + noise, np.ones(25, bool), np.array(SITES)).rest_m
     assert np.sqrt((rest**2).mean()) > 0.4
@@ -154,7 +155,7 @@ def test_positions_come_back_but_for_what_nothing_tells(folder):
 
 @pytest.mark.slow
 def test_the_simulated_drone_comes_into_focus(folder):
-    """The tutorial's flight with a wrong compass, barometer and GNSS, beside its true poses."""
+    """The tutorial's flight with a wrong compass, barometer and GNSS, compared with its true poses."""
     plan = tutorial(folder)
     true = Recording("recording/poses.json", "recording/images")
     raster = Raster.over((-6.0, -6.0, 6.0, 6.0), 0.125)
@@ -167,8 +168,8 @@ def test_the_simulated_drone_comes_into_focus(folder):
     assert abs(found.ground.place - 2.0) < 2 * found.ground.deviation < 1.6
     assert abs(found.correction.yaw_deg + 3.0) < 2 * found.yaw_deviation_deg < 2.0
     assert found.crowns.place - found.ground.place == pytest.approx(12.0, abs=1.0)
-    # What no photo tells is taken from the truth: where all of it lies, how large it is and to which
-    # side it is turned.
+    # The common position, scale and rotation are taken from the truth, because photos do not show
+    # them.
     views = found.correction.applied(recording.views, np.eye(3))
     sites = np.array([(place["east_m"], place["north_m"]) for place in plan["waypoints"]])
     there = np.array([view.position for view in views])
@@ -191,7 +192,7 @@ def test_the_simulated_drone_comes_into_focus(folder):
 
 
 def tutorial(folder):
-    """The files that the how-to makes; the plan's document."""
+    """Make the files of the how-to page, and return the plan's document."""
     stand, plan = str(folder / "stand.laz"), folder / "plan.json"
     script("make_stand.py", stand)
     options = ["--altitude", "50", "--scene", stand, "--baseline", "2", "--samples", "49"]

@@ -1,4 +1,4 @@
-"""One picture in every dress: bits, signs, bands and planes; poses and images that do not match."""
+"""One image in many formats (bits, signs, bands, planes), and poses that do not match their images."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""Integral images of recordings: against planes whose every pixel is known."""
+"""Integral images of recordings, compared with planes whose pixels are known."""
 
 import numpy as np
 import pytest
@@ -31,8 +31,8 @@ PINHOLE = f"1 PINHOLE {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {WIDTH / 2} {HEIGHT / 2}"
 
 
 def bilinear_error(gsd_m):
-    """Largest error of bilinear patches of the texture: an eighth of its second derivatives."""
-    # d²/dx² is at most 44 (2.1² + 0.7²), d²/dy² 44 (1.3² + 1.1²); photos may be tilted and turned.
+    """Largest error of bilinear interpolation of the texture: an eighth of its second derivatives."""
+    # d²/dx² is at most 44 (2.1² + 0.7²), d²/dy² at most 44 (1.3² + 1.1²); photos may be rotated.
     return gsd_m**2 / 8.0 * 44.0 * (2.1**2 + 0.7**2 + 1.3**2 + 1.1**2)
 
 
@@ -42,7 +42,7 @@ def recorded(tmp_path, views=None, **options):
     return Recording(*write_recording(tmp_path, views, images), **options)
 
 
-# The integral of a plane is the plane
+# The integral of views of a plane is the plane
 
 
 def test_the_integral_of_unoccluded_views_is_the_plane(tmp_path):
@@ -52,7 +52,7 @@ def test_the_integral_of_unoccluded_views_is_the_plane(tmp_path):
     seen = found.seen(1)
     assert seen.mean() > 0.95
     error = np.abs(found.values[..., 0] - truth(raster))[seen]
-    # 30 m above the plane and up to a corner of the image: a pixel is at most 0.25 m.
+    # From 30 m and up to a corner of the image, a pixel is at most 0.25 m.
     # Within half a pixel of an image's edge the last pixel is repeated.
     assert np.quantile(error, 0.99) < bilinear_error(0.25)
     assert error.mean() < 0.5 * bilinear_error(0.25)
@@ -85,7 +85,7 @@ def test_a_shift_of_a_tenth_of_a_pixel_would_be_found(tmp_path):
 
 
 def test_a_world_with_z_down_gives_the_same_picture(tmp_path):
-    # The AOS project's worlds: the camera's forward is the world's z.
+    # In the AOS project's recordings the camera looks along the world's z axis.
     views = [
         (nadir_to(10.0 * i, 2.0, -1.0, z_up=False), np.array([2.0 * i, 1.0, -30.0]))
         for i in range(3)
@@ -109,7 +109,7 @@ def test_the_plane_may_be_at_any_height(tmp_path):
 
 
 def test_a_point_above_the_plane_appears_where_similar_triangles_put_it(tmp_path):
-    # Cameras at x = -3 and 3 m, 30 m up; a spot 10 m up at x = 0 is projected to ±3 * 10 / 20.
+    # For cameras at x = ±3 m and 30 m height, a spot at 10 m height and x = 0 is at ±3 * 10 / 20.
     views = [(nadir_to(0.0), np.array([x, 0.0, 30.0])) for x in (-3.0, 3.0)]
 
     def spot(x, y):
@@ -165,7 +165,7 @@ def test_the_fewest_views_of_a_pixel(text, views, expected):
 
 
 def test_the_horizon_does_not_come_back_from_behind(tmp_path):
-    # 75 degrees off nadir: part of the image is sky.
+    # At 75 degrees off nadir, a part of the image is sky.
     view = nadir_to(0.0, 75.0), np.array([0.0, 0.0, 10.0])
     _, y, ahead = on_plane(*view)
     assert 0.05 < ahead.mean() < 0.95
@@ -199,7 +199,7 @@ def test_blocks_do_not_shift_the_picture(tmp_path):
 
 
 def test_one_image_at_a_time_is_all_that_is_needed(tmp_path):
-    # Every file is gone before the next one is written.
+    # Every file is deleted before the next one is written.
     def streamed():
         path = tmp_path / "only.tif"
         for index, (rotation, position) in enumerate(sites()):
@@ -253,7 +253,8 @@ def test_ignoring_the_distortion_would_be_found(tmp_path):
 
 
 def test_beyond_the_fold_of_a_lens_nothing_is_seen():
-    # r (1 - 0.3 r²) turns back at r = 1.054: rays farther out would land in the image again.
+    # r (1 - 0.3 r²) has a maximum at r = 1.054; rays farther out would be mapped into the image
+    # again.
     lens = LENS._replace(k1=-0.3)
     x, _ = lens.distorted(np.array([0.5, 1.0, 1.1, 1.8]), np.zeros(4))
     assert np.isfinite(x).tolist() == [True, True, False, False]
@@ -283,7 +284,8 @@ def test_either_file_of_a_reconstruction_will_do(tmp_path):
 
 
 def test_poses_as_the_aos_project_publishes_them(tmp_path):
-    # Its open-field recording: 27 m above a start at 285.48 m, z down, numbers as text in others.
+    # From its open-field recording: 27 m above a start at 285.48 m, z down; some files have numbers
+    # as text.
     text = """{"images": [
       {"imagefile": "31.png", "M3x4": [
         [0.9945218953682733, -0.10452846326765342, -0.0, -3.1725731711559653],
@@ -304,7 +306,7 @@ def test_poses_as_the_aos_project_publishes_them(tmp_path):
 
 def test_the_field_of_view_is_the_images_width():
     lens = from_field_of_view(50.815436217896945)(512, 512)
-    assert lens.fx_px == pytest.approx(538.94, abs=0.5)  # 512 / 0.95, as the project has it
+    assert lens.fx_px == pytest.approx(538.94, abs=0.5)  # 512 / 0.95, as in the project
     assert from_field_of_view(FOV_DEG)(WIDTH, HEIGHT) == pytest.approx(LENS)
 
 

@@ -1,4 +1,4 @@
-"""`aosplan integrate`: choices of views, SSIM, files, and every refusal."""
+"""`aosplan integrate`: selections of views, SSIM, files, and refusals."""
 
 import json
 import os
@@ -28,7 +28,7 @@ from aosplan.postflight.integral.view_subset import ViewSubset, chosen, read_vie
 
 pytestmark = pytest.mark.usefixtures("folder")
 
-# Choices
+# Selections of views
 
 
 def grid(side, pitch):
@@ -48,8 +48,8 @@ def test_a_pitch_keeps_as_many_as_fit_so_far_apart(points, pitch):
     kept = chosen(ViewSubset(pitch_m=pitch), names(len(points)), positions)
     distances = np.hypot(*(positions[:, None] - positions[kept][None]).T)
     among = distances[:, kept][~np.eye(len(kept), dtype=bool)]
-    assert (among >= pitch * (1 - 1e-8)).all()  # far enough apart
-    assert (distances.min(axis=0) <= pitch).all()  # and none could be added
+    assert (among >= pitch * (1 - 1e-8)).all()  # all are far enough apart
+    assert (distances.min(axis=0) <= pitch).all()  # and no other one could be added
 
 
 @pytest.mark.parametrize(("pitch", "count"), [(2.0, 81), (2.8, 41), (4.0, 25), (100.0, 1)])
@@ -86,13 +86,13 @@ def test_parts_of_a_choice_narrow_it_down():
 
 @pytest.fixture
 def command(command):
-    """A function that runs the command: its status, stdout and stderr."""
+    """A function that runs the command and returns its status, stdout and stderr."""
     return partial(command, "integrate")
 
 
 @pytest.fixture
 def recorded(folder):
-    """Nine views 2 m apart of 8-bit images; the arguments that integrate them."""
+    """Nine views 2 m apart with 8-bit images, and the arguments that integrate them."""
     views = list(sites())
     images = [np.rint(photo(*view)).astype(np.uint8) for view in views]
     return write_recording(folder, views, images)

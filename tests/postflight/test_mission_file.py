@@ -1,4 +1,4 @@
-"""Missions read back: routes in zips, Litchi's photos, files for maps; and files that do harm."""
+"""Missions that are read back: routes in zips, Litchi's photos, map files, and malicious files."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""Poses from the tags of photos, and of OpenDroneMap and COLMAP: a folder becomes a picture."""
+"""Poses from the tags of photos, from OpenDroneMap and from COLMAP: a folder becomes an image."""
 
 import json
 import struct
@@ -45,7 +45,7 @@ def test_a_camera_turns_as_scipy_turns_it(angles):
 def test_the_top_of_a_photo_straight_down_points_to_its_yaw():
     right, down, forward = camera_rotation(90.0, -90.0, 0.0)
     assert forward == pytest.approx([0, 0, -1], abs=1e-12)
-    assert -down == pytest.approx([1, 0, 0], abs=1e-12)  # up in the image is east
+    assert -down == pytest.approx([1, 0, 0], abs=1e-12)  # the top of the image is in the east
     assert right == pytest.approx([0, -1, 0], abs=1e-12)
 
 
@@ -61,7 +61,7 @@ def test_a_folder_of_photos_is_the_plane_that_they_show(folder):
     found = recording.integrate(ViewSubset(), raster).values[..., 0]
     x, y = recording.georeference.to_world(*ORIGIN)
     wanted = truth(raster, shade=lambda u, v: texture(u - x, v - y))
-    assert np.abs(found - wanted).mean() < 1.5  # grey values of 256, of JPEGs
+    assert np.abs(found - wanted).mean() < 1.5  # of 256 grey values, for JPEGs
 
 
 @pytest.mark.parametrize("dialect", ["AUTEL", "PARROT", "PIX4D", "SKYDIO"])
@@ -79,7 +79,7 @@ def test_focal_lengths_in_the_order_of_trust(folder):
     xmp = flown.PARROT
     rational = {37386: 4.5, 41486: 2000.0 / 6.0, 41487: 2000.0 / 6.0, 41488: 4, 41989: 24}
     for name, exif, expected in [
-        ("a.jpg", rational, 1500.0),  # 4.5 mm at 333.3 pixels a millimetre
+        ("a.jpg", rational, 1500.0),  # 4.5 mm at 333.3 pixels per millimetre
         ("b.jpg", {37386: 4.5, 41989: 40}, 40 / np.hypot(36, 24) * np.hypot(WIDTH, HEIGHT)),
         ("c.jpg", {37386: 4.5}, None),
     ]:
@@ -102,13 +102,13 @@ def test_fixed_rtk_heights_take_the_place_of_the_barometer(folder):
     first = folder / "photos" / "DJI_0000.jpg"
     content = first.read_bytes()
     at = content.index(b'RelativeAltitude="') + 18
-    first.write_bytes(content[:at] + b"+99" + content[at + 3 :])  # the barometer jumps
+    first.write_bytes(content[:at] + b"+99" + content[at + 3 :])  # an outlier of the barometer
     heights = [view.position[2] for view in read(folder / "photos").views]
     before = [view.position[2] for view in found.views]
     assert np.ptp(np.subtract(heights, before)) < 1e-6
 
 
-# Which of the photos
+# Selection of photos
 
 
 def test_twins_are_told_apart(command, folder):
@@ -174,7 +174,7 @@ def test_images_may_be_the_photos_scaled(folder):
     assert np.abs(one - other).mean() < 3.0
 
 
-# What the photos lack
+# Missing data in photos
 
 
 def test_a_plan_gives_what_the_photos_lack(command, folder):
@@ -206,7 +206,7 @@ def test_a_plan_gives_what_the_photos_lack(command, folder):
     assert document["origin"] == list(ORIGIN)
     assert document["altitude_m"] == pytest.approx(30.0)
     first, second = (np.asarray(Image.open(name)).astype(float) for name in ("x.png", "y.png"))
-    assert np.abs(first - second).mean() < 2.0  # the plan's origin is the photos' middle
+    assert np.abs(first - second).mean() < 2.0  # the plan's origin is the centre of the photos
 
 
 def test_a_tiff_of_photos_lies_in_its_place(command, folder):
@@ -289,7 +289,7 @@ def test_wrong_shots_are_refused(command, folder, change, part):
 
 
 def write_binary(folder, views):
-    """COLMAP's binary files of views with one camera each of OPENCV."""
+    """COLMAP's binary files of views, each with its own OPENCV camera."""
     cameras = struct.pack("<Q", 1) + struct.pack("<iiQQ8d", 1, 4, WIDTH, HEIGHT, FOCAL, FOCAL,
                                                  WIDTH / 2, HEIGHT / 2, 0.01, 0, 0, 0)  # fmt: skip
     (folder / "cameras.bin").write_bytes(cameras)

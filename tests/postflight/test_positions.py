@@ -1,4 +1,4 @@
-"""Places read back from what was written, and from files that want to do harm."""
+"""Positions read back from written files, and from malicious files."""
 
 import csv
 import io
@@ -38,17 +38,17 @@ def file_of(folder, mission, name):
 @given(mission=missions)
 @settings(max_examples=20)
 def test_places_read_back_are_the_sites_with_photos(tmp_path_factory, name, mission):
-    # Photos in passing are read back from the ends of their lines: the next test.
+    # Photos in passing are read from the ends of their lines, which the next test covers.
     mission = mission._replace(settings=mission.settings._replace(trigger="stop"))
     path = file_of(tmp_path_factory.mktemp("places"), mission, name)
     found = read_places(path)
     assert len(found) == len(mission.waypoints)
     for place, site in zip(found, mission.waypoints, strict=True):
-        # Degrees of 0 mean "here" to Copter, and are written as 1e-7.
+        # Copter reads degrees of 0 as the current position, so they are written as 1e-7.
         near = 1.001e-7 if 0.0 in (site.latitude, site.longitude) else 1e-8
         assert place.latitude == pytest.approx(site.latitude, rel=0, abs=near)
         assert place.longitude == pytest.approx(site.longitude, rel=0, abs=near)
-        # Litchi's heights have three decimals.
+        # Heights of Litchi have three decimals.
         off = 5.1e-4 if name == "litchi" else 1e-4
         assert place.altitude_m == pytest.approx(site.altitude_m, abs=off)
 
@@ -116,7 +116,7 @@ def test_places_of_a_csv_of_others(tmp_path):
     assert read_places(str(path)) == [(48.1, 14.2, None), (48.2, 14.3, None)]
 
 
-# Hostile files
+# Malicious files
 
 PLAN = '{"mission": {"items": %s}}'
 ITEM = '{"type": "SimpleItem", "command": %s, "params": %s}'
@@ -206,7 +206,7 @@ def test_many_places_are_read(tmp_path):
     assert sum(1 for _ in rows) == 2501
 
 
-# Commands that place a vehicle
+# Commands with a position
 
 
 def waypoints(rows):
@@ -239,7 +239,8 @@ def test_unknown_commands_with_a_place_are_named(tmp_path):
     path.write_text(waypoints([(16, 3), (999, 3)]))
     with pytest.raises(RequestError, match="line 4: command 999 is unknown"):
         read_places(str(path))
-    path.write_text(waypoints([(22, 3), (201, 3), (16, 3), (21, 3)]))  # take-off, interest, landing
+    # take-off, region of interest, landing
+    path.write_text(waypoints([(22, 3), (201, 3), (16, 3), (21, 3)]))
     assert len(read_places(str(path))) == 1
 
 

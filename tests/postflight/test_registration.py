@@ -1,4 +1,4 @@
-"""Where a plan lies among its photos: found whatever photos are missing, or belong to none."""
+"""The offset between a plan and its photos is found if photos are missing or belong to no site."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_missing_noisy_and_stray_photos_move_nothing(seed):
     strays = OFFSET_M + source.uniform(-60, 60, (12, 2))
     photos = source.permutation(np.vstack([photos, strays]))
     found = registered(sites, photos, 0.5 * PITCH_M)
-    # The median of so many normal errors, in standard errors of it.
+    # The standard error of the median of normally distributed errors.
     error = 1.2533 * noise_m / np.sqrt(flown.sum())
     assert np.abs(found.offset_m - OFFSET_M).max() < 4.5 * error
     assert found.alike == 1
@@ -46,12 +46,12 @@ def test_a_flight_that_broke_off_is_laid_on_the_first_sites(kind):
     flown = len(sites) // 2
     found = registered(sites, sites[:flown] + OFFSET_M, 0.5 * PITCH_M)
     assert found.offset_m == pytest.approx(OFFSET_M, abs=1e-9)
-    # Nothing but the order of the flight tells it from the same sites farther along.
+    # Only the order of the flight distinguishes it from the same sites farther along.
     assert found.alike > 1
 
 
 def test_of_whole_lines_all_shifts_are_compared_with_enumeration():
-    """Every translation that lays some site on some photo, and the sites that it lays on photos."""
+    """All shifts that move some site to some photo, with the number of sites that they match."""
     source = np.random.default_rng(5)
     for _ in range(30):
         sites = sites_of(int(source.integers(2, 25)))

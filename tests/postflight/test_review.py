@@ -1,5 +1,6 @@
-"""After the flight: sites that were left out are found, what was flown is predicted, what is left is
-flown."""
+"""Review of a flight: missing sites are found, the flown sites are predicted, and the missing ones
+are planned again.
+"""
 
 import json
 import os
@@ -26,7 +27,7 @@ FORMATS = ["csv", "geojson", "waypoints", "plan"]
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function that runs a command line in an empty folder: its status, stdout and stderr."""
+    """A function that runs a command in an empty folder and returns its status, stdout and stderr."""
     monkeypatch.chdir(tmp_path)
 
     def execute(*arguments):
@@ -77,7 +78,7 @@ def test_sites_without_a_photo_are_missing_and_no_others(tmp_path, wanted):
     assert found.missing == gone
     assert found.strays == []
     assert found.errors_m == pytest.approx((0.0, 0.0), abs=1e-9)
-    # The patterns' own sums over pairs, against those over positions.
+    # The sum over pairs of the pattern equals the sum over pairs of positions.
     assert tuple(found.completed) == pytest.approx(tuple(planned.solution.prediction), rel=1e-9)
     assert found.flown.shortfall != found.completed.shortfall
     flown = sites_of(found.topup)
@@ -92,7 +93,7 @@ def test_what_was_flown_is_predicted_from_where_it_was_flown(tmp_path):
     turn = np.radians(40.0)
     along = points @ [np.sin(turn), np.cos(turn)]
     across = points @ [np.cos(turn), -np.sin(turn)]
-    # Neighbours that share occluders: the volume counts as slices one occluder thick.
+    # Neighbours share occluders, so the volume is treated as slices of one occluder's thickness.
     expected = slices_shortfall(np.column_stack([along, across]), planned.scene.slices(), 40.0)
     assert found.flown.shortfall == pytest.approx(expected, rel=1e-9)
 
@@ -119,8 +120,8 @@ def test_photos_elsewhere_belong_to_no_site(tmp_path):
     found = reviewed(tmp_path / "f.csv", np.vstack([nearby, sites, far]), request, tolerance_m=0.5)
     assert found.strays == [0, 51]
     assert found.missing == []
-    assert found.counted == 51  # the far one does not see the middle
-    seen = np.vstack([nearby, sites])[:, ::-1]  # north is along the heading
+    assert found.counted == 51  # the distant photo does not see the centre
+    seen = np.vstack([nearby, sites])[:, ::-1]  # the heading is north
     expected = slices_shortfall(seen, found.plan.scene.slices(), 40.0)
     assert found.flown.shortfall == pytest.approx(expected, rel=1e-9)
     assert [code for code, _ in found.warnings] == ["photos_aside"]
@@ -205,7 +206,7 @@ def test_a_plan_without_a_place_is_put_in_the_middle_of_the_photos(tmp_path, com
 def test_a_plan_without_a_place_lies_where_its_photos_are_whatever_is_missing(tmp_path, command):
     planned = plan(PlanRequest(**PLACED))
     ways = planned.waypoints
-    # One side of the grid but for a photo, and one in its middle.
+    # One side of the grid except one photo, and one site in the middle, are missing.
     side = np.argsort(ways.east_m)[: len(ways) // 3].tolist()
     gone = sorted({*side[1:], len(ways) // 2})
     rows = [
@@ -284,7 +285,7 @@ def test_an_area_has_its_missing_sites_and_a_top_up_around_its_zones(tmp_path, c
     assert not zones.cross(way[:-1], way[1:]).any()
 
 
-# Hostile inputs
+# Malicious inputs
 
 
 def test_a_single_position(tmp_path):
@@ -402,7 +403,8 @@ FEW_SLICES = {"integrated_density": 0.8, "occluder_size": 0.5, "volume_height": 
 def test_what_was_flown_finds_less_than_planned_and_the_top_up_as_much(tmp_path):
     request = PlanRequest(altitude=40, samples=36, baseline=2.0, **FEW_SLICES, **FOUND)
     planned = plan(request)
-    # The last lines are missing: every other photo of the whole grid would find as many.
+    # The last lines are missing; if every second photo were missing, as many targets would be
+    # found.
     half = without(sites_of(planned), range(12, 36))
     found = reviewed(tmp_path / "flown.csv", half, request)
     assert found.detection.planned == planned.detection.probability

@@ -1,4 +1,4 @@
-"""Focal surfaces, stacks, films, and what helps to see: each against a recording with known truth."""
+"""Focal surfaces, stacks, films and filters, compared with recordings whose content is known."""
 
 import json
 from functools import partial
@@ -33,9 +33,9 @@ def command(command):
 
 
 def sloping(position):
-    """A photo straight down on ground that rises by `SLOPE`, by following each ray to it."""
+    """A vertical photo of ground that rises by `SLOPE`, computed by tracing each ray."""
     column, row = np.meshgrid(np.arange(160) + 0.5, np.arange(120) + 0.5)
-    dx, dy = (column - 80.0) / 150.0, -(row - 60.0) / 150.0  # per metre down
+    dx, dy = (column - 80.0) / 150.0, -(row - 60.0) / 150.0  # per metre of descent
     rise = SLOPE[0] * dx + SLOPE[1] * dy
     above = position[2] - SLOPE[0] * position[0] - SLOPE[1] * position[1]
     depth = above / (1.0 + rise)
@@ -51,7 +51,7 @@ def fly(folder):
 
 
 def write_dem(path, rise=0.0):
-    """Heights of the slope as a GeoTIFF in degrees, 400 m above its datum."""
+    """Heights of the slope as a GeoTIFF in degrees, with an offset of 400 m."""
     (south, north), (west, east) = to_wgs84(ORIGIN, [-20.0, 20.0], [-20.0, 20.0])
     count = 81
     step_x, step_y = (east - west) / (count - 1), (north - south) / (count - 1)
@@ -72,7 +72,7 @@ def shifted(recording):
 def test_a_tilted_plane_and_an_elevation_model_are_the_ground(folder):
     fly(folder)
     write_dem(folder / "dem.tif")
-    # The take-off lies below the first photo, where the slope is this much lower than the middle.
+    # The take-off is below the first photo, where the slope is this much lower than in the middle.
     first = SLOPE[0] * SITES[0][0] + SLOPE[1] * SITES[0][1]
     tilted = Recording("photos", slope=SLOPE)
     model = Recording("photos", focal_height_m=first)
@@ -99,7 +99,7 @@ def test_a_stack_has_a_page_for_each_height_and_a_film_a_frame(command, folder):
     with Image.open("one.tif") as one:
         assert np.asarray(one) == pytest.approx(sharp)
     with Image.open("f.gif") as film:
-        assert film.n_frames == 6  # up and down again
+        assert film.n_frames == 6  # forwards and backwards
     assert "--stack" in command(*paths, "--out", "g.gif")[2]
 
 
@@ -121,7 +121,7 @@ def test_exposures_come_together(folder):
         brightness.append(
             np.asarray(changed.bands[0]).mean() / (image.mean() / gains[len(brightness)])
         )
-    # Each is its true brightness times one number for all, but for what photos see that others do not.
+    # After the correction, brightnesses agree except for differences of what the photos show.
     assert np.std(brightness) / np.mean(brightness) < 0.1 < np.std(gains)
 
 
@@ -163,7 +163,7 @@ def test_an_uneven_veil_goes():
 
 
 def warm(folder, spot=(1.5, -2.0)):
-    """Photos of even ground with noise, and one warm square of half a metre."""
+    """Photos of uniform ground with noise, and one warm square of half a metre."""
     rng = np.random.default_rng(2)
     (folder / "photos").mkdir()
 

@@ -1,4 +1,4 @@
-"""Choosing views: against every choice there is, and against what a good choice must be."""
+"""Selection of views, compared with all selections, and with necessary properties."""
 
 import csv
 import json
@@ -85,7 +85,7 @@ def test_the_shortfall_is_that_of_the_positions():
 
 
 def test_views_a_spacing_apart_are_found_among_many():
-    # A line of 400 views each half metre holds 41 views 5 m apart, which share nothing.
+    # A line of 401 views every half metre contains 41 views 5 m apart, which share no occluder.
     points = np.column_stack([0.5 * np.arange(401), np.zeros(401)])
     chosen = thin(points, 41, triangles(5.0))
     assert shortfall(correlations(points, triangles(5.0)), chosen) == pytest.approx(1 / 41)
@@ -136,7 +136,7 @@ MODELS = {
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("baseline", [0.7, 1.9, 2.7])
 def test_correlations_are_those_behind_the_models_predictions(name, baseline):
-    # Two views have K = (1 + c)/2; columns lie along the heading, which is north.
+    # For two views K = (1 + c)/2; columns are along the heading, which is north.
     model = MODELS[name]
     pair = 2.0 * model.predict(Pattern(1, 2), baseline).shortfall - 1.0
     along = (0.0, baseline) if name == "correlogram" else (baseline, 0.0)
@@ -157,7 +157,7 @@ def test_positions_of_a_pattern_show_what_the_pattern_shows(name, kind, rays):
     pattern = pattern_for(kind, 23)
     points = 1.3 * np.array(list(pattern.offsets()))
     expected = model.predict(pattern, 1.3)
-    # Lengths of layered rays are interpolated, between other nodes where they are scattered.
+    # Lengths of layered rays are interpolated between nodes, which differ for scattered positions.
     assert tuple(model.predict_positions(points)) == pytest.approx(tuple(expected), rel=1e-6)
     assert model.hidden_at(points).mean() == pytest.approx(expected.density, rel=1e-9)
 
@@ -186,7 +186,7 @@ def test_a_measured_stand_is_chosen_from_by_its_correlogram():
 
 @pytest.fixture
 def recording(tmp_path, monkeypatch):
-    """504 views along lines, as in the paper's Fig. 9, in a CSV with a column more."""
+    """504 views along lines, as in the paper's Fig. 9, in a CSV with an additional column."""
     monkeypatch.chdir(tmp_path)
     x, y = np.meshgrid(1.2 * np.arange(24), 1.4 * np.arange(21))
     points = np.column_stack([x.ravel(), y.ravel()])
@@ -204,7 +204,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     Draft202012Validator(json_schema("thinning")).validate(found)
     chosen = [view["index"] for view in found["views"]]
     assert chosen == sorted(set(chosen))
-    turned = recording[:, ::-1]  # north is along the heading
+    turned = recording[:, ::-1]  # the heading is north
     layers = find_preset_scene("paper-forest").slices()
     assert found["kept"]["shortfall"] == pytest.approx(
         slices_shortfall(turned[chosen], layers, 35.0), rel=1e-6
@@ -212,7 +212,7 @@ def test_504_views_are_thinned(recording, capsys, samples):
     assert found["all"]["shortfall"] == pytest.approx(
         slices_shortfall(turned, layers, 35.0), rel=1e-6
     )
-    # So many can lie apart: the bound is reached.
+    # This number of views fits without shared occluders, so the bound is reached.
     assert found["kept"]["shortfall"] == pytest.approx(1.0 / samples, rel=1e-3)
     assert found["bound"]["shortfall"] == 1.0 / samples
     rng = np.random.default_rng(0)
@@ -260,7 +260,7 @@ def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
     request = PlanRequest(altitude=60, scene=str(tmp_path / "stand.npz"))
     apart, most = (thinned(request, views, 20, best=b) for b in ("normalized", "visibility"))
     model, points = apart.plan.problem.model, np.array(views.positions_m)
-    for found in (apart, most):  # exact, voxel by voxel
+    for found in (apart, most):  # exact values from all voxels
         assert found.kept == model.predict_positions(points[found.chosen])
     assert most.kept.expected > apart.kept.expected
     assert most.kept.expected > most.every.expected
@@ -302,7 +302,7 @@ def test_a_choice_of_views_tells_what_it_finds(tmp_path):
     )
     found = thinned(request, read_views(str(path), on_earth=False), 12)
     every, kept = found.detection
-    # Twelve views at the rim share less than the mean of all 36 does; searches of simulated slices
+    # Twelve views at the rim share less than all 36 do on average.  Searches of simulated slices
     # find 0.14 of the targets with all views, and 0.20 with these.
     assert every == pytest.approx(0.14, abs=0.05)
     assert kept == pytest.approx(0.20, abs=0.05)

@@ -1,6 +1,7 @@
-"""Run the plugin in QGIS without a screen, and print what it made as JSON.
+"""Run the plugin in QGIS without a screen, and print its results as JSON.
 
-Not a test module: tests/qgis/test_plugin.py starts it with the Python that has ``qgis.core``.
+This is not a test module: tests/qgis/test_plugin.py starts it with the Python that has
+``qgis.core``.
 
     python3 run_plugin.py PLUGIN_ZIP JSON_OF_PARAMETERS
 """

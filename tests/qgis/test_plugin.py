@@ -1,4 +1,4 @@
-"""The QGIS plugin against the plans of the command line."""
+"""The QGIS plugin makes the same plans as the command line."""
 
 import json
 import os
@@ -21,7 +21,7 @@ PACKAGE = ROOT / "qgis" / "package.py"
 
 @cache
 def python_of_qgis():
-    """The Python that has QGIS: Debian's, or the one that the variable QGIS_PYTHON names."""
+    """The Python with QGIS: Debian's, or the one in the variable QGIS_PYTHON."""
     candidate = os.environ.get("QGIS_PYTHON", "/usr/bin/python3")
     if shutil.which(candidate) is None:
         return None
@@ -121,7 +121,7 @@ def test_layers_are_those_of_the_plan_over_an_area(run, tmp_path):
     along, across = plan["camera"]["footprint_m"]
     for footprint in made["FOOTPRINTS"]:
         assert footprint["area_m2"] == pytest.approx(along * across, rel=1e-5)
-    # The first side is across the flight lines, which head 30° east of north: from left to right.
+    # The first side is across the flight lines, which are 30° east of north: from left to right.
     west, south = made["FOOTPRINTS"][0]["shape"]["coordinates"][0][0]
     east, right = made["FOOTPRINTS"][0]["shape"]["coordinates"][0][3]
     assert east > west

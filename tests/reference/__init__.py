@@ -1,1 +1,1 @@
-"""The reference: the paper in exact arithmetic, and tables written from it."""
+"""The reference: the paper's formulas in exact arithmetic, and tables computed with it."""

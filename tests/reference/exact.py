@@ -1,14 +1,14 @@
-"""The paper's statistics in exact rational arithmetic, written from its text alone.
+"""The paper's statistics in exact rational arithmetic, written from its text only.
 
-Nothing here imports aosplan, and nothing is rounded: arguments are taken as the exact numbers
-that their floats are, results are fractions.  What the paper prints as a sum is summed, term by
-term; `line_shortfall` alone uses the formulas for sums of powers, so that it can serve samples
-by the million, and is tested against the sums as printed.
+Nothing here imports aosplan, and nothing is rounded: arguments are the exact values of their
+floats, and results are fractions.  The paper's sums are added term by term.  Only `line_shortfall`
+uses formulas for sums of powers, so that it can be used for millions of samples; it is tested
+against the sums as printed.
 
-Source: Kurmi, Schedl and Bimber (2019), Eq. 2 (`double_sum`), appendix in one dimension
-(`appendix_sum`) and the covariances of the appendix for any positions (`pair_sum`).  Volumes of
-independent slices are counted out twice: by their covariances (`layered_pair_sum`), and by
-listing every state of every cell (`enumerated_volume`), which knows of no covariance.
+Source: Kurmi, Schedl and Bimber (2019), Eq. 2 (`double_sum`), the appendix in one dimension
+(`appendix_sum`), and the covariances of the appendix for any positions (`pair_sum`).  Volumes of
+independent slices are computed by two methods: by their covariances (`layered_pair_sum`), and by
+listing every state of every cell (`enumerated_volume`), which uses no covariance.
 """
 
 import math
@@ -27,7 +27,8 @@ ZERO = Fraction(0)
 def ulps(value: float, exact: Fraction) -> float:
     """Distance of a float from an exact value, in units in the last place of that value.
 
-    Below the normal numbers a unit is the smallest float; infinite for what is not finite.
+    For subnormal values a unit is the smallest float.  The distance is infinite if the float is not
+    finite.
     """
     if not math.isfinite(value):
         return math.inf
@@ -40,7 +41,7 @@ def ulps(value: float, exact: Fraction) -> float:
 def double_sum(side: int, dhat: float | Fraction) -> Fraction:
     """The bracket of Eq. 2 as the paper prints it, N + 4 ΣΣ …, for N = side²."""
     d = Fraction(dhat)
-    # Everything times the denominator of d̂, squared: whole numbers are quick to add.
+    # Multiplied by the square of the denominator of d̂, because whole numbers are added quickly.
     step, unit = d.numerator, d.denominator
     total = 0
     for i in range(1, side):
@@ -56,7 +57,7 @@ def visibility_as_printed(density: float | Fraction, side: int, dhat: float) -> 
 
 
 def appendix_sum(samples: int, dhat: float | Fraction) -> Fraction:
-    """The bracket of the appendix in one dimension, N + 2 Σ …, over N²: κ of a line."""
+    """The bracket of the appendix in one dimension, N + 2 Σ …, divided by N²: K of a line."""
     d = Fraction(dhat)
     step, unit = d.numerator, d.denominator
     total = 0
@@ -68,7 +69,7 @@ def appendix_sum(samples: int, dhat: float | Fraction) -> Fraction:
 
 
 def line_shortfall(samples: int, dhat: float | Fraction) -> Fraction:
-    """`appendix_sum` by the formulas for 1 + 2 + … + m and 1 + 4 + … + m²."""
+    """`appendix_sum`, with the formulas for 1 + 2 + … + m and 1 + 4 + … + m²."""
     d = Fraction(dhat)
     m = samples - 1 if d == 0 else min(samples - 1, math.floor(1 / d))
     first, second = Fraction(m * (m + 1), 2), Fraction(m * (m + 1) * (2 * m + 1), 6)
@@ -77,7 +78,7 @@ def line_shortfall(samples: int, dhat: float | Fraction) -> Fraction:
 
 
 def grid_shortfall(rows: int, columns: int, dhat: float | Fraction) -> Fraction:
-    """K of a grid: Eq. 2's bracket over N², which is a square, with an axis of its own each."""
+    """K of a grid: the bracket of Eq. 2 over N² is a product with one factor for each axis."""
     return line_shortfall(rows, dhat) * line_shortfall(columns, dhat)
 
 
@@ -91,7 +92,7 @@ def visibility(density: float | Fraction, shortfall: Fraction) -> Fraction:
 
 
 def triangle(offset: Fraction, reach: Fraction) -> Fraction:
-    """Max(0, 1 - |offset|/reach): what two samples share along one axis."""
+    """Max(0, 1 - |offset|/reach): the overlap of two samples along one axis."""
     return max(ZERO, 1 - abs(offset) / reach)
 
 
@@ -100,7 +101,7 @@ def pair_sum(
     reach_x: float | Fraction,
     reach_y: float | Fraction | None = None,
 ) -> Fraction:
-    """K of samples at any positions (x, y): every ordered pair, one after the other."""
+    """K of samples at any positions (x, y), by adding up every ordered pair."""
     points = [(Fraction(x), Fraction(y)) for x, y in positions]
     across = Fraction(reach_x)
     along = across if reach_y is None else Fraction(reach_y)
@@ -118,7 +119,7 @@ def pair_sum(
 def lattice_pair_sum(
     sites: Iterable[tuple[int, int]], dhat_x: float, dhat_y: float | None = None
 ) -> Fraction:
-    """`pair_sum` of lattice sites (row, column): pairs are counted by offset, then weighed."""
+    """`pair_sum` of lattice sites (row, column), with pairs counted by offset."""
     chosen = list(sites)
     step_x = Fraction(dhat_x)
     step_y = step_x if dhat_y is None else Fraction(dhat_y)
@@ -140,7 +141,7 @@ def layered_pair_sum(
 ) -> tuple[Fraction, Fraction]:
     """p and K of samples over slices (bottom, top, density, occluder size).
 
-    Cov = Π (q² + D q τ) - Π q² of every ordered pair, over N² p (1 - p).
+    K is the sum of Cov = Π (q² + D q τ) - Π q² over all ordered pairs, divided by N² p (1 - p).
     """
     slices = [
         (
@@ -167,17 +168,17 @@ def enumerated_volume(
 ) -> tuple[Fraction, Fraction]:
     """p and V of a tiny volume, by listing every state of every cell that a view can meet.
 
+    A slice is a lattice of independent cells, each occupied or not, with a uniformly distributed
+    phase relative to the target.  From one view to the next it moves by d̂ cells.
+
     Parameters
     ----------
     slices
-        Share of occupied cells and d̂, of every slice.
+        Share of occupied cells and d̂ of every slice.
     sites
         Views as (row, column) of a lattice.
-
-    A slice is a lattice of cells that are occupied or not, independently; its phase against
-    the target is uniform.  From one view to the next it moves by d̂ cells.
     """
-    blocked = {0: ONE}  # probability of every set of views that see an occluder, as bits
+    blocked = {0: ONE}  # probability of every set of views, as bits, that see an occluder
     for density, dhat in slices:
         merged: Counter[int] = Counter()
         one_slice = _blocked_by(density, dhat, sites)
@@ -214,6 +215,6 @@ def _blocked_by(
 
 
 def _phases(dhat: Fraction, steps: set[int]) -> list[tuple[Fraction, Fraction]]:
-    """A phase of every kind and its share: between two of these no view changes its cell."""
+    """Middles and widths of the intervals of the phase in which no view changes its cell."""
     edges = sorted({ZERO, ONE, *((-step * dhat) % 1 for step in steps)})
     return [((low + high) / 2, high - low) for low, high in pairwise(edges)]

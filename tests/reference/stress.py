@@ -1,9 +1,9 @@
-"""Corners of every model, each with its exact value: what `benchmarks/numerical_stress.py` prints.
+"""Extreme arguments of every model with exact values, for `benchmarks/numerical_stress.py`.
 
-d̂ at breakpoints and one unit in the last place to either side, p within 1e-16 of 0 and of 1, N up
-to 10^12, b from 1e-9 to 1e9 m, cameras 1 mm above the canopy.  Exact values are fractions from
-`reference.exact`, taken from the very floats that the models get, or 60 digits of mpmath where a
-power or a root is not rational.
+They are d̂ at breakpoints and at the neighbouring floats, p within 1e-16 of 0 and of 1, N up to
+10^12, b from 1e-9 to 1e9 m, and cameras 1 mm above the canopy.  Exact values are fractions from
+`reference.exact`, computed from the floats that the models get, or numbers of mpmath with 60 digits
+if a power or a root is not rational.
 """
 
 import itertools
@@ -41,7 +41,7 @@ DENSITIES = (0.0, 5e-324, 1e-300, 1e-16, 1e-9, 0.25, 0.5, 0.567, 0.75, 1 - 1e-9,
 
 
 class Check(NamedTuple):
-    """One value of a model at one corner, and what it should be."""
+    """One value of a model at one set of arguments, and its exact value."""
 
     model: str
     quantity: str
@@ -56,7 +56,7 @@ class Check(NamedTuple):
 
 
 class Worst(NamedTuple):
-    """The worst of the checks of one quantity."""
+    """The largest error of one quantity."""
 
     cases: int
     ulps: float
@@ -65,7 +65,7 @@ class Worst(NamedTuple):
 
 
 def worst(checks: Iterable[Check]) -> dict[tuple[str, str], Worst]:
-    """The worst error of every quantity of every model."""
+    """The largest error of every quantity of every model."""
     found: dict[tuple[str, str], Worst] = {}
     for check in checks:
         key = check.model, check.quantity
@@ -83,13 +83,13 @@ def worst(checks: Iterable[Check]) -> dict[tuple[str, str], Worst]:
 
 
 def every_check() -> Iterator[Check]:
-    """All corners of all models."""
+    """All checks of all models."""
     for part in PARTS:
         yield from part()
 
 
 def of_digits(value: mpmath.mpf) -> Fraction:
-    """60 digits as a fraction."""
+    """A number with 60 digits as a fraction."""
     return Fraction(mpmath.nstr(value, 60, min_fixed=1, max_fixed=0))
 
 
@@ -97,7 +97,7 @@ def of_digits(value: mpmath.mpf) -> Fraction:
 
 
 def eq1() -> Iterator[Check]:
-    """Integrated density and transparency, D within 1e-16 of both ends, l/o from 1e-9 to 1e9."""
+    """Integrated density and transparency for D within 1e-16 of 0 and 1, and l/o from 1e-9 to 1e9."""
     densities = (5e-324, 1e-300, 1e-16, 0.0095, 0.5, 1 - 1e-9, 1 - ULP / 2)
     with mpmath.workdps(80):
         for d, height, size in itertools.product(densities, (1e-9, 1.0, 17.54, 1e9), (0.2, 1.0)):
@@ -116,7 +116,7 @@ def eq1() -> Iterator[Check]:
 
 
 def breakpoints(side: int) -> Iterator[float]:
-    """d̂ where a neighbour falls out of reach, and the floats beside it; tiny and huge ones."""
+    """d̂ beyond which a pair shares no occluder, neighbouring floats, and tiny and huge values."""
     for neighbours in sorted({1, 2, 3, 7, 49, side - 1, max(side // 2, 1), 999_983} - {0}):
         middle = 1.0 / neighbours
         yield from (math.nextafter(middle, 0.0), middle, math.nextafter(middle, 2.0))
@@ -124,7 +124,7 @@ def breakpoints(side: int) -> Iterator[float]:
 
 
 def eq2() -> Iterator[Check]:
-    """V, 1 - V, V̂ and 1 - V̂ at every breakpoint, N from 1 to 10^12."""
+    """V, 1 - V, V̂ and 1 - V̂ at every breakpoint, for N from 1 to 10^12."""
     for side in SIDES:
         for dhat in breakpoints(side):
             for rows in {side, 1, 7}:
@@ -157,7 +157,7 @@ def _with_density(
 
 
 def eq4_and_5() -> Iterator[Check]:
-    """Samples from a target, exactly; the aperture of up to 10^12 samples."""
+    """Samples for a target, which are exact, and the aperture of up to 10^12 samples."""
     for k in (1, 2, 3, 5, 10, 50, 999_983, 10**6, 10**9, 10**12):
         text = f"{k - 1}/{k}"
         got = aosplan.required_samples(Fraction(k - 1, k))
@@ -184,7 +184,7 @@ def inverses() -> Iterator[Check]:
             got = equations.baseline_for_aperture(a, n)
             yield Check("equations", "b (Eq. 5)", f"N = {n}, a = {a:g}", got, b)
     for p, n in itertools.product((1e-9, 0.25, 0.567, 1 - 1e-9), (2, 3, 50, 10**6)):
-        # Just below the visibility of n samples n will do, just above it takes more.
+        # Just below the visibility of n samples n are sufficient; just above it more are needed.
         v = float(exact.visibility(p, Fraction(1, n)))
         for target in (math.nextafter(v, 0.0), v, math.nextafter(v, 1.0)):
             room = exact.visibility(p, Fraction(0)) - Fraction(target)
@@ -202,7 +202,7 @@ def inverses() -> Iterator[Check]:
 def _prediction(
     model: str, corner: str, got: Prediction, p: Fraction, k: Fraction
 ) -> Iterator[Check]:
-    """Everything that follows from a prediction."""
+    """Checks of all values that follow from a prediction."""
     v = exact.visibility(p, k)
     yield Check(model, "p", corner, got.density, p)
     yield Check(model, "1 - p", corner, got.transparency, 1 - p)
@@ -217,7 +217,7 @@ def _prediction(
 
 
 def uniform() -> Iterator[Check]:
-    """Grids and trimmed grids from b = 1e-9 to 1e9 m; the exact d̂ is b over the unit baseline."""
+    """Grids and trimmed grids for b from 1e-9 to 1e9 m; the exact d̂ is b over the unit baseline."""
     shares = ((0.567, 0.433), (1e-16, 1.0), (1.0, 1e-16))
     patterns: list[Sites] = [Pattern(side, side) for side in SIDES]
     patterns += [Pattern(1, 10**12), Pattern(7, 8)]
@@ -236,7 +236,7 @@ def uniform() -> Iterator[Check]:
 
 
 def _pattern_shortfall(pattern: Sites, dhat: Fraction) -> Fraction:
-    """K of a pattern: of a whole rectangle by its axes, of others pair by pair."""
+    """K of a pattern: by axes for a whole rectangle, and pair by pair for others."""
     if not isinstance(pattern, Pattern):
         return exact.pair_sum(pattern.offsets(), 1 / dhat)
     down = dhat * Fraction(pattern.row_pitch)
@@ -246,7 +246,7 @@ def _pattern_shortfall(pattern: Sites, dhat: Fraction) -> Fraction:
 
 
 def coverage_rule() -> Iterator[Check]:
-    """Baselines and disparities, from far above the canopy down to 1 mm over it."""
+    """Baselines and disparities, from far above the canopy down to 1 mm above it."""
     focal = 750.0
     for bottom, top, size in ((2.506, 20.04, 0.2), (19.999, 20.0, 0.05), (1e-6, 20.0, 0.2)):
         for above, share in itertools.product((1e-3, 1e-2, 1.0, 20.0, 1e6), (1e-9, 0.5, 0.98, 1.0)):
@@ -271,11 +271,11 @@ def coverage_rule() -> Iterator[Check]:
 
 
 def plans() -> Iterator[Check]:
-    """Whole plans of the uniform model from 1 mm above the canopy, and at absurd baselines."""
+    """Whole plans of the uniform model from 1 mm above the canopy, and with extreme baselines."""
     preset = aosplan.plan(aosplan.PlanRequest(altitude=50)).scene
     (slab,) = preset.slabs()
     depth = Fraction(slab.top_m) - Fraction(slab.bottom_m)
-    height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth  # of the 2 % lowest
+    height = Fraction(slab.bottom_m) + (1 - Fraction(0.98)) * depth  # above the lowest 2 %
     p = 1 - Fraction(preset.transparency)
     fixed: list[dict[str, float]] = [{}, {"baseline": 1e-9}, {"baseline": 1e9}, {"baseline": 0.7}]
     for above, more in itertools.product((1e-3, 30.0), fixed):
@@ -288,10 +288,10 @@ def plans() -> Iterator[Check]:
         corner = f"h = {h!r} over {slab.top_m:g} m, N = {pattern.samples}, b = {b!r}"
         if not more:
             yield Check("uniform plan", "b", corner, b, unit)
-        if b < unit and more:  # below its rule's baseline a plan counts slices
+        if b < unit and more:  # below the rule's baseline a plan uses slices
             focal = made.camera.focal_length_px
             k = _shortfall_of_slices(preset, Fraction(h), Fraction(focal), pattern, b)
-        else:  # at its own rule's baseline it means d̂ = 1
+        else:  # at the rule's baseline d̂ is 1
             k = exact.lattice_pair_sum(pattern.sites(), Fraction(b) / unit if more else Fraction(1))
         yield from _prediction("uniform plan", corner, made.solution.prediction, p, k)
 
@@ -299,7 +299,7 @@ def plans() -> Iterator[Check]:
 def _shortfall_of_slices(
     scene: aosplan.UniformScene, altitude: Fraction, focal: Fraction, pattern: Pattern, b: float
 ) -> Fraction:
-    """K of a lattice over a uniform volume that is cut into slices one occluder thick."""
+    """K of a lattice over a uniform volume that is cut into slices of one occluder's thickness."""
     bottom, depth, size = map(
         Fraction, (scene.volume_base_m, scene.volume_height_m, scene.occluder_size_m)
     )
@@ -337,7 +337,7 @@ STANDS: dict[str, list[tuple[float, float, float, float]]] = {
 def layered_lattice(
     layers: Sequence[Sequence[float]], altitude: float, pattern: Pattern, baseline: float
 ) -> tuple[Fraction, Fraction]:
-    """p and K of a lattice over slices: the covariances of its offsets, as far as they reach."""
+    """p and K of a lattice over slices, from the covariances at its offsets."""
     slices = [
         (
             Fraction(density),
@@ -368,7 +368,7 @@ def layered_lattice(
 
 
 def layered() -> Iterator[Check]:
-    """Slices that hide next to nothing and next to everything, from 1 mm above them."""
+    """Slices that hide almost nothing and almost everything, from 1 mm above them."""
     cases = [(Pattern(1, 1), 1.0), (Pattern(7, 8), 1e-9), (Pattern(7, 8), 1e-3)]
     cases += [(Pattern(5, 6), 0.35), (Pattern(7, 8), 1e9), (Pattern(1, 50), 0.7)]
     for (name, layers), above in itertools.product(STANDS.items(), (1e-3, 30.0)):
@@ -386,7 +386,9 @@ def layered() -> Iterator[Check]:
 
 
 def sites() -> Iterator[Check]:
-    """Scattered positions and lattices: spacings from 1e-9 to 1e9 m, breakpoints of a lattice."""
+    """Scattered positions and lattices, with spacings from 1e-9 to 1e9 m, and breakpoints of a
+    lattice.
+    """
     rng = np.random.default_rng(5)
     for spacing, far in itertools.product(BASELINES_M, (0.0, 1e3)):
         points = spacing * (rng.uniform(0.0, 4.0, (40, 2)) + far)
@@ -408,7 +410,7 @@ def sites() -> Iterator[Check]:
 
 
 def sparse_volume(*, inverted: bool = False) -> VoxelVolume:
-    """A plot of 24 x 24 cells with one voxel filled, or with all but one of a slice."""
+    """A plot of 24 x 24 cells with one filled voxel, or with all but one voxel of a slice filled."""
     occupied = np.zeros((8, 24, 24), dtype=bool)
     if inverted:
         occupied[5] = True
@@ -417,7 +419,7 @@ def sparse_volume(*, inverted: bool = False) -> VoxelVolume:
 
 
 def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
-    """p̄ and K of views as rows of targets, in whole numbers, from how many views hide a target."""
+    """p̄ and K of views as rows of targets, from whole numbers of views that hide each target."""
     views, targets = masks.shape
     p = Fraction(int(masks.sum()), views * targets)
     squares = sum(n**2 * int(count) for n, count in enumerate(np.bincount(masks.sum(axis=0))))
@@ -428,7 +430,7 @@ def counted(masks: np.ndarray) -> tuple[Fraction, Fraction]:
 
 
 def measured() -> Iterator[Check]:
-    """Plots that hide one target in a thousand, or all but one, from 1 mm above to 1 km."""
+    """Plots that hide one target in a thousand, or all but one, from 1 mm to 1 km above them."""
     volumes = {"one voxel": sparse_volume(), "all but one": sparse_volume(inverted=True)}
     patterns = (Pattern(1, 1), Pattern(5, 5), pattern_for("trimmed", 50))
     for (name, volume), above, view in itertools.product(
@@ -447,7 +449,7 @@ def measured() -> Iterator[Check]:
 
 
 def pattern_positions(pattern: Pattern, baseline: float) -> Iterator[tuple[float, float]]:
-    """Sites of a pattern around its middle."""
+    """Sites of a pattern relative to its centre."""
     for row, column in pattern.sites():
         yield (
             (row - 0.5 * (pattern.rows - 1)) * baseline * pattern.row_pitch,
@@ -456,7 +458,7 @@ def pattern_positions(pattern: Pattern, baseline: float) -> Iterator[tuple[float
 
 
 def correlation() -> Iterator[Check]:
-    """A correlogram where its value is known: one view, views on one spot, no cover, full cover."""
+    """A correlogram with known values: one view, views at one position, no canopy, full canopy."""
     volumes = {
         "one voxel": sparse_volume(),
         "bare": VoxelVolume(np.zeros((3, 8, 8), dtype=bool), 1.0),

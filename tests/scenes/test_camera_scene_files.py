@@ -1,4 +1,4 @@
-"""Camera and scene files: good ones are read, bad ones name their place."""
+"""Camera and scene files: valid ones are read, and errors name their place."""
 
 import json
 import math
@@ -174,7 +174,7 @@ def test_a_wrong_layer_is_named(written, layers, words):
 
 
 def test_a_scene_is_uniform_or_layered_not_both(written):
-    # Which of the two densities counts would be anybody's guess.
+    # It would be ambiguous which of the two densities is used.
     refusal(read_scene, written(UNIFORM | LAYERED))
 
 
@@ -193,7 +193,7 @@ def test_a_layered_scene_is_saved_and_read_back(tmp_path, capsys):
 
 
 def test_what_scene_prints_is_a_scene_file(tmp_path, capsys):
-    # The contract: a scene file may hold layers as `aosplan scene` prints them.
+    # A scene file may contain layers in the form that `aosplan scene` prints.
     assert run(["scene", "paper-forest", "--json"]) == 0
     path = tmp_path / "printed.json"
     path.write_text(capsys.readouterr().out)

@@ -1,4 +1,4 @@
-"""Canopy height rasters: the rule of crowns cell by cell, and one sentence for other files."""
+"""Canopy height rasters: crowns cell by cell, and one sentence for other files."""
 
 import math
 import sys
@@ -20,7 +20,7 @@ PLACE = Affine(0.5, 0.0, 400_000.0, 0.0, -0.5, 5_000_020.0)
 
 @pytest.fixture
 def raster(tmp_path):
-    """A function that writes heights, shape (rows, columns) from the north, or several bands."""
+    """A function that writes heights as a raster: shape (rows, columns) from the north, or bands."""
 
     def write(heights, *, transform=PLACE, crs=UTM, unit=None, name="canopy.tif", **given):
         bands = np.asarray(heights)
@@ -54,7 +54,7 @@ def trees(seed=0, rows=40, columns=60):
 
 
 def by_hand(heights, voxel, base, cut):
-    """Occupied voxels of a raster whose cells are voxels, column by column."""
+    """Occupied voxels of a raster whose cells have the size of voxels, column by column."""
     found = set()
     for row, line in enumerate(heights[::-1]):
         for column, top in enumerate(line.tolist()):
@@ -124,7 +124,7 @@ def test_scales_and_units_of_heights_count(raster, tmp_path):
     with rasterio.open(path, "r+") as file:
         file.scales = [0.01]
     share = (read_canopy(path).occupied ^ expected[: 24 * 2]).mean()
-    assert share < 0.002  # rounding to centimetres
+    assert share < 0.002  # because of rounding to centimetres
     in_feet = read_canopy(raster(heights.astype(float) / 0.3048, unit="ft", name="ft.tif"))
     assert np.array_equal(in_feet.occupied, expected)
 
@@ -322,7 +322,7 @@ def warned(volume):
     ],
 )
 def test_one_canopy_in_every_unit_reads_the_same(raster, crs, unit, given, up):
-    heights = np.round(trees() * 4) / 4 + 0.1  # clear of the faces of voxels
+    heights = np.round(trees() * 4) / 4 + 0.1  # not near the faces of voxels
     true = read_canopy(raster(heights))
     dressed = raster(heights / up, transform=IN_FEET, crs=crs, unit=unit, name="feet.tif")
     volume = read_canopy(dressed, units=given, voxel_m=0.5)

@@ -1,4 +1,4 @@
-"""The correlogram against the exact predictions that it stands in for."""
+"""The correlogram compared with the exact predictions that it approximates."""
 
 import json
 import math
@@ -35,7 +35,9 @@ def table(forest):
 
 
 def assert_stands_in(volume):
-    """V̂ within 0.015 and V within 0.006 of the exact ones, at 50 m and along two headings."""
+    """Check that V̂ is within 0.015 and V within 0.006 of the exact values, at 50 m and two
+    headings.
+    """
     table = correlogram(volume)
     for heading in (0.0, 25.0):
         exact = MeasuredModel(volume, 50.0, heading_deg=heading)
@@ -74,7 +76,7 @@ def test_it_stands_in_for_real_stands(name, voxel_m):
     assert_stands_in(read_voxels(str(path), voxel_m=voxel_m, min_height_m=0.5))
 
 
-# --- What the tables hold --------------------------------------------------------------------
+# --- Content of the tables -------------------------------------------------------------------
 
 
 def test_the_tables_have_the_shape_that_they_claim(table):
@@ -97,7 +99,8 @@ def test_an_entry_is_the_mean_over_pairs_about_the_middle(forest, table, directi
     middles = [(0.0 * apart, 2), (across, 2), (-across, 2), (0.5 * apart, 1), (-0.5 * apart, 1)]
     total = 0.0
     for middle, weight in middles:
-        # As the table's pairs are: 1e-9 m decide to which target a shift is rounded.
+        # In the same form as the table's pairs, because a difference of 1e-9 m may change the
+        # rounding.
         pair = [middle - 0.5 * apart, middle + 0.5 * apart]
         (p, both), (_, q) = model.joint_density(pair)
         total += weight * (both - p * q) / math.sqrt(p * (1 - p) * q * (1 - q))

@@ -1,4 +1,4 @@
-"""Crops of point clouds: the points of a rectangle, and nothing else, make the plot."""
+"""Crops of point clouds: the plot consists of exactly the points in a rectangle."""
 
 import numpy as np
 import pytest
@@ -12,14 +12,14 @@ from aosplan.scenes.files.point_cloud import read_voxels
 
 pytest.importorskip("pyproj")
 EAST, NORTH = 500_000.0, 5_200_000.0
-"""In UTM 33N the middle of the zone: 15° east."""
+"""The centre of UTM 33N, at 15° east."""
 
 FOOT = 0.3048
 UAS = CLOUDS / "UAS_Clip.laz"
 
 
 def cloud(path, *, metre=1.0, crs="EPSG:32633", size=60.0, east=EAST, **given):
-    """A stand of `size` metres in the middle of the zone, in a unit of so many to a metre."""
+    """A stand of `size` metres at the centre of the zone; `metre` is a metre in the file's unit."""
     rng = np.random.default_rng(0)
     x, y = rng.uniform(0.0, size, (2, 20_000)).round(3)
     high = rng.random(x.size) < 0.5
@@ -46,7 +46,7 @@ def test_a_crop_is_what_a_cloud_of_its_points_alone_is(tmp_path):
 @pytest.mark.parametrize(("metre", "crs"), [(1.0, "EPSG:32633"), (1.0 / FOOT, None)])
 def test_bounds_count_in_the_units_of_the_file(tmp_path, suffix, metre, crs):
     path, x, y = cloud(tmp_path / f"whole.{suffix}", metre=metre, crs=crs)
-    # Half a millimetre off the points, for the file rounds them to a thousandth of its unit.
+    # Half a millimetre off the points, because the file rounds them to a thousandth of its unit.
     bounds = np.array([EAST + 10.0, NORTH + 20.0, EAST + 40.0, NORTH + 50.0]) + 5e-4
     bounds *= metre
     cut = read_voxels(path, crop=Crop(tuple(bounds)), units="m" if metre == 1.0 else "ft")
@@ -66,7 +66,7 @@ def test_bounds_may_be_degrees(tmp_path, frame):
     path, x, y = cloud(tmp_path / "whole.las")
     bounds = degrees((10.0, 20.0), (40.0, 50.0))
     cut = read_voxels(path, crop=Crop(bounds, frame))
-    # On the central meridian the grid's north is true north, to a centimetre over these metres.
+    # On the central meridian, grid north is true north within a centimetre over these distances.
     wanted = ((x >= 10.0) & (x <= 40.0) & (y >= 20.0) & (y <= 50.0)).sum()
     assert cut.points == pytest.approx(wanted, abs=8)
     wider = read_voxels(path, crop=Crop(bounds, frame, margin_m=5.0))
@@ -153,14 +153,14 @@ def wide(tmp_path):
 
 def test_wide_plots_have_larger_voxels_and_say_so(wide, monkeypatch):
     assert read_voxels(wide).voxel_m == 0.25
-    # z spans 28 m: of 60 x 60 x 28 m so many voxels of 0.38 m are enough.
+    # z has a range of 28 m; 60 x 60 x 28 m have at most this number of voxels of 0.38 m.
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 1_830_000)
     enlarged = read_voxels(wide)
     assert enlarged.voxel_m == 0.4
     assert "voxels of 0.4 m instead of 0.25 m" in dict(enlarged.warnings)["voxels_enlarged"]
     assert "voxels_enlarged" not in dict(read_voxels(wide, voxel_m=0.3).warnings)
     monkeypatch.setattr(point_cloud, "USUAL_VOXELS", 100)
-    assert read_voxels(wide).voxel_m == 0.25  # beyond 0.5 m the user is to say so
+    assert read_voxels(wide).voxel_m == 0.25  # sizes above 0.5 m have to be given by the user
 
 
 def pulses_of(path, **given):
@@ -174,7 +174,7 @@ class TestPulsesOfWidePlots:
 
     @pytest.fixture(autouse=True)
     def middle(self):
-        """The middle 20 m of the cloud."""
+        """The central 20 m of the cloud."""
         from aosplan.scenes.files.las import PointFile
 
         low, high = PointFile(str(UAS)).bounds

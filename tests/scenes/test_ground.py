@@ -1,4 +1,4 @@
-"""The ground surface: triangles, thinning, detection of heights and the filter."""
+"""The ground surface: triangles, thinning, the kind of heights, and the filter."""
 
 import os
 import sys
@@ -122,7 +122,7 @@ def test_triangles_agree_with_interpolation_point_by_point():
         rng = np.random.default_rng(seed)
         rows, columns = rng.integers(1, 30, 2)
         points = rng.uniform(-1.0, 1.0, (3, 40)) * [[20.0], [20.0], [5.0]]
-        if seed % 2:  # Vertices on the nodes, many of them in line.
+        if seed % 2:  # Vertices on the nodes, many of them on a line.
             points = np.unique(np.round(points), axis=1)
             points = points[:, np.unique(points[:2], axis=1, return_index=True)[1]]
         y, x = np.mgrid[0 : rows + 1, 0 : columns + 1]
@@ -131,7 +131,7 @@ def test_triangles_agree_with_interpolation_point_by_point():
         outside = np.isnan(expected)
         found = surface(points, rows, columns, 1.0)
         np.testing.assert_allclose(found[~outside], expected[~outside], rtol=0.0, atol=1e-5)
-        # Two nearest vertices may be as near as each other.
+        # A node may have two nearest vertices at the same distance.
         assert (np.abs(found - nearest)[outside] > 1e-5).sum() <= 0.1 * outside.sum()
 
 
@@ -145,8 +145,8 @@ def test_a_plane_has_its_slope_and_a_line_has_none():
 
 @pytest.fixture
 def grove():
-    """Lowest points of a slope of 30 % with a canopy over every second of them."""
-    if find_spec("CSF") is None:  # Importing it is the business of the code under test.
+    """Lowest points of a slope of 30 % with a canopy over about half of them."""
+    if find_spec("CSF") is None:  # Only the code under test should import it.
         pytest.skip("needs the extra lidar")
     size = np.array([30.0, 20.0])
     low = cloud_on(lambda x, y: 0.3 * x + 0.05 * y, size, 6000, seed=4)

@@ -1,4 +1,4 @@
-"""Inventories: the closed form against crowns thrown at random, and against its own integrals."""
+"""Inventories: the closed form compared with random crowns and with numerical integrals."""
 
 import math
 
@@ -30,9 +30,9 @@ def scene(**change):
 
 
 def thrown(seed, *, stems_per_hectare, crown_diameter_m, leaf_area_index, **lengths):
-    """Share of vertical rays that leaves of random crowns stop: mean and standard error of plots.
+    """Mean and standard error over plots of the share of vertical rays that random crowns block.
 
-    Ray by ray and crown by crown: the optical depth is leaf density times half times path.
+    The optical depth of each ray is the sum over crowns of half the leaf density times the path.
     """
     rng = np.random.default_rng(seed)
     side, radius, half = 100.0, crown_diameter_m / 2, lengths["volume_height_m"] / 2
@@ -85,7 +85,7 @@ def test_slices_share_the_leaves_as_an_ellipsoid_does():
     assert [stand.layers[0].bottom_m, stand.layers[-1].top_m] == [6.0, 16.0]
     depths = [-math.log1p(-layer.density) for layer in stand.layers]
     heights = np.linspace(-1.0, 1.0, 2001)
-    # Cross-sections at many heights, summed slice by slice.
+    # Cross-sections at many heights are added slice by slice.
     middles = 0.5 * (heights[1:] + heights[:-1])
     shares = (1.0 - middles**2).reshape(20, 100).sum(axis=1)
     assert np.allclose(np.array(depths) / sum(depths), shares / shares.sum(), rtol=1e-5)

@@ -1,4 +1,4 @@
-"""Monotone cubics, held against scipy's."""
+"""Monotone cubics compared with scipy's."""
 
 import numpy as np
 import pytest

@@ -19,7 +19,7 @@ DATA = CLOUDS
 
 
 def blocks(rng, size, density, cells=192):
-    """Mask of randomly occupied blocks of size x size cells, at a random phase."""
+    """A mask of blocks of size x size cells that are occupied at random, with a random phase."""
     coarse = rng.random((cells // size, cells // size)) < density
     mask = np.kron(coarse, np.ones((size, size))) > 0
     return np.roll(mask, rng.integers(0, size, 2), axis=(0, 1))
@@ -151,7 +151,7 @@ def test_the_coverage_rule_on_a_real_plot_is_at_the_mercy_of_low_vegetation(cut,
 
 
 def crowns(side, count, radius, seed=0):
-    """Discs at random, half of whose cells are leafy; they wrap."""
+    """Random discs on a periodic mask, in which half of the cells are leafy."""
     rng = np.random.default_rng(seed)
     mask = np.zeros((side, side), dtype=bool)
     disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= radius

@@ -1,4 +1,4 @@
-"""The occlusion kernel against rays that walk through the same voxels, one face at a time."""
+"""The occlusion kernel compared with rays that are traced through the same voxels face by face."""
 
 import numpy as np
 import pytest
@@ -18,10 +18,10 @@ DATA = CLOUDS
 
 
 def walk(volume, starts_m, ends_m, focal_height_m=0.0):
-    """Whether rays from the focal plane meet a filled voxel, in a plot that wraps.
+    """Whether rays from the focal plane meet a filled voxel of a periodic plot.
 
-    Each ray steps from voxel to voxel through the face that it reaches first; all rays step at
-    once.  `starts_m` has shape (n, 2), `ends_m` (n, 3) with heights above the focal plane.
+    Each ray moves to the next voxel through the face that it reaches first; all rays move at the
+    same time.  `starts_m` has shape (n, 2), `ends_m` (n, 3) with heights above the focal plane.
     """
     slices, rows, columns = volume.occupied.shape
     start = np.column_stack([starts_m, np.full(len(starts_m), focal_height_m)]) / volume.voxel_m
@@ -59,7 +59,7 @@ def targets_of(volume, per_voxel):
 
 
 def walked(volume, altitude_m, position, targets, view, focal_height_m=0.0):
-    """What `Occlusion` should say of one camera, or one to each target, by `walk`."""
+    """The expected result of `Occlusion`, by `walk`, for one camera or for one per target."""
     base = targets if view == "telecentric" else 0.5 * np.array(volume.size_m)
     above = np.broadcast_to(base + np.asarray(position), targets.shape)
     ends = np.column_stack([above, np.full(len(targets), altitude_m)])
@@ -81,14 +81,14 @@ volumes = st.tuples(st.integers(1, 5), st.integers(1, 7), st.integers(1, 19)).fl
 
 @given(volumes, st.integers(1, 5), st.data())
 def test_rays_along_an_axis_are_exact(occupied, per_voxel, data):
-    # The plane of such rays holds no cell "beside", and a shift by whole targets a slice is not
-    # rounded: every target is right, up to one voxel a slice.
+    # The plane of such rays contains no cells at the side, and shifts by whole targets per slice
+    # are not rounded.  All targets are therefore exact, up to a shift of one voxel per slice.
     volume = VoxelVolume(occupied, 0.5)
     altitude = 16.0
     shift = data.draw(st.integers(-per_voxel, per_voxel))
     offset = np.zeros(2)
     offset[data.draw(st.integers(0, 1))] = shift * altitude / per_voxel
-    # Just off the lattice: through an edge between voxels no ray is right or wrong.
+    # Slightly off the lattice, because a ray through an edge between voxels has no correct result.
     targets = targets_of(volume, per_voxel)
     got = hidden(volume, altitude, offset, targets_per_voxel=per_voxel)
     want = walked(volume, altitude, offset * (1.0 - 1e-9), targets, "telecentric")
@@ -102,7 +102,8 @@ def test_perspective_rays_are_exact_but_for_the_cell_beside(occupied, per_voxel,
     targets = targets_of(volume, per_voxel)
     got = hidden(volume, altitude, (x, y), view="perspective", targets_per_voxel=per_voxel).ravel()
     want = walked(volume, altitude, (x, y), targets, "perspective")
-    # What the kernel cannot tell: a ray that leaves its cell through both sides in one slice.
+    # The kernel ignores the second cell of a ray that leaves its cell through two sides in one
+    # slice.
     heights = np.arange(len(occupied) + 1)[:, None, None] / altitude
     places = targets * (1.0 - heights) + (0.5 * np.array(volume.size_m) + (x, y)) * heights
     cells = np.floor(places)
@@ -112,12 +113,13 @@ def test_perspective_rays_are_exact_but_for_the_cell_beside(occupied, per_voxel,
     assert (got[sure] == want[sure]).all()
 
 
-# Samples, baseline and heading; so turned that no ray runs through edges, where all answers are right.
+# Samples, baseline and heading; the headings avoid rays through edges, which have no correct
+# result.
 PLANS = [(4, 0.5, 20.0), (25, 1.5, 30.0), (49, 3.5, 10.0), (100, 5.0, 0.1)]
 
 
 def assert_like_rays(volume, view, rays=60_000):
-    """V and V̂ of plans within 0.002 of what so many rays to the same targets say."""
+    """Check that V and V̂ of plans are within 0.002 of those of many rays to the same targets."""
     rng = np.random.default_rng(5)
     occlusion = Occlusion(volume, 50.0, view=view)
     for samples, baseline, heading in PLANS:
@@ -134,7 +136,7 @@ def assert_like_rays(volume, view, rays=60_000):
 
 
 def visibilities(views):
-    """V and V̂ by their definitions, from masks of shape (N, targets)."""
+    """V and V̂ from their definitions, for masks of shape (N, targets)."""
     p = views.mean()
     v = 1.0 - (views.mean(axis=0) ** 2).mean()
     return v, (v - (1.0 - p)) / (p * (1.0 - p))
@@ -160,7 +162,7 @@ def test_real_stands_are_as_rays_see_them(name, voxel_m, view, real_stand):
 
 @pytest.fixture(scope="module")
 def real_stand():
-    """Voxels of one of the clouds, by name and voxel size."""
+    """Voxels of one of the clouds, by its name and the size of the voxels."""
     known = {}
 
     def read(name, voxel_m):
@@ -183,7 +185,7 @@ def real_stand():
 
 @pytest.fixture(scope="module")
 def scrub():
-    """A volume at random, wider than one word and of odd sizes."""
+    """A random volume that is wider than one word and has odd sizes."""
     rng = np.random.default_rng(1)
     return VoxelVolume(rng.random((12, 23, 31)) < 0.02, 0.5)
 
@@ -198,8 +200,8 @@ def test_nadir_sees_what_no_column_hides(scrub, view):
 
 
 def test_a_camera_sees_each_target_at_the_offset_between_them():
-    # Perspective and telecentric by their definitions: targets in the camera's row, so that all
-    # rays lie along x, and offsets that shift by whole targets a slice, so that nothing is rounded.
+    # Targets are in the camera's row, so that all rays are along x, and offsets shift by whole
+    # targets per slice, so that nothing is rounded.
     volume = VoxelVolume(np.random.default_rng(4).random((3, 5, 11)) < 0.2, 1.0)
     altitude, row, camera = 4.0, 2, 5
     perspective = hidden(volume, altitude, (0.0, 0.0), view="perspective", targets_per_voxel=1)
@@ -253,7 +255,7 @@ def test_a_focal_plane_within_a_slice_keeps_its_upper_part():
     occupied = np.random.default_rng(3).random((4, 6, 11)) < 0.2
     volume = VoxelVolume(occupied, 1.0)
     targets = targets_of(volume, 2)
-    # Half a target to the slice, of which half a slice is left: shifts are 0 at 0, 1 at 0.5 m.
+    # Shifts are half a target per slice.  With half a slice left, they are 0 at 0 m and 1 at 0.5 m.
     offset = (10.0, 0.0)
     got = hidden(volume, 10.0, offset, targets_per_voxel=2, focal_height_m=1.5)
     want = walked(volume, 10.0, (10.0 - 1e-9, 0.0), targets, "telecentric", 1.5)
@@ -297,7 +299,7 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
 
 
 def test_views_are_the_same_after_any_others(scrub):
-    # Within those before, beyond them on one side, and round the plot.
+    # Within the previous offsets, beyond them on one side, and farther than the plot.
     rng = np.random.default_rng(8)
     occlusion = Occlusion(scrub, 20.0)
     for reach in (3.0, 2.0, 9.0, 60.0, 5.0):
@@ -306,7 +308,7 @@ def test_views_are_the_same_after_any_others(scrub):
 
 
 def test_a_view_from_far_away_takes_no_more_memory_than_it_should(scrub):
-    # Shifts of a hundred thousand targets: what counts is how far one slice leans.
+    # The shift is a hundred thousand targets, but only the shift within one slice matters.
     far = hidden(scrub, 20.0, (40_000.0, -3.0))
     assert far.shape == (92, 124)
 

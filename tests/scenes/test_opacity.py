@@ -1,4 +1,4 @@
-"""Opacity from pulses: against rays cast through known leaves, and pulses against each other."""
+"""Opacity from pulses, compared with rays through known leaves and with other pulses."""
 
 import json
 
@@ -28,7 +28,7 @@ FORTY_NINE = np.stack(np.meshgrid(SEVEN, SEVEN), axis=-1).reshape(-1, 2)
 
 @pytest.fixture(scope="module")
 def leaves():
-    """A stand, p̄ and V of nine views from 50 m by casting rays, and a scan of it."""
+    """A stand, p̄ and V of nine views from 50 m by tracing rays, and a scan of the stand."""
     rng = np.random.default_rng(20)
     stand = crowned_stand(rng, 8.0, leaf_area_index=1.5, crowns=5)
     hidden = hidden_share(stand, 50.0, NINE, 0.08)
@@ -71,7 +71,7 @@ def test_known_leaves_are_predicted_from_their_pulses(tmp_path, leaves, voxel_m)
     found = MeasuredModel(volume, 50.0).predict_positions(NINE)
     assert found.density == pytest.approx(density, abs=0.01)
     assert found.expected == pytest.approx(expected, abs=0.01)
-    # Voxels that hold a point are far off.
+    # Opaque voxels that contain a point give a very different density.
     binary = MeasuredModel(read_voxels(path, min_height_m=0.5, voxel_m=voxel_m), 50.0)
     assert abs(binary.predict_positions(NINE).density - density) > 0.1
 
@@ -127,7 +127,7 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
     assert "opacity_from_voxels" not in dict(voxels.warnings)
     with pytest.raises(RequestError, match="only return"):
         read_voxels(path, opacity="pulses")
-    # A clip without its ground: no line has low returns.
+    # A clip without ground has no flight line with low returns.
     _, _, scan = leaves
     clipped = scan._replace(on_ground=np.zeros_like(scan.on_ground))
     clipped = type(scan)(*(each[..., scan.xyz_m[2] > 3.0] for each in clipped))
@@ -139,7 +139,7 @@ def test_clouds_without_sound_pulses_are_read_as_voxels_and_say_why(tmp_path, le
 def test_the_command_prints_what_the_pulses_say(tmp_path, leaves, capsys, monkeypatch):
     monkeypatch.setenv("AOSPLAN_CACHE", str(tmp_path / "cache"))
     path = str(write_scan(tmp_path / "leaves.las", leaves[2]))
-    for _ in range(2):  # read, and from the cache
+    for _ in range(2):  # read, and then from the cache
         assert run(["scene", path, "--min-height", "0.5", "--json", "--quiet"]) == 0
         opacity = json.loads(capsys.readouterr().out)["opacity"]
         assert opacity["source"] == "pulses"
@@ -156,7 +156,7 @@ def test_the_command_prints_what_the_pulses_say(tmp_path, leaves, capsys, monkey
 @pytest.mark.slow
 @pytest.mark.skipif(not UAS.exists(), reason="needs the cloud")
 def test_half_of_the_real_pulses_predict_the_other_half():
-    """Neither the fit nor its scale knows the held-out pulses."""
+    """The held-out pulses are used neither for the fit nor for its scale."""
     beams, grid = _real_beams()
     half = np.random.default_rng(7).random(len(beams.pulses)) < 0.5
     field = fit.fitted_field(beams.take(half), grid)
@@ -188,7 +188,7 @@ def _real_beams():
 @pytest.mark.slow
 @pytest.mark.skipif(not UAS.exists(), reason="needs the cloud")
 def test_the_voxel_hardly_matters_on_the_real_cloud():
-    """Figures of two implementations: p at nadir 0.62 to 0.63, p̄ 0.65, V 0.52, V̂ 0.76."""
+    """Values of two implementations: p at nadir 0.62 to 0.63, p̄ 0.65, V 0.52, V̂ 0.76."""
     found = []
     for voxel_m in (0.15, 0.25, 0.35, 0.5):
         volume = read_voxels(UAS, opacity="auto", min_height_m=0.5, voxel_m=voxel_m)

@@ -1,4 +1,4 @@
-"""Rays through plates: against counting cells by hand, and Beer's law with path length."""
+"""Rays through plates, compared with counted cells and with Beer's law for the path length."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_telecentric_rays_obey_beers_law(offset):
     clear = 1.0 - popcount(view.masks([offset]))[0] / view.targets
     secant = np.sqrt(1.0 + (offset[0] ** 2 + offset[1] ** 2) / 100.0**2)
     expected = (1.0 - 0.005) ** (200 * secant)
-    # The cells of one plot: 160 000 columns, each met by one ray.
+    # The plot has 160 000 columns of cells, each with one ray.
     assert clear == pytest.approx(expected, abs=4.0 * np.sqrt(expected * (1 - expected) / 160_000))
 
 
@@ -36,10 +36,10 @@ def test_perspective_rays_obey_beers_law():
     clear = 1.0 - popcount(view.masks([camera]))[0] / view.targets
     line = (np.arange(400) + 0.5) * 0.1 - 20.0
     x, y = camera[0] - line, (camera[1] - line)[:, np.newaxis]
-    # The shares of both axes add up.
+    # The path lengths of both axes are added.
     secant = np.sqrt(1.0 + (x / 100) ** 2) + np.sqrt(1.0 + (y / 100) ** 2) - 1.0
     expected = ((1.0 - 0.005) ** (200 * secant)).mean()
-    # Rays crowd together towards the camera: at 20 m height 0.8² of the cells are met.
+    # Rays converge towards the camera, so at 20 m height they meet 0.8² of the cells.
     assert clear == pytest.approx(
         expected, abs=5.0 * np.sqrt(expected * (1 - expected) / (0.64 * 160_000))
     )

@@ -1,4 +1,4 @@
-"""Point clouds: good files become the right voxels, bad files become one clear sentence."""
+"""Point clouds: valid files give the correct voxels, and invalid files one clear sentence."""
 
 import re
 import struct
@@ -20,7 +20,7 @@ DATA = CLOUDS
 
 
 def expected_voxels(xyz, kind, voxel=0.25, cut=2.0):
-    """The same by brute force: each point on its own, over the known slope."""
+    """The expected voxels by brute force: each point alone, above the known slope."""
     x, y, z = np.round(xyz, 3)
     occupied = {
         (
@@ -39,9 +39,9 @@ def listed(volume):
 
 
 def codes(volume):
-    """Codes of the warnings, but for that of few points to a column, which has its own test.
+    """Codes of the warnings except that of few points per column, which has its own test.
 
-    The stand of these tests has 1.5 points to a column of 0.25 m.
+    The stand of these tests has 1.5 points per column of 0.25 m.
     """
     return [code for code, _ in volume.warnings if code != "voxel_below_spacing"]
 
@@ -67,7 +67,7 @@ def test_voxel_size_and_cut_are_respected(tmp_path, voxel, cut):
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
     volume = read_voxels(path, voxel_m=voxel, min_height_m=cut)
     expected = expected_voxels(xyz, kind, voxel, cut)
-    if cut == 0.0:  # The ground itself: rounding decides which of its points are above it.
+    if cut == 0.0:  # The ground itself, for which rounding decides which points are above it.
         assert {i for i in listed(volume) if i[0] > 0} == {i for i in expected if i[0] > 0}
     else:
         assert listed(volume) == expected
@@ -187,7 +187,7 @@ def test_ground_below_thinned_vertices_still_follows_the_slope(tmp_path, monkeyp
     monkeypatch.setattr("aosplan.scenes.files.ground.MAX_NODES", 900)
     xyz, kind = stand(count=40_000)
     path = write_cloud(tmp_path / "a.laz", xyz, kind)
-    # Along the edges the nearest vertex serves, so only what is inside has to agree.
+    # At the edges the nearest vertex is used, so only the inside is compared.
     found, expected = read_voxels(path).occupied, np.zeros((80, 49, 81), dtype=bool)
     expected[tuple(np.transpose(expected_voxels(xyz, kind)))] = True
     inside = np.s_[:, 8:-8, 8:-8]
@@ -296,7 +296,7 @@ def test_other_plots_that_are_no_rectangle_are_said(tmp_path, shape):
     }[shape]
     volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz[:, inside], kind[inside]))
     assert codes(volume) == ["partial_plot"]
-    # The share that is left, and half a square of 0.6 m along its rim.
+    # The remaining share, plus half a square of 0.6 m along its rim.
     said = float(re.search(r"cover (\d+)%", volume.warnings[0][1])[1]) / 100
     assert said == pytest.approx({"rotated": 0.5, "corner": 0.85}[shape], abs=0.05)
 

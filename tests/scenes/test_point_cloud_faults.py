@@ -1,4 +1,4 @@
-"""Point clouds that are damaged, odd or unreadable: one clear sentence, and bounded memory."""
+"""Point clouds that are damaged, unusual or unreadable: one clear sentence, and limited memory."""
 
 import errno
 import os
@@ -123,7 +123,7 @@ def test_damage_within_the_points_is_no_crash(tmp_path):
     content = path.read_bytes()
     middle = len(content) // 2
     patched(path, middle, bytes(255 - byte for byte in content[middle : middle + 2000]))
-    # A file without checksums may still decode, into other points, but those have to be a plot.
+    # A file without checksums may be decoded to wrong points, but these have to form a plot.
     try:
         volume = read_voxels(path, ground="normalized")
     except RequestError as error:

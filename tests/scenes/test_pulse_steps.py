@@ -1,4 +1,4 @@
-"""The steps from pulses to attenuation, each against a truth of its own."""
+"""The steps from pulses to attenuation, each compared with known results."""
 
 import numpy as np
 import pytest
@@ -31,7 +31,7 @@ def flat(rows, columns, voxel_m, slices, cut_m=0.0):
 def test_exact_duplicates_go_and_the_order_stays():
     one = returns_of([[1, 2, 3], [4, 5, 6], [1, 2, 3], [1, 2, 3]], [1, 1, 1, 2], [2, 1, 2, 2])
     kept = clean.without_duplicates(one)
-    # The last has the same place and another return number.
+    # The last point has the same position but another return number.
     assert kept.xyz_m[0].tolist() == [1, 4, 1]
     assert kept.number.tolist() == [1, 1, 2]
 
@@ -52,8 +52,8 @@ def test_pulses_are_grouped_by_order_and_return_number():
         returns_of(np.zeros((10, 3)), number, total), timed=False
     )
     members = [found.number[i:k].tolist() for i, k in zip(pulses.first, pulses.stop, strict=True)]
-    # A pulse whose first return was clipped is complete to its end; (1 of 2) and (3 of 3) alone,
-    # after an end that is missing, are not and are.
+    # A pulse whose first return was clipped is complete if it has its last return.  After a missing
+    # last return, (1 of 2) alone is not complete, and (3 of 3) alone is.
     assert members == [[1, 2], [1], [1, 2, 3], [2, 3], [3]]
     assert share == pytest.approx(5 / 6)
 
@@ -70,7 +70,9 @@ def test_shuffled_files_are_put_into_the_order_of_time():
 
 @pytest.mark.parametrize(("gain", "plausible"), [(1.0, True), (0.3, False)])
 def test_intensities_are_energies_only_if_they_add_up(gain, plausible):
-    """Of pulses that share their energy, and of an instrument that lifts weak returns."""
+    """Intensities are energies for pulses that share their energy, but not if weak returns are
+    amplified.
+    """
     rng = np.random.default_rng(5)
     share = rng.uniform(0.2, 0.8, 600)
     energy = np.concatenate([np.ones(600), np.column_stack([share, 1 - share]).ravel()])
@@ -87,7 +89,7 @@ def test_intensities_are_energies_only_if_they_add_up(gain, plausible):
 
 
 def flown_pulses(rng, count=400, noise_m=0.01):
-    """Pulses of two returns from a sensor that moves, and where it was."""
+    """Pulses of two returns from a moving sensor, and the positions of the sensor."""
     time_s = np.sort(rng.uniform(100.0, 103.0, count))
     sensor = np.array([[-20.0], [5.0], [90.0]]) + np.array([[1.0], [8.0], [0.3]]) * (time_s - 100)
     low = np.stack([*rng.uniform(0, 25, (2, count)), rng.uniform(0, 3, count)])
@@ -109,7 +111,7 @@ def test_the_track_of_a_moving_sensor_is_found_despite_wild_pulses():
     at = track.fitted(found, pulses)
     assert at is not None
     missed = at.at(found.time_s[pulses.first]) - sensor
-    # 0.01 m over levers of 5 to 20 m is about 0.1° for a pulse; 340 of them fix the sensor.
+    # 0.01 m over levers of 5 to 20 m is about 0.1° per pulse; 340 pulses determine the sensor.
     assert np.abs(missed).max() < 1.0
     assert 0.01 < at.residual_deg < 0.2
 
@@ -122,7 +124,7 @@ def test_lengths_in_voxels_are_those_of_the_path():
     total = np.zeros(200)
     for part in trace.lengths_in_voxels(paths, grid):
         total += np.bincount(part.piece, part.length_m, 200)
-    # Brute force: the share of many points along each path that lie in the volume.
+    # Brute force: the share of many points along each path that are in the volume.
     steps = (np.arange(20_000) + 0.5) / 20_000
     for k in range(200):
         x, y, z = start[:, k, np.newaxis] + (end - start)[:, k, np.newaxis] * steps
@@ -147,7 +149,7 @@ def test_each_length_is_credited_to_its_voxel():
 
 
 def test_paths_end_at_hits_with_the_energy_that_is_left():
-    """A pulse straight down with hits at 3 m and 1 m, over ground that rises to the east."""
+    """A vertical pulse with hits at 3 m and 1 m, over ground that rises to the east."""
     ground = np.tile(np.arange(9) * 0.1, (9, 1)).astype(np.float32)
     grid = trace.Grid(ground, 0.5, 10, 0.5, (4.0, 4.0))
     z = 0.1 * 2.2 / 0.5
@@ -171,12 +173,12 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
     intercepted[:, :, :8], path[:, :, :8] = 500.0, 1000.0
     rate = attenuation.attenuation(attenuation.Sums(intercepted, path), 0.3, 0.25)
     assert rate[:, :, :8] == pytest.approx(0.5, rel=1e-3)
-    # What no pulse crossed has the attenuation of the block around it.
+    # Voxels without pulses have the attenuation of the surrounding block.
     assert rate[:, :, 8:] == pytest.approx(0.5, rel=1e-3)
 
 
 def test_one_level_of_shrinkage_by_hand():
-    """Two voxels of 4 m side by side: their parent is the layer, whose parent is the volume."""
+    """Two voxels of 4 m side by side, whose parent is the layer, whose parent is the volume."""
     sums = attenuation.Sums(
         np.array([[[3.0, 0.0]]], np.float32), np.array([[[10.0, 2.0]]], np.float32)
     )
@@ -236,7 +238,7 @@ def test_what_is_wrong_with_a_trajectory_is_said(tmp_path, text, said):
 
 
 def test_pulses_that_were_grouped_from_two_do_not_lead_the_track_astray():
-    """Their lever arms are long, so least squares over all would follow them."""
+    """Such pulses have long lever arms, so least squares over all pulses would be wrong."""
     rng = np.random.default_rng(12)
     found, sensor = flown_pulses(rng)
     wrong = rng.choice(400, 60, replace=False)

@@ -1,4 +1,4 @@
-"""A sample of a wide plot's targets: each sees what it sees among all of them, and they are fair."""
+"""A sample of a wide plot's targets has the same result for each target, and is representative."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def random_volume(rows, columns, *, slices=9, slice_m=None, seed=0):
 
 
 def sampled_bits(sampled, masks):
-    """Shape (N, lattices, down, across), by the layout that the class has."""
+    """Shape (N, lattices, down, across), in the layout of the class."""
     octets = masks.view(np.uint8).reshape(len(masks), LATTICES, sampled._height, -1)
     return np.unpackbits(octets, axis=2, bitorder="little")
 
@@ -33,7 +33,7 @@ def test_each_target_sees_what_it_sees_among_all(rows, columns, sample, per_voxe
     sampled = SampledOcclusion(everything, volume, sample)
     assert sampled.targets >= sample
     positions = np.random.default_rng(1).uniform(-15.0, 15.0, (12, 2))
-    positions[0], positions[1] = (0.0, 0.0), (90.0, -120.0)  # round the plot more than once
+    positions[0], positions[1] = (0.0, 0.0), (90.0, -120.0)  # farther than the plot, more than once
     want = everything.unpack(everything.masks(positions))
     got = sampled_bits(sampled, sampled.masks(positions))
     count, step = 0, sampled._step
@@ -78,7 +78,7 @@ def test_the_means_are_those_of_all_targets():
     positions = np.random.default_rng(1).uniform(-20.0, 20.0, (20, 2))
     want = joint_counts(everything.masks(positions)) / everything.targets
     got = joint_counts(sampled.masks(positions)) / sampled.targets
-    # The standard error of a share of as many targets that were drawn at random.
+    # The standard error of a share of the same number of random targets.
     error = np.sqrt(want * (1.0 - want) / sampled.targets)
     assert np.sqrt((((got - want) / error) ** 2).mean()) < 1.0
     assert np.abs(got - want).max() < 4.0 * error.max()
@@ -90,5 +90,6 @@ def test_the_correlogram_of_a_sample_is_that_of_the_plot(monkeypatch):
     monkeypatch.setattr(sampled_targets, "FEW_TARGETS", 0)
     sample = correlogram(volume)
     assert not np.array_equal(whole.rho, sample.rho)
-    assert np.abs(sample.rho - whole.rho).max() < 0.01  # of 0.1 million targets, not of a million
+    # of 0.1 million targets instead of a million
+    assert np.abs(sample.rho - whole.rho).max() < 0.01
     assert np.abs(sample.density_by_offset - whole.density_by_offset).max() < 0.004

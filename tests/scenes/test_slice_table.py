@@ -1,4 +1,4 @@
-"""Tables of slices: good ones become the scene that they describe, others one sentence."""
+"""Tables of slices: valid ones give the scene that they describe, others one sentence."""
 
 import pytest
 

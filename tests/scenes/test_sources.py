@@ -39,7 +39,7 @@ def refusal(*arguments, **given):
 
 @pytest.fixture
 def tiles(tmp_path):
-    """A folder with a stand in three tiles, and what else lies in folders."""
+    """A folder with a stand in three tiles, and other files."""
     folder = tmp_path / "tiles"
     folder.mkdir()
     xyz, kind = stand()
@@ -139,7 +139,7 @@ def test_files_of_two_places_are_no_stand(tiles, tmp_path):
 
 
 def write_copc(path, xyz, kind):
-    """The points in five nodes of an octree."""
+    """Write the points to five nodes of an octree."""
     copc = pytest.importorskip("copclib")
     unit, zero = copc.Vector3(0.001, 0.001, 0.001), copc.Vector3(0.0, 0.0, 0.0)
     writer = copc.FileWriter(str(path), copc.CopcConfigWriter(6, unit, zero))
@@ -174,7 +174,7 @@ def test_a_truncated_one_is_named(tmp_path, share):
 
 @pytest.fixture
 def saved(tmp_path):
-    """A stand as a cloud, and what is saved of it."""
+    """A stand as a cloud, and the files that are saved from it."""
     cloud = write_cloud(tmp_path / "stand.laz", *stand(count=8000))
     paths = {"laz": cloud}
     for suffix in ("toml", "npz"):
@@ -199,7 +199,7 @@ def planned(path, **given):
 
 @pytest.mark.parametrize("baseline", [0.6, 1.5, 2.5])
 def test_a_plan_by_the_correlogram_is_named_and_near_the_exact_one(saved, baseline):
-    # A correlogram is that of the wrapped plot.
+    # The correlogram is that of the periodic plot.
     fixed = {"baseline": baseline, "samples": 25}
     exact = planned(saved["laz"], edges="wrapped", **fixed)
     near = planned(saved["toml"], **fixed)
@@ -355,7 +355,7 @@ def test_a_correlogram_without_its_densities_is_named(tmp_path, change, said):
     assert said in caught.value.message
 
 
-# --- What a measured plan says of itself ---
+# --- Warnings of measured plans ---
 
 
 def codes(result):
@@ -364,12 +364,12 @@ def codes(result):
 
 @pytest.mark.parametrize("kind", ["npz", "toml"])
 def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
-    # Half the plot's 12.25 m at the canopy's top: an aperture of 6.1 m h / 9 m.
+    # Half of the plot's 12.25 m at the top of the canopy: an aperture of 6.1 m h / 9 m.
     top = resolved(saved["npz"]).scene.canopy_top_m
     widest = 0.5 * 12.25 * 40.0 / top
     within = planned(saved[kind], samples=9, baseline=0.49 * widest)
     beyond = planned(saved[kind], samples=9, baseline=0.52 * widest)
-    if kind == "npz":  # a correlogram ends at its last lag, which may be nearer
+    if kind == "npz":  # a correlogram ends at its last lag, which may be smaller
         assert "small_plot" not in codes(within)
     assert "small_plot" in codes(beyond)
     assert "twice the shear" in {w.code: w.message for w in beyond.warnings}["small_plot"]

@@ -1,4 +1,4 @@
-"""From a point cloud to a plan: generated stands, and the real ones where they are at hand."""
+"""From a point cloud to a plan: generated stands, and real ones if they are available."""
 
 import json
 
@@ -117,7 +117,7 @@ def test_statistics_of_a_cloud_have_its_correlogram(stand, capsys):
     rho = np.array(table["rho"])
     assert rho.shape == (len(table["directions_deg"]), len(table["lags"]))
     assert np.array(document["density_by_offset"]).shape == rho.shape
-    assert rho[:, 0].min() > rho[:, -1].max()  # near views are alike, far ones are not
+    assert rho[:, 0].min() > rho[:, -1].max()  # near views are similar, distant ones are not
 
 
 def test_a_scene_without_voxels_is_not_saved_with_them(tmp_path, monkeypatch, capsys):
@@ -150,7 +150,7 @@ def test_the_real_pine_and_fir_stand_is_planned_end_to_end(tmp_path, capsys):
     assert document["samples"] == 50
     assert document["visibility"]["density"] == pytest.approx(0.7385, abs=0.002)
     (warning,) = [w for w in document["warnings"] if w["code"] == "no_common_ground"]
-    assert "3.251 m" in warning["message"]  # 22.76 m of footprint over 7 baselines
+    assert "3.251 m" in warning["message"]  # a footprint of 22.76 m over 7 baselines
     assert len(json.loads(geojson.read_text())["features"]) == 51
     assert len(table.read_text().splitlines()) == 51
 
@@ -162,7 +162,7 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     given = {"model": "uniform", "min_height": cut, "opacity": "voxels"}
     by_rule = planned(cloud, **given, allow_no_common_ground=True)
     assert by_rule.solution.baseline_m == pytest.approx(baseline, abs=0.01)
-    # Within the footprint the rule is the same, and the grid no wider than the footprint.
+    # The rule also holds within the footprint, and the grid is not wider than the footprint.
     bounded = planned(cloud, **given)
     assert bounded.coverage.baseline_m == by_rule.solution.baseline_m
     assert bounded.solution.baseline_m <= by_rule.solution.baseline_m
@@ -175,7 +175,7 @@ def test_the_coverage_rule_on_the_real_stand(cut, baseline):
     [(2.0, 0.797, 0.3105, 0.668), (3.5, 0.826, 0.2923, 0.820)],
 )
 def test_the_measured_model_on_the_real_stand(baseline, density, visibility, normalized):
-    # The check figures are those of voxels of points and of the wrapped plot.
+    # The known values are for voxels with points and for the periodic plot.
     as_then = {"min_height": 0.5, "opacity": "voxels", "edges": "wrapped"}
     result = planned(DATA / "UAS_Clip.laz", samples=49, baseline=baseline, **as_then)
     prediction = result.solution.prediction

@@ -1,4 +1,4 @@
-"""Voxels saved in one file: what was written is read, and nothing else is."""
+"""Voxels in one file: the written stand is read back, and nothing else is accepted."""
 
 import io
 import json

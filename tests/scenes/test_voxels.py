@@ -1,4 +1,4 @@
-"""Voxel volumes, and points sorted into them."""
+"""Voxel volumes, and the sorting of points into them."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The page's section on detection: there with a target, and with the numbers of the plan."""
+"""The page's section on detection is there with a target, and has the numbers of the plan."""
 
 import re
 
@@ -21,7 +21,7 @@ def test_the_curve_rises_to_the_right_and_the_plan_lies_on_it():
     assert points == sorted(points)
     assert [y for _, y in points] == sorted((y for _, y in points), reverse=True)
     assert all(LEFT <= x <= RIGHT and TOP <= y <= BOTTOM for x, y in points)
-    # A colder target lies at the amount of its contrast.
+    # A colder target is shown at the absolute value of its contrast.
     chosen = tuple(round(place, 2) for place in curve.chosen)
     assert chosen in points
 

@@ -1,4 +1,4 @@
-"""Figures: colours for every eye, files that are the same each time, and the command."""
+"""Figures: accessible colours, reproducible files, and the command."""
 
 import itertools
 import json
@@ -33,7 +33,8 @@ def luminance(colour):
 
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
-# Machado, Oliveira and Fernandes (2009), severity 1: linear RGB as three kinds of eyes see it.
+# Machado, Oliveira and Fernandes (2009), severity 1: linear RGB for three kinds of colour
+# blindness.
 EYES = {
     "normal": np.eye(3),
     "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],

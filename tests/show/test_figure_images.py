@@ -1,4 +1,4 @@
-"""What is drawn is what was prepared; and it looks as it did when somebody last looked at it."""
+"""Figures show the prepared data, and equal the approved pictures."""
 
 import io
 
@@ -17,12 +17,12 @@ from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.style import DARK, rules
 
 MOST_RMS = 1.0
-"""Root mean square of the difference to an approved picture, of 255, with the same matplotlib."""
+"""Largest root mean square difference to an approved picture, of 255, with the same matplotlib."""
 
 
 @pytest.fixture
 def figure_of():
-    """A function that draws a figure, laid out, with the project's own settings."""
+    """A function that draws a figure with the project's own settings and lays it out."""
     with mpl.rc_context():
         mpl.rcdefaults()
 
@@ -41,7 +41,7 @@ def points(line):
 
 
 def has_line(panel, x, y):
-    """Whether a panel has a line through just these points."""
+    """Whether a panel has a line through exactly these points."""
     wanted = np.column_stack([x, y])
     return any(
         points(line).shape == wanted.shape and np.array_equal(points(line), wanted)
@@ -49,7 +49,7 @@ def has_line(panel, x, y):
     )
 
 
-# What is drawn
+# Drawn data
 
 
 def test_visibility_draws_each_curve_and_the_plan(figure_of):
@@ -160,7 +160,7 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
     assert has_line(panel, *zip(*told.front, strict=True))
 
 
-# What is read
+# Texts
 
 
 @pytest.mark.parametrize(
@@ -195,13 +195,13 @@ def test_every_axis_is_named_with_its_unit_or_symbol(figure_of, name):
             assert shared_y
 
 
-# What it looks like
+# Appearance
 
 SAME = VERSION.read_text().strip() == f"matplotlib {mpl.__version__}"
 
 
 def rms(one, other):
-    """Root mean square of the difference of two PNG files, of 255; inf where their sizes differ."""
+    """Root mean square difference of two PNG files, of 255; inf if their sizes differ."""
     first, second = (
         np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), dtype=float)
         for content in (one, other)

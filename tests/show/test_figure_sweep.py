@@ -1,4 +1,4 @@
-"""Figures of sweeps: fronts and maps against brute force over the rows, however many there are."""
+"""Figures of sweeps: fronts and maps compared with brute force over any number of rows."""
 
 import json
 import math
@@ -111,7 +111,7 @@ def test_many_rows_become_few_points(tmp_path):
     found = results_of(str(path))
     assert len(found.points) <= BINS[0] * BINS[1]
     assert len(found.front) <= BINS[0]
-    # Each point of the front is a row that no other row beats.
+    # Each point of the front is a row that no other row dominates.
     for a, b in found.front:
         assert not ((x <= a) & (y <= b) & ((x < a) | (y < b))).any()
         assert ((x == a) & (y == b)).any()

@@ -1,4 +1,4 @@
-"""Figures: their numbers against the plan's and the scene's own, and their words."""
+"""Figures: their numbers compared with those of the plan and the scene, and their texts."""
 
 import json
 import math
@@ -80,7 +80,7 @@ def test_the_baseline_curve_has_the_wanted_share_at_its_ratio():
     found = shown("baseline-curve")
     share = coverage_share(paper_forest().scene.slabs(), 1e6, math.inf, found.ratio * 1e6)
     assert share == pytest.approx(0.98, rel=1e-9)
-    # The uniform volume in closed form: occluders above o/(b/h) of 2.506 to 20.046 m.
+    # The uniform volume in closed form: heights above o/(b/h), from 2.506 to 20.046 m.
     o, base, height = 0.2, paper_forest().scene.volume_base_m, paper_forest().scene.volume_height_m
     o = paper_forest().scene.occluder_size_m
     for ratio, told in found.knots:
@@ -91,7 +91,7 @@ def test_layers_make_a_staircase_of_the_baseline_curve():
     layers = (Layer(2.0, 3.0, 0.1, 0.25), Layer(9.0, 11.0, 0.2, 0.5))
     found = curve_of(LayeredScene("two", layers), 0.98)
     assert found.stepped
-    # o/H at their middles, and density times thickness as weights.
+    # The ratios o/H at the middles of layers, weighted by density times thickness.
     assert found.knots == (
         (pytest.approx(0.05), pytest.approx(0.8)),
         (pytest.approx(0.1), pytest.approx(1.0)),
@@ -115,7 +115,7 @@ def test_the_footprint_of_a_grid_turns_with_the_heading():
     (x0, y0), (x1, y1), (x2, y2) = found.footprint[:3]
     across, along = math.hypot(x1 - x0, y1 - y0), math.hypot(x2 - x1, y2 - y1)
     assert (along, across) == pytest.approx(found.footprint_m)
-    # The sides along the heading run 30° east of north.
+    # The sides along the heading are 30° east of north.
     assert math.degrees(math.atan2(x1 - x2, y1 - y2)) == pytest.approx(30.0)
     way = math.degrees(
         math.atan2(found.east_m[1] - found.east_m[0], found.north_m[1] - found.north_m[0])
@@ -152,7 +152,7 @@ def test_numbers_are_few_and_apart_and_name_both_ends(count, spacing_mm):
         assert len(found) <= 22
 
 
-# The words
+# The texts
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,4 +1,4 @@
-"""Pictures of grids and flights: every site has its place, whatever the size."""
+"""Pictures of grids and flights: every site is shown, at any size."""
 
 import re
 
@@ -36,7 +36,7 @@ def parts_of(picture):
 
 
 def dots_of(lines):
-    """How many dots there are, those of the marked characters aside."""
+    """Number of dots, without those below the marked characters."""
     return sum((ord(c) - 0x2800).bit_count() for line in lines for c in line if c >= "\u2800")
 
 
@@ -58,7 +58,7 @@ def test_pictures_keep_to_their_room_and_show_both_ends(pattern, width, plain):
 @pytest.mark.parametrize(
     ("pattern", "under_marks"),
     [
-        (pattern_for("lanes", 201), 2),  # two dots a baseline: each letter holds one site
+        (pattern_for("lanes", 201), 2),  # two dots per baseline, so each letter hides one site
         (pattern_for("rectangle", 40 * 40), 4),  # and two of neighbouring rows
     ],
 )
@@ -107,7 +107,7 @@ def test_a_flight_has_north_above_and_east_at_the_right():
     assert drawing[-1] == "S"
     assert "north is up" in " ".join(legend)
     width, height = max(map(len, drawing)), len(drawing)
-    assert width == pytest.approx(2 * 2 * height, abs=4)  # letters are twice as high as wide
+    assert width == pytest.approx(2 * 2 * height, abs=4)  # characters are twice as high as wide
 
 
 def test_flights_of_one_place_and_of_many_points_are_drawn():

@@ -1,4 +1,4 @@
-"""The report: what stands on the page as text, and how it is written.
+"""The report: its content as text, and how it is written.
 
 `test_report_browser.py` opens it in a real browser.
 """
@@ -29,7 +29,7 @@ VOID = {"meta", "input"}
 
 
 class Page(HTMLParser):
-    """Elements of a page in order, and the text in each; all are closed where they were opened."""
+    """Elements of a page in order with the text in each, after a check that all are closed."""
 
     def __init__(self, content):
         super().__init__(convert_charrefs=True)
@@ -66,7 +66,7 @@ class Page(HTMLParser):
         return json.loads(element["text"])
 
     def columns(self):
-        """The columns of the waypoints, unpacked."""
+        """The columns of the waypoints, decoded."""
         unpacked = {}
         for element in self.of("script", **{"class": "column"}):
             packing, text = element["data-packing"], element["text"]
@@ -80,7 +80,7 @@ class Page(HTMLParser):
 
 
 def at(document, place):
-    """What stands at a place of a document."""
+    """The value at a place of a document."""
     for name in place.split("."):
         document = document[int(name) if isinstance(document, list) else name]
     return document
@@ -111,7 +111,7 @@ def command(capfdbinary):
     return execute
 
 
-# What stands on it
+# Content of the page
 
 
 def test_ids_are_unique_and_everything_referred_to_is_there(page):
@@ -184,7 +184,7 @@ def test_nothing_is_loaded_and_nothing_runs_but_the_pages_own(page, content):
 
 
 def test_every_figure_says_what_it_shows(page):
-    assert len(page.of("svg")) == 3  # two charts, and the map for where no script runs
+    assert len(page.of("svg")) == 3  # two charts, and the map for browsers without scripts
     for picture in page.of("svg"):
         assert picture["role"] == "img"
     assert all(e["text"] for e in [*page.of("title"), *page.of("desc"), *page.of("figcaption")])
@@ -218,7 +218,8 @@ def test_curves_are_the_papers_equation(default):
     by_samples, by_baseline = charts_of(default)
     assert len(by_baseline.rows) > 20
     for baseline, normalized, expected in by_baseline.rows:
-        # Below the rule's baseline the volume counts as slices, which show more than one d̂ would.
+        # Below the rule's baseline the volume is treated as slices, with a larger V than for one
+        # d̂.
         dhat = baseline / default.coverage.baseline_m
         assert expected >= visibility(density, 7, 8, dhat) - 0.01
         assert expected == pytest.approx((1 - density) * (1 + density * normalized), rel=1e-12)
@@ -324,7 +325,7 @@ def test_heights_along_the_way_are_those_of_the_waypoints(folder):
     metres_a_unit = (float(high.text) - float(low.text)) / (low.place - high.place)
     drawn = float(low.text) + metres_a_unit * (low.place - places["ground"][:, 1])
     assert drawn == pytest.approx(ground, abs=0.051 * metres_a_unit)
-    # Written to a tenth of a unit.
+    # Written with a tenth of a unit.
     for name, above in (("canopy", flown.scene.canopy_top_m), ("flight", 40.0)):
         risen = metres_a_unit * (places["ground"][:, 1] - places[name][:, 1])
         assert risen == pytest.approx(np.full(len(rows), above), abs=0.101 * metres_a_unit)
@@ -352,7 +353,7 @@ def test_short_names_hold_no_sign_that_is_not_seen():
     assert len(short("x" * 10_000)) == 121
 
 
-# How it is written
+# Form of the file
 
 
 def test_the_same_plan_and_seed_give_the_same_bytes(default, content):

@@ -1,7 +1,7 @@
-"""The report in a real browser: a headless Chromium that Playwright drives.
+"""The report in a real browser: a headless Chromium that is controlled by Playwright.
 
-Skipped where there is none.  Every page is opened from the disk, with every request but the one
-for itself refused and counted, and every word on its console a failure.
+The tests are skipped without a browser.  Pages are opened from files.  All requests except the one
+for the page are refused and counted, and any message on the console is a failure.
 """
 
 import json
@@ -64,7 +64,7 @@ HOSTILE += "<b>" + "W" * (10_000 - len(HOSTILE) - 3)
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """A function that plans, and writes the page: the plan, and where the page lies."""
+    """A function that makes a plan and its page, and returns the plan and the path of the page."""
     made = {}
     folder = tmp_path_factory.mktemp("pages")
 
@@ -81,7 +81,7 @@ def pages(tmp_path_factory):
 
 @pytest.fixture
 def opened(chromium):
-    """A context in which a page is open: no request but its own, no word on the console."""
+    """A context with an open page, which must make no other requests and print no messages."""
 
     @contextmanager
     def open_(path, settings=DESK, **more):
@@ -116,7 +116,7 @@ def scale(page):
 
 
 def pixel(page, index):
-    """Where a waypoint is drawn, in pixels of the window; the map is brought into it."""
+    """Position of a waypoint in pixels of the window, after scrolling the map into view."""
     return page.evaluate(
         """(i) => { const map = document.getElementById("map");
                     map.scrollIntoView({ block: "center" });
@@ -127,7 +127,7 @@ def pixel(page, index):
 
 
 def settled(page):
-    """Wait until the map is drawn as it should be."""
+    """Wait until the map is redrawn."""
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done, 30)))")
 
 
@@ -147,7 +147,7 @@ def colour(page, index):
 
 
 def ink(page, name):
-    """A colour of the style sheet: red, green, blue, to what rounding may do to it."""
+    """A colour of the style sheet: red, green, blue, with a tolerance for rounding."""
     text = page.evaluate("(name) => inks()[name]", name)
     return pytest.approx([int(part) for part in re.findall(r"\d+", text)], abs=2)
 
@@ -226,7 +226,7 @@ def test_the_wheel_zooms_about_the_pointer(pages, opened):
         widest = map_.get_attribute("data-scale")
         before, place = scale(page), pixel(page, 12)
         pointer = [int(place[0]) - 9, int(place[1]) - 6]
-        page.wait_for_timeout(250)  # a page that has just been scrolled goes on
+        page.wait_for_timeout(250)  # scrolling continues for a short time
         page.mouse.move(*pointer)
         page.mouse.wheel(0, -240)
         playwright.expect(map_).not_to_have_attribute("data-scale", widest)
@@ -355,7 +355,7 @@ def test_light_and_dark_follow_the_system_and_the_button(pages, opened):
         assert page.evaluate(paper) == "rgb(255, 255, 255)"
 
 
-# Everyone, everywhere
+# Accessibility
 
 
 @pytest.mark.parametrize("name", ["default", "place", "area"])
@@ -425,7 +425,7 @@ def test_paper_of_another_shape_leaves_the_map_to_scale(pages, opened):
     sites = planned.waypoints
     with opened(path) as page:
         page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
-        # A copy of it: on paper no script sees the sheet, and draws for it anew.
+        # The print view is copied, because the script would redraw the map for the screen.
         page.evaluate(
             """() => { const map = document.getElementById("map"), copy = map.cloneNode();
                        copy.getContext("2d").drawImage(map, 0, 0); map.before(copy);
@@ -436,7 +436,7 @@ def test_paper_of_another_shape_leaves_the_map_to_scale(pages, opened):
         picture = np.asarray(
             Image.open(BytesIO(page.locator("#map").first.screenshot())).convert("RGB"), dtype=int
         )
-    # The middle of the mark of the first site, green, and of that of the last, red.
+    # Centres of the marks of the first site, which is green, and of the last, which is red.
     red, green, blue = np.moveaxis(picture, 2, 0)
     first, last = (
         np.mean(np.nonzero(marked), axis=1)
@@ -473,7 +473,7 @@ def test_a_hostile_name_is_text_and_breaks_no_layout(pages, opened, tmp_path, se
         for summary in page.locator("summary").all():
             summary.click()
         assert overflow(page) <= 0
-        # A browser shows U+0000 and lone line ends otherwise; there are none here.
+        # Browsers show U+0000 and single carriage returns differently, so they are not in the text.
         assert page.locator("header bdi").nth(1).text_content() == HOSTILE
         assert page.locator("#request-toml").text_content() == tomli_w.dumps(
             planned.document()["request"]
@@ -492,7 +492,7 @@ def test_plans_of_any_size_stay_usable(pages, opened, photos):
         assert page.locator("#map").get_attribute("data-sites") == str(photos)
         page.locator("#chosen").fill(str(photos // 3))
         page.keyboard.press("Enter")
-        # Far in, the chosen site is still found, and drawn.
+        # At a large scale the chosen site is still found and drawn.
         page.evaluate(
             "(i) => { zoom(1e4); view.x = east[i]; view.y = north[i]; moved(); }", photos // 3
         )

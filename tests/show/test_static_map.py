@@ -1,4 +1,4 @@
-"""The report where no script runs: a map that stands still, and a table."""
+"""The report without scripts: a map that does not move, and a table."""
 
 import re
 from itertools import pairwise
@@ -36,7 +36,7 @@ def still_map(found):
 
 
 def places(path):
-    """The places of an outline or of dots."""
+    """The points of an outline or of dots."""
     return [tuple(map(float, pair)) for pair in re.findall(r"([-\d.]+) ([-\d.]+)", path)]
 
 
@@ -77,7 +77,7 @@ def test_the_footprint_has_its_size_and_the_takeoff_its_place():
     sides = {round(unit * abs(complex(*a) - complex(*b)), 1) for a, b in pairwise(corners)}
     assert sides == {round(side, 1) for side in found.camera.footprint_m(40.0)}
     x, y = still.takeoff
-    assert x < still.first[0]  # it lies to the south-west
+    assert x < still.first[0]  # the take-off is in the south-west
     assert y > still.first[1]
 
 

@@ -1,4 +1,4 @@
-"""Colours, characters and widths: what the output is written to decides."""
+"""Colours, characters and widths depend on the output's destination."""
 
 import ast
 import io
@@ -28,7 +28,7 @@ TABLES = [
 
 
 class Stream(io.StringIO):
-    """A stream that says what it is told to."""
+    """A stream with a given encoding, which may be a terminal."""
 
     def __init__(self, *, terminal, encoding="utf-8"):
         super().__init__()
@@ -47,8 +47,8 @@ class Stream(io.StringIO):
     [
         ({}, True, False),
         ({"NO_COLOR": "1"}, False, False),
-        ({"NO_COLOR": "0"}, False, False),  # whatever its value
-        ({"NO_COLOR": ""}, True, False),  # unless it is empty
+        ({"NO_COLOR": "0"}, False, False),  # with any value
+        ({"NO_COLOR": ""}, True, False),  # but not if it is empty
         ({"FORCE_COLOR": "1"}, True, True),
         ({"FORCE_COLOR": ""}, True, False),
         ({"CLICOLOR": "0"}, False, False),
@@ -102,7 +102,7 @@ def test_nothing_is_lost_without_unicode(arguments):
 def test_every_character_of_the_project_has_one_in_ascii():
     beyond = set()
     for path in sorted(Path(aosplan.__file__).parent.rglob("*.py")):
-        if path.name == "xml_text.py":  # classes of characters
+        if path.name == "xml_text.py":  # ranges of characters
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         said = {id(n.value) for n in ast.walk(tree) if isinstance(n, ast.Expr)}
@@ -138,7 +138,8 @@ def test_no_number_of_a_table_is_broken_or_cut(monkeypatch, capsys):
             assert word in re.sub("[:,]", "", shown).split()
         is_table = shown.startswith("grid")
         assert is_table == (width >= least), width
-        assert all(len(line) <= width + 1 for line in shown.splitlines())  # + 1: a hat has no width
+        # + 1, because a combining character has no width
+        assert all(len(line) <= width + 1 for line in shown.splitlines())
 
 
 @pytest.mark.parametrize("columns", ["1", "20", "0", "x", "99999999999"])

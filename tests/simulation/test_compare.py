@@ -1,4 +1,4 @@
-"""Predictions held against simulations: right models agree, broken ones are caught."""
+"""Predictions compared with simulations: correct models agree, and wrong ones are detected."""
 
 import math
 from dataclasses import replace
@@ -16,19 +16,19 @@ from aosplan.simulation.experiments import ForestExperiment, middle_of
 from aosplan.simulation.forests import clumped_forest, generator, uniform_forest
 from aosplan.simulation.moments import estimate
 
-# Large occluders make small volumes.
+# Large occluders need only small volumes.
 UNIFORM = {"density": 0.05, "occluder_size": 0.5, "volume_height": 8.0, "volume_base": 2.0}
 QUICK = {"altitude": 60.0, **UNIFORM}
 
 
 @pytest.fixture(scope="module")
 def flight():
-    """Nine views, far enough apart that the volume's thickness makes no difference."""
+    """Nine views with such distances that the thickness of the volume has no effect."""
     return plan(PlanRequest(samples=9, baseline=16.0, **QUICK))
 
 
 def with_shortfall(made, factor):
-    """The plan, as a model would have it that is wrong about K."""
+    """The plan with the K of a wrong model."""
     p = made.solution.prediction
     wrong = Prediction(p.density, p.transparency, p.shortfall * factor)
     return replace(made, solution=made.solution._replace(prediction=wrong))
@@ -58,7 +58,7 @@ def test_a_model_that_is_off_in_density_is_caught(flight, change):
     p = flight.solution.prediction
     wrong = Prediction(p.density + change, p.transparency - change, p.shortfall)
     broken = replace(flight, solution=flight.solution._replace(prediction=wrong))
-    # The noise pattern would have the wrong density, too: it takes the model's.
+    # The noise pattern uses the density of the model, so it would have the wrong one, too.
     found = simulate(flight, Settings(1, 0.002, "noise"))._replace(predicted=wrong, plan=broken)
     assert not found.agree
     assert found.differences[0].startswith("p is ")
@@ -92,7 +92,7 @@ def test_layered_scenes_agree_with_the_layered_model(tmp_path):
         assert found.agree, found.differences
 
 
-# Precision, bounds, seeds
+# Precision, limits, seeds
 
 
 def test_no_more_is_simulated_than_the_precision_asks_for(flight):
@@ -103,7 +103,7 @@ def test_no_more_is_simulated_than_the_precision_asks_for(flight):
     assert fine.samples > coarse.samples
     error = fine.simulated.expected_standard_error
     assert error <= 0.0015
-    assert error > 0.0015 / 1.5  # a volume count is checked at every quarter more
+    assert error > 0.0015 / 1.5  # the number of volumes increases by a quarter between checks
 
 
 def test_a_bound_on_targets_ends_a_simulation_and_is_told(flight):
@@ -148,11 +148,12 @@ def test_z_scores_of_volumes_over_seeds_are_those_of_honest_standard_errors(flig
     spread = np.std(z, axis=0, ddof=1)
     expected = math.sqrt(15 / 13)
     assert np.abs(spread / expected - 1).max() < 4 / math.sqrt(2 * 16)
-    # V̂ is off by the stated error, which is larger than these standard errors; p and V are not.
+    # V̂ has the stated systematic error, which is larger than its standard error; p and V have
+    # none.
     assert np.abs(np.mean(z, axis=0)[:2]).max() < 4 * expected / math.sqrt(16)
 
 
-# What is asked
+# Slanted predictions and requests
 
 
 def test_slanted_predictions_are_those_of_independent_views():
@@ -165,7 +166,7 @@ def test_slanted_predictions_are_those_of_independent_views():
         for y in 4.0 * points:
             slopes = np.abs(positions - (x, y)).sum(axis=1) / 30.0
             p = 1 - np.exp(-0.5 - 0.7 * slopes)
-            # Views that are independent of each other: E[(Σ Y)²] by pairs.
+            # E[(Σ Y)²] of independent views, pair by pair.
             pairs = np.outer(p, p)
             np.fill_diagonal(pairs, p)
             squares.append(pairs.sum() / 25)

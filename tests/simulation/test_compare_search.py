@@ -1,4 +1,4 @@
-"""Predicted detection against searches of forests that the model has not seen."""
+"""Predicted detection compared with searches of forests that the model has not seen."""
 
 import json
 
@@ -35,7 +35,7 @@ def test_as_much_is_seen_as_predicted(compared):
 
 
 def test_a_wrong_threshold_would_be_noticed(compared):
-    """Half of the predicted probability is not within the tolerance: the comparison can fail."""
+    """The comparison fails for half of the predicted probability, so it can detect errors."""
     assert not compared._replace(predicted=0.5 * compared.predicted).agree
 
 

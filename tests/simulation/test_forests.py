@@ -1,4 +1,4 @@
-"""Forests from a seed: densities, sizes of occluders, matched stands, bounds."""
+"""Forests from a seed: densities, sizes of occluders, matched stands, limits."""
 
 import hashlib
 import math
@@ -24,7 +24,7 @@ def test_samples_of_a_seed_differ_and_come_back():
 
 def test_a_uniform_forest_has_its_slice_density_in_every_slice():
     volume = uniform_forest(generator(1), 0.1, 0.25, 2.0, 10.0, (40.0, 30.0))
-    assert volume.occupied.shape == (144, 360, 480)  # three voxels along a cube's edge
+    assert volume.occupied.shape == (144, 360, 480)  # three voxels along the edge of a cube
     cubes = volume.slice_densities.reshape(48, 3)
     assert not cubes[:8].any()
     assert (cubes == cubes[:, :1]).all()
@@ -34,7 +34,7 @@ def test_a_uniform_forest_has_its_slice_density_in_every_slice():
 
 
 def test_a_uniform_forest_hides_what_the_paper_counts():
-    # A ray passes l/o slices and each lets it through with 1 - D: no formula of ours.
+    # A ray passes l/o slices, each of which it passes with probability 1 - D.
     hidden = [
         uniform_forest(generator(2, i), 0.02, 0.5, 1.0, 14.75, (30.0, 30.0)).column_occupancy
         for i in range(30)
@@ -78,7 +78,7 @@ def test_a_thick_layer_is_several_slices_that_together_block_its_share():
 
 @pytest.mark.parametrize("size", [1.0, 1.2, 1.9, 2.5, 3.0, 3.5, 7.3])
 def test_planes_of_any_cell_size_have_that_integral_range(size):
-    # Correlations of voxels at whole lags, two to one in each direction, add up to the size.
+    # The correlations of voxels at all whole lags add up to the size.
     width = forests.cell_width(size)
     lags = np.arange(-10, 11)
     assert np.maximum(1 - np.abs(lags) / width, 0).sum() == pytest.approx(size, rel=1e-9)
@@ -95,7 +95,7 @@ def test_a_clumped_stand_hides_the_share_that_was_asked_for(density):
         clumped_forest(generator(5, i), density, 0.25, 2.5, 17.5, (30.0, 30.0)).column_occupancy
         for i in range(12)
     ]
-    # Each stand is matched in expectation: what is left is the drawing of single leaves.
+    # Stands are matched in expectation; only the random choice of leaves remains.
     assert np.std(hidden) < 0.01
     assert abs(np.mean(hidden) - density) < 0.004
 
@@ -105,7 +105,7 @@ def test_a_clumped_stand_is_within_its_heights_and_is_clumped():
     levels = np.flatnonzero(volume.slice_densities)
     assert levels[0] >= 11
     assert volume.canopy_top_m <= 18.0 + 0.25
-    # Independent slices of these densities would hide far more.
+    # Independent slices with these densities would hide much more.
     independent = 1 - np.prod(1 - volume.slice_densities)
     assert independent > 0.68
 

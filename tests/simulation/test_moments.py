@@ -1,4 +1,4 @@
-"""Visibility and its standard errors from counts, against enumeration and over many seeds."""
+"""Visibility and its standard errors from counts, compared with enumeration and over many seeds."""
 
 import math
 
@@ -49,10 +49,10 @@ def test_nothing_or_everything_hidden_has_no_normalised_visibility(blocked):
 
 
 def beta_samples(rng, number, views, targets):
-    """Samples whose density varies between them: K over all samples is known exactly.
+    """Samples whose density varies between them, so that K over all samples is known exactly.
 
-    Each sample has its own share P, of mean 0.3 and variance 0.01; its targets are blocked in
-    each view independently.  E[X²] = E[P²] + E[P(1 - P)]/N.
+    Each sample has its own share P, with mean 0.3 and variance 0.01.  Its targets are blocked
+    independently in each view.  E[X²] = E[P²] + E[P(1 - P)]/N.
     """
     p, variance = 0.3, 0.01
     common = p * (1 - p) / variance - 1
@@ -72,9 +72,9 @@ def test_standard_errors_are_calibrated_where_samples_differ(number):
         found = estimate(samples)
         z.append([(found[i] - truth[i]) / found[3 + i] for i in range(3)])
     z = np.array(z)
-    # Student's t with number - 1 degrees of freedom has this variance.
+    # Student's t distribution with number - 1 degrees of freedom has this standard deviation.
     expected = math.sqrt((number - 1) / (number - 3))
-    assert np.abs(z.mean(axis=0)).max() < 0.4  # ratios are skewed; a bias would show as more
+    assert np.abs(z.mean(axis=0)).max() < 0.4  # ratios are skewed; a bias would be larger
     assert z.std(axis=0) == pytest.approx(expected, rel=0.16)
     assert (np.abs(z) > 4).mean() < 0.01
 
@@ -87,6 +87,6 @@ def test_few_samples_do_not_pass_the_variance_of_their_mean_for_visibility():
         found.append(estimate(samples).normalized)
         plain.append(estimate(samples, one_plot=True).normalized)
     error = np.std(found) / math.sqrt(len(found))
-    # The square of the mean is off by some dozens of standard errors; the pairs are not.
+    # The square of the mean is biased by many standard errors, the sum over pairs is not.
     assert abs(np.mean(plain) - truth[2]) > 8 * error
     assert abs(np.mean(found) - truth[2]) < 4 * error

@@ -1,4 +1,4 @@
-"""Noise patterns: pixels by hand, and the paper's visibility in standard errors."""
+"""Noise patterns: pixels computed by hand, and the paper's visibility within standard errors."""
 
 import hashlib
 import math
@@ -65,7 +65,7 @@ def noise_estimate(density, size, rows, columns, dhat, seed, patterns=60):
         (0.25, 10, 0.6, 5),
         (0.25, 10, 1.0, 5),
         (0.25, 10, 1.4, 5),
-        (0.5, 5, 0.37, 5),  # shifts by parts of a pixel
+        (0.5, 5, 0.37, 5),  # shifts by fractions of a pixel
         (0.75, 3, 0.8, 4.6),
         (0.5, 2, 0.0, 5),
         (0.9, 7, 1.0, 3),

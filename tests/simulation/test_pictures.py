@@ -1,4 +1,4 @@
-"""The chart, what trees leave of it, PNG files."""
+"""The chart, its image through trees, and PNG files."""
 
 import io
 import sys
@@ -23,7 +23,7 @@ def test_a_chart_fills_any_shape_with_greys(shape):
 def test_a_chart_has_bars_from_coarse_to_fine_a_star_and_ten_greys():
     chart = resolution_chart(1000, 1000)
     changes = np.count_nonzero(np.diff(chart[120]))
-    assert changes == 2 * (2 + 4 + 6 + 9 + 13)  # two edges a bar
+    assert changes == 2 * (2 + 4 + 6 + 9 + 13)  # two edges per bar
     lying = np.count_nonzero(np.diff(chart[220:800, 100]))
     assert lying == changes
     turns = np.linspace(0, 2 * np.pi, 20000, endpoint=False)

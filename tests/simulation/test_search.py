@@ -1,4 +1,4 @@
-"""The searched forest: radiances, detector, and what an open ground shows."""
+"""The searched forest: radiances, the detector, and targets on open ground."""
 
 import numpy as np
 import pytest
@@ -25,14 +25,14 @@ def test_a_field_has_variance_one_and_the_stated_correlation():
 
 
 def test_an_integral_sees_through_the_cells_that_its_rays_meet():
-    """One occluder of 1 m at 10 m: each photo shows it where its rays from 40 m say."""
+    """One occluder of 1 m at 10 m hides, in each photo from 40 m, the pixels whose rays meet it."""
     cells = np.full((40, 40), np.nan, dtype=np.float32)
     cells[20, 20] = 3.0  # from 0 to 1 m along both axes
     plane = Plane(10.0, 1.0, (-20.0, -20.0), cells)
     sites = np.array([(0.0, 0.0), (4.0, 0.0)])
     found = integrate_planes([plane], sites, 40.0, (20.0, 20.0))
     x = np.array([(column + 0.5) / 200 * 20 - 10 for column in range(200)])
-    row = int((0.5 + 10) / 20 * 200)  # y = 0.55, which is 0.41 at the occluder
+    row = int((0.5 + 10) / 20 * 200)  # y = 0.55, or 0.41 at the height of the occluder
     hidden = np.zeros(200)
     for site in (0.0, 4.0):
         at = 0.75 * x + 0.25 * site
@@ -60,7 +60,7 @@ def test_the_detector_answers_a_target_with_its_own_window():
     image[150 - rows : 151 + rows, 150 - columns : 151 + columns] += 2.0 * cover
     output = window.output(image)
     assert np.unravel_index(output.argmax(), output.shape) == (150, 150)
-    # All of the target lies in the box, and the window's edges cut its edge pixels twice.
+    # The whole target is in the box, and pixels at the window's edges are cut twice.
     assert output.max() == pytest.approx(2.0 * (1.0 - 0.85 / 4.1**2), rel=0.05)
     assert peaks(output, (0.1, 0.1))[0] == output.max()
 

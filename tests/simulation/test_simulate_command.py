@@ -1,4 +1,4 @@
-"""``aosplan simulate`` on the command line: documents, pictures, and what it refuses."""
+"""``aosplan simulate`` on the command line: documents, pictures, and refusals."""
 
 import io
 import json
@@ -23,7 +23,7 @@ COARSE = ["--precision", "0.1"]
 
 @pytest.fixture
 def command(command):
-    """A function that runs the command: its status, stdout and stderr."""
+    """A function that runs the command and returns its status, stdout and stderr."""
     return partial(command, "simulate", *QUICK, *COARSE)
 
 
@@ -187,7 +187,7 @@ def test_a_cloud_is_simulated_as_it_stands(capsys):
         assert run([*line, "--view", view]) == 0
         found[view] = json.loads(capsys.readouterr().out)
         assert found[view]["agree"] is True
-    # The check figures of the derivation's section 4.3.
+    # The known values in section 4.3 of the derivation.
     assert found["telecentric"]["simulated"]["expected"] == pytest.approx(0.2923, abs=0.003)
     assert found["telecentric"]["simulated"]["normalized"] == pytest.approx(0.820, abs=0.005)
     assert found["perspective"]["simulated"]["expected"] == pytest.approx(0.185, abs=0.003)

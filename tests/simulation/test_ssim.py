@@ -1,4 +1,4 @@
-"""SSIM against its published formula and scikit-image's, over all of an image and parts of it."""
+"""SSIM compared with its formula and scikit-image, for whole images and parts of them."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from aosplan.simulation.ssim import similarity
 
 
 def ssim_by_hand(one, other):
-    """Mean SSIM of two grey images as Wang et al. (2004) print it, window by window."""
+    """Mean SSIM of two grey images by the formula of Wang et al. (2004), window by window."""
     offsets = np.arange(-5, 6)
     kernel = np.exp(-(offsets**2) / (2 * 1.5**2))
     kernel = np.outer(kernel, kernel) / kernel.sum() ** 2
@@ -62,7 +62,7 @@ def test_ssim_of_an_image_with_itself_is_one():
 
 
 def test_ssim_follows_the_formula_at_a_single_window():
-    # One window alone: means, variances and covariance under a Gaussian, by their definitions.
+    # A single window: means, variances and covariance with Gaussian weights, by definition.
     image, reference = noisy(3), noisy(4) * 0.5 + noisy(3) * 0.5
     covered = np.zeros((60, 70), bool)
     covered[20:31, 30:41] = True

@@ -1,4 +1,4 @@
-"""Counts of views below voxels: tiles and windows change nothing, and slices keep their promise."""
+"""Counts of views below voxels do not depend on tiles and windows, and agree with known models."""
 
 import numpy as np
 import pytest
@@ -92,12 +92,12 @@ def simulated(make, altitude_m, positions, view, samples, size_m):
 
 
 def slanted_density(transparency, altitude_m, positions):
-    """Share hidden from cameras above targets: by cubes, T to the power 1 + |tan x| + |tan y|."""
+    """Share hidden from cameras above targets by cubes: 1 - T to the power 1 + |tan x| + |tan y|."""
     return (1 - transparency ** (1 + np.abs(positions).sum(axis=1) / altitude_m)).mean()
 
 
 def test_cubes_hide_what_slanted_rays_meet():
-    # The volume is the paper's, its p = 1 - (1 - D)^(l/o) for rays straight down.
+    # The paper's volume has p = 1 - (1 - D)^(l/o) for vertical rays.
     positions = sites(9, 5.0)
     found = simulated(
         lambda rng: uniform_forest(rng, 0.01, 0.25, 2.0, 10.0, (20.0, 20.0)),
@@ -123,7 +123,7 @@ def test_independent_slices_have_the_covariances_that_design_gives_them(view, ba
         lambda rng: layered_forest(rng, layers, (24.0, 24.0)),
         *(60.0, positions, view, 60, (12.0, 12.0)),
     )
-    # K by the product over slices, pair of views by pair (section 4.1 of the derivation).
+    # K from products over slices, for each pair of views (section 4.1 of the derivation).
     apart = np.abs(positions[:, None] - positions[None])
     both, clear = 1.0, 1.0
     for layer in layers:
@@ -132,7 +132,7 @@ def test_independent_slices_have_the_covariances_that_design_gives_them(view, ba
         both = both * ((1 - layer.density) ** 2 + layer.density * (1 - layer.density) * tau)
         clear *= 1 - layer.density
     shortfall = (both - clear**2).mean() / (clear * (1 - clear))
-    # Oblique rays and the thickness of cubes cost up to a hundredth of K: stated, and small.
+    # Oblique rays and the thickness of cubes change K by up to one per cent, as documented.
     slack = 4 * found.normalized_standard_error + 0.01 * shortfall
     assert abs(1 - found.normalized - shortfall) < slack
     assert found.normalized_standard_error < 0.02

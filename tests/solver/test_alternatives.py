@@ -1,4 +1,4 @@
-"""Grids and headings compared, and the trade-off, against plain comparison."""
+"""The choice of grids and headings, and the trade-off, compared with brute force."""
 
 import math
 from fractions import Fraction
@@ -69,7 +69,7 @@ def test_the_best_grid_is_the_best_of_all_kinds_by_themselves(model, objective, 
 def test_a_grid_over_no_common_ground_is_taken_only_where_there_is_no_other():
     problem = Problem(PAPER, vhat("0.98"))
     problems = [problem._replace(grid=grid) for grid in kinds("best")]
-    assert solve_best(problems).problem.grid.name == "line"  # as many samples, a shorter flight
+    assert solve_best(problems).problem.grid.name == "line"  # as many samples, but a shorter flight
     grounded = solve_best(problems, footprint_m=(30.0, 30.0))
     assert grounded.problem.grid.name == "trimmed"
     assert "line 50 without ground that all samples see" in grounded.solution.limits[-1].message
@@ -95,7 +95,7 @@ def test_options_that_are_left_open_are_all_compared():
 
 
 def hedges(angle_deg):
-    """Walls of leaves along one direction: what lies across them shows more."""
+    """Walls of leaves along one direction; views along a line across them see more."""
     cells = np.arange(64) * 0.25
     x, y = np.meshgrid(cells, cells)
     angle = math.radians(angle_deg)
@@ -133,7 +133,7 @@ def test_turning_a_problem_turns_its_models_and_the_wind_in_its_axes():
     turned = problem.turned(90.0)
     assert turned.model.heading_deg == turned.surrogate.heading_deg == 90.0
     assert problem.model.heading_deg == problem.surrogate.heading_deg == 0.0
-    # What blew along the heading blows to the left of one that is turned to the right.
+    # After a right turn of the axes, wind along the old heading is to the left.
     assert turned.timing.wind == pytest.approx((1.0, -3.0))
     pattern = GridKind("line").pattern(5)
     fresh = hedge_problem(GridKind("line"), heading=90.0)

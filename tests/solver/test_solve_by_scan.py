@@ -1,4 +1,4 @@
-"""The search for models whose visibility need not rise with the baseline, against enumeration."""
+"""The search for models whose visibility may fall with the baseline, compared with enumeration."""
 
 import math
 import re
@@ -30,7 +30,7 @@ def vhat(text):
 
 
 class Scanned:
-    """A model that rises with the baseline but does not say so: searched as if it might fall."""
+    """A model that rises with the baseline but does not state it, so that the scan is used."""
 
     heading_deg = None
     rises_with_baseline = False
@@ -45,12 +45,12 @@ class Scanned:
 
 
 CLEARING = Stand(5, 4, 14.0, 3.0, 0.5, 0.4, 1.5)
-"""A few dense trees: what a surrogate gets wrong most."""
+"""A few dense trees, for which the surrogate has the largest errors."""
 
 
 @pytest.fixture(scope="module")
 def stands():
-    """Measured problems on generated stands, coarse enough to enumerate."""
+    """Measured problems on generated stands, small enough to enumerate."""
     found = {}
     for name, stand in (("beech", STANDS["beech"]), ("clearing", CLEARING)):
         volume = clumped_forest(stand, side_m=16.0, voxel_m=0.5)
@@ -111,10 +111,10 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
 
 @pytest.mark.parametrize("density", [0.9, 0.98, 0.998])
 def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
-    """Not half a per cent of the ground, which a single photo may be within."""
+    """The slack is not half a per cent of the ground, which a single photo might reach."""
     model = UniformModel(density, 1.0 - density, 3.5)
     found = solve(Problem(model, vhat("0.98"), objective="visibility"))
-    # V = (1 - p)(1 + p V̂), and V̂ = 1 - 1/N at most.
+    # V = (1 - p)(1 + p V̂), and V̂ is at most 1 - 1/N.
     best = (1.0 - density) * (1.0 + density * (1.0 - 1.0 / 400.0))
     assert found.prediction.expected >= 0.99 * best * (1.0 - 1e-12)
     alone = Problem(model, vhat("0.98"), bounds=Bounds(samples=found.pattern.samples - 1))
@@ -124,12 +124,12 @@ def test_where_little_is_seen_the_slack_is_one_per_cent_of_it(density):
 
 def test_contrast_grows_with_independent_samples_up_to_their_bound():
     found = solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(max_samples=64), objective="contrast"))
-    # Contrast goes with √N: 63 are within 1 % of 64, and 62 are not.
+    # Contrast is proportional to √N: 63 samples are within 1 % of 64, and 62 are not.
     assert found.pattern.samples == 63
 
 
 def enumerated(problem, most):
-    """Every pattern of a kind at every baseline of the scan, by the model alone, fewest first."""
+    """Every pattern of a kind at every baseline of the scan, predicted by the model alone."""
     scan = Scan(problem)
     for samples in range(1, most + 1):
         pattern = problem.grid.pattern(samples)
@@ -139,7 +139,7 @@ def enumerated(problem, most):
 
 
 def cost(problem, pattern, baseline):
-    """What the objective makes small."""
+    """The value that the objective minimizes."""
     if problem.objective == "time":
         return path_of(pattern).time_s(baseline, problem.timing)
     return pattern.samples if problem.objective == "samples" else pattern.longer_side * baseline
@@ -164,7 +164,7 @@ BOUNDS = [
 @pytest.mark.parametrize("grid", KINDS, ids=lambda grid: grid.title)
 @pytest.mark.parametrize("stand", ["beech", pytest.param("clearing", marks=pytest.mark.slow)])
 def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
-    """Every pattern at every baseline of the scan, by the model alone; every objective."""
+    """Every objective is compared with all patterns at all baselines of the scan."""
     problem = stands[stand]._replace(grid=grid, bounds=bounds)
     if bounds.samples is None:
         every = list(enumerated(problem, bounds.max_samples))
@@ -194,7 +194,7 @@ def test_nothing_that_enumeration_finds_costs_less(stands, stand, grid, bounds):
         scan = Scan(asked)
         best = max(scan.value(each[2]) for each in every)
         assert scan.value(found.prediction) >= scan.near(best) - 0.5 * (best - scan.near(best))
-        # None of fewer samples comes as near to it as the slack asks for.
+        # No pattern with fewer samples is as close to the best as the slack requires.
         fewer = (scan.value(each[2]) for each in every if each[0].samples < found.pattern.samples)
         assert max(fewer, default=0.0) < best
 

@@ -1,4 +1,4 @@
-"""The solver against plain enumeration: every pattern, one after the other, at every baseline."""
+"""The solver compared with enumeration of all patterns at all baselines."""
 
 import random
 from fractions import Fraction
@@ -37,11 +37,11 @@ MOST_KINDS = [
     pytest.param(kind, marks=[pytest.mark.slow] if kind in ("line", "spiral") else [])
     for kind in KINDS
 ]
-"""Lines and spirals have a pattern for each number of samples, so that enumeration takes long."""
+"""Lines and spirals have a pattern for each number of samples, so enumeration takes long."""
 
 
 def smallest_baseline(problem, pattern):
-    """By halving 45 times, without the tolerance: none, or the widest where only that helps."""
+    """By 45 bisections without the tolerance; the widest if only that helps, None if nothing does."""
     low, high = 0.0, widest(problem, pattern)
     if not reaches(problem, pattern, high):
         return None
@@ -80,11 +80,11 @@ def test_the_fewest_samples_are_those_that_enumeration_finds(grid, quantity):
             solved += 1
             assert found.met
             assert reaches(problem, found.pattern, found.baseline_m)
-            if isinstance(problem.model, UniformModel):  # the paper's rule, or as wide as allowed
+            if isinstance(problem.model, UniformModel):  # the paper's rule, or the widest allowed
                 assert found.baseline_m == widest(problem, found.pattern)
             else:
                 smallest = smallest_baseline(problem, found.pattern)
-                # A spiral's last pair of neighbours parts where K is level: √(1e-15).
+                # A spiral's last neighbours stop sharing occluders where K is flat: √(1e-15).
                 accuracy = 1e-7 if grid == "spiral" else 1e-11
                 assert found.baseline_m == near(smallest, rel=accuracy)
     assert solved > 20
@@ -147,7 +147,7 @@ TWO_SLICES = LayeredModel([Layer(2.0, 2.0, 0.2, 0.5), Layer(8.0, 8.0, 0.2, 0.5)]
 def test_the_least_time_is_found_where_few_samples_need_a_smaller_extent_than_many(
     model, grid, target, timing
 ):
-    """A dense grid needs more extent than a sparse one whose samples all lie on its rim."""
+    """A dense grid needs a larger extent than a sparse one whose samples are all at its rim."""
     problem = Problem(model, vhat(target), GridKind(grid), objective="time", timing=timing)
     candidates = enumerate_baselines(problem, 60)
     least = min(flight_time(problem, *candidate) for candidate in candidates)
@@ -168,7 +168,7 @@ def test_without_a_bound_on_samples_the_least_aperture_is_searched_to_400_sample
     )
 
 
-# --- Fixed values --------------------------------------------------------------------------
+# --- Fixed numbers -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("quantity", ["normalized", "visibility"])
@@ -236,7 +236,7 @@ def test_with_both_fixed_the_plan_is_only_evaluated(objective):
 
 
 def test_with_both_fixed_a_visibility_that_nothing_reaches_is_missed_not_refused():
-    """Infinitely many samples have 0.6785: the plan is evaluated all the same."""
+    """Infinitely many samples reach 0.6785, but the plan is evaluated anyway."""
     for baseline in (3.5, 1.0):
         problem = Problem(PAPER, visible("0.9"), bounds=Bounds(baseline_m=baseline, samples=49))
         found = solve(problem)
@@ -250,7 +250,7 @@ def test_with_both_fixed_a_visibility_that_nothing_reaches_is_missed_not_refused
 @pytest.mark.parametrize("quantity", ["normalized", "visibility"])
 @pytest.mark.parametrize("grid", KINDS)
 def test_samples_required_are_the_fewest_that_do_at_the_baseline_of_the_answer(grid, quantity):
-    """Of a line or of lanes where those are flown, else of any count."""
+    """They are compared with lines, lanes and spirals for these kinds, otherwise with all numbers."""
     solved = 0
     for problem in problems(6, 30, grid=grid, objective="samples", quantity=quantity):
         found = attempt(problem._replace(bounds=Bounds()))
@@ -306,7 +306,7 @@ def test_a_shortfall_too_large_by_half_the_tolerance_passes_and_by_twice_does_no
 
 
 def test_a_visibility_that_a_count_meets_exactly_takes_that_count():
-    """V = T (1 + p (1 - 1/N)), as a decimal; p and V are rounded, and that is no reason for more."""
+    """V = T (1 + p (1 - 1/N)) as a decimal is met exactly, although p and V are rounded."""
     for p, target, samples in (
         ("0.4", "0.8", 6),
         ("0.5", "0.625", 2),
@@ -322,7 +322,7 @@ def test_a_visibility_that_a_count_meets_exactly_takes_that_count():
         assert (found.pattern.samples, found.samples_required) == (samples, samples), (p, target)
 
 
-# --- Known answers -------------------------------------------------------------------------
+# --- Known results -------------------------------------------------------------------------
 
 
 def test_the_paper_takes_50_samples_3_and_a_half_metres_apart():
@@ -355,7 +355,7 @@ def test_a_target_of_nothing_takes_one_sample():
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_lengths_may_all_be_scaled(objective):
-    # Speed and acceleration too, so that time stays what it is.
+    # Speed and acceleration are also scaled, so that the time does not change.
     layers = [Layer(2.0, 4.0, 0.2, 0.3), Layer(6.0, 9.0, 0.3, 0.25)]
     scaled = [Layer(8 * a, 8 * b, density, 8 * size) for a, b, density, size in layers]
     problem = Problem(

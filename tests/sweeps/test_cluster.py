@@ -1,4 +1,4 @@
-"""A Dask cluster of separate processes: the same bytes as here, whatever dies on the way."""
+"""A Dask cluster of separate processes gives the same bytes, even if processes end on the way."""
 
 import contextlib
 import json
@@ -68,7 +68,7 @@ def local(campaign):
 
 @contextlib.contextmanager
 def once_parts_are_done(out, count, act):
-    """Do something as soon as a run has that many parts."""
+    """Do something as soon as a run has a number of parts."""
     journal = out.parent / f"{out.name}.journal.jsonl"
     acted = []
 
@@ -87,7 +87,7 @@ def once_parts_are_done(out, count, act):
 
 
 def assert_resumed(campaign, out, local, *arguments):
-    """A run that ended early is unfinished, and goes on to the same bytes."""
+    """Check that an interrupted run is incomplete, and that resuming it gives the same bytes."""
     assert not out.exists()
     journal = (out.parent / f"{out.name}.journal.jsonl").read_bytes()
     assert 2 < journal.count(b"\n") <= PARTS
@@ -98,7 +98,7 @@ def assert_resumed(campaign, out, local, *arguments):
     }
     assert sweep(campaign, "--out", f"{out}/", "--resume", *arguments) == 0
     assert contents(out) == local
-    for path, time_ns in kept.items():  # what was done is not written again
+    for path, time_ns in kept.items():  # finished parts are not written again
         assert (out / path.name).stat().st_mtime_ns == time_ns
 
 
@@ -155,7 +155,7 @@ def test_what_is_gathered_on_the_way_is_that_of_a_local_run(cluster, tmp_path, c
     assert json.loads(told[0])["rows"] == 200
 
 
-# What dies, is cut, or fills
+# Failures
 
 
 def test_a_worker_that_is_killed_costs_no_row(cluster, campaign, local, tmp_path):
@@ -188,7 +188,7 @@ def test_a_result_that_dies_with_its_worker_is_computed_again(
 
     def fetch(future, index, fetch=cluster_module.result_of):
         fetched.append(index)
-        if len(fetched) == 5:  # this task is finished, and its result still with the worker
+        if len(fetched) == 5:  # this task is finished, but the worker still has its result
             end(cluster.workers.pop())
             if another:
                 cluster.add_worker()
@@ -218,7 +218,7 @@ def test_a_scheduler_that_is_killed_is_an_error(other_cluster, campaign, local, 
 
 
 class Line:
-    """A line to a server that can be cut."""
+    """A connection to a server that can be interrupted."""
 
     def __init__(self, address):
         self.server = socket.create_server(("127.0.0.1", 0))
@@ -327,7 +327,7 @@ def test_ctrl_c_leaves_what_is_done(cluster, campaign, local, tmp_path):
 
 @pytest.fixture
 def silent():
-    """The address of something that answers nothing."""
+    """The address of a server that does not answer."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         yield f"127.0.0.1:{server.getsockname()[1]}"
 
@@ -349,7 +349,7 @@ def test_where_no_scheduler_answers_it_is_an_error(
     assert sweep(campaign, "--out", tmp_path / "r.csv", "--scheduler", address) == 1
     assert time.monotonic() - start_s < 10.0
     assert_error(capsys, f"no scheduler answers at '{address}'", "dask scheduler")
-    assert os.listdir(tmp_path) == []  # nothing is done, so nothing is kept
+    assert os.listdir(tmp_path) == []  # nothing was finished, so nothing is kept
 
 
 def test_a_worker_is_no_scheduler(cluster, campaign, tmp_path, capsys):
@@ -391,7 +391,7 @@ def test_a_worker_of_another_version_is_an_error(cluster, campaign, tmp_path, ca
 
 def test_a_cluster_without_the_program_is_an_error():
     class Bare:
-        """Answers as a cluster's client does."""
+        """A replacement for the client of a cluster."""
 
         def get_versions(self, packages):
             here = cluster_module.own_versions()

@@ -1,4 +1,4 @@
-"""What a worker of a cluster does: its part alone, whole or not, with the files as they are now."""
+"""A worker of a cluster writes its part only, completely or not at all, from unchanged files."""
 
 import os
 import pickle
@@ -21,7 +21,7 @@ from aosplan.sweeps import cluster as cluster_module  # noqa: E402
 
 @pytest.fixture
 def task(tmp_path, monkeypatch):
-    """A task's part, and what a worker is told."""
+    """The path of a task's part, its folder, and the task."""
     monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", 40)
     campaign = tmp_path / "campaign.toml"
     campaign.write_text(CAMPAIGN, encoding="utf-8")

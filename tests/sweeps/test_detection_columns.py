@@ -1,4 +1,4 @@
-"""Sweeps that look for something have the detection of each row, as plan has it."""
+"""Sweeps with a target have the same detection in each row as `plan`."""
 
 import csv
 import json

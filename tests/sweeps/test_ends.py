@@ -1,4 +1,4 @@
-"""Sweeps that end early: nothing is half there, and the rest makes the same bytes."""
+"""Sweeps that end early leave no incomplete files, and resuming them gives the same bytes."""
 
 import contextlib
 import os
@@ -41,7 +41,8 @@ def test_interruptions_change_no_byte(
     monkeypatch.setattr(run_module, "solve_part", interrupted)
     assert sweep(campaign, "--out", broken, *conditions) == 130
     assert not broken.exists()
-    assert sweep(campaign, "--out", broken, *conditions) == 2  # neither resumed nor forced
+    # exists, and neither --resume nor --force is given
+    assert sweep(campaign, "--out", broken, *conditions) == 2
     again = []
 
     def counted(sweep, index, path):
@@ -148,7 +149,7 @@ def test_a_sweep_of_files_that_have_changed_is_not_resumed(
 
 @pytest.mark.slow
 def test_workers_change_no_byte(tmp_path):
-    # In a process of its own: workers are started anew and import the main module.
+    # In a separate process, because workers are spawned and import the main module.
     many = tmp_path / "many.toml"
     many.write_text(
         "[sweep]\naltitude = { start = 45, stop = 120, count = 300000 }\nvhat = [0.9, 0.98]\n"
@@ -172,7 +173,7 @@ def test_workers_change_no_byte(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
-    # A terminal interrupts every process of a line; a job's manager only the first.
+    # A terminal interrupts all processes of a command, a job manager only the first.
     status, error = ended(tmp_path, lambda pid: os.kill(pid, signal.SIGINT))
     assert status == 130
     assert error == "hint: finished parts are kept; --resume continues the sweep\n"
@@ -181,7 +182,7 @@ def test_an_interruption_of_the_first_process_alone_ends_its_workers(tmp_path):
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
-    # The columnar library's handler has them go on.
+    # The handler of the columnar library would let them continue.
     code = (
         "import os, signal, threading\nfrom aosplan.cli.app import run\n"
         f"assert run(['sweep', {str(campaign)!r}, '--out', {str(tmp_path / 'r.csv')!r}]) == 0\n"
@@ -196,7 +197,7 @@ def test_waits_end_when_they_are_interrupted(campaign, tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
 def test_a_termination_leaves_whole_parts_alone(tmp_path):
     def terminate(pid):
-        # As of a worker that ends in the middle of a part.
+        # A file as a worker leaves it if it ends in the middle of a part.
         (tmp_path / "r.csv.parts" / f"00000099.csv.{'0' * 32}.tmp").write_text("altitude")
         os.kill(pid, signal.SIGTERM)
 
@@ -225,13 +226,13 @@ def test_a_worker_that_dies_is_an_error(tmp_path):
 
 
 def children_of(pid):
-    """The processes that a process has started and that have not ended."""
+    """Running child processes of a process."""
     with open(f"/proc/{pid}/task/{pid}/children", encoding="ascii") as children:
         return [int(child) for child in children.read().split()]
 
 
 def ended(folder, act):
-    """How a long sweep with two workers ends when something happens to it, and what it says."""
+    """Status and stderr of a long sweep with two workers that is interrupted by `act`."""
     path, out = folder / "s.toml", folder / "r.csv"
     path.write_text(
         "[sweep]\nspeed = { start = 1, stop = 9, count = 5000 }\n"
@@ -251,7 +252,7 @@ def ended(folder, act):
                 assert process.poll() is None
                 time.sleep(0.05)
             act(process.pid)
-            error = process.communicate(timeout=60)[1]  # stderr ends with the last process
+            error = process.communicate(timeout=60)[1]  # stderr closes with the last process
         except BaseException:
             os.killpg(process.pid, signal.SIGKILL)
             raise
@@ -313,7 +314,7 @@ def test_names_of_files_are_no_formulas(tmp_path, monkeypatch):
 @pytest.mark.parametrize("megabytes", [300, 600, 900])
 @pytest.mark.parametrize("where", [["--summary"], ["--out", "r.csv"]])
 def test_too_little_memory_is_one_error_line(campaign, tmp_path, megabytes, where):
-    # The columnar library would end the process, with words of its own.
+    # The columnar library would end the process with a message of its own.
     import resource
 
     done = subprocess.run(

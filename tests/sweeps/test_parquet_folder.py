@@ -1,4 +1,4 @@
-"""A result that is a folder of parts: whole or not there, and mended where it was damaged."""
+"""A result in a folder of parts is complete or missing, and is repaired if it was damaged."""
 
 import json
 import os
@@ -38,7 +38,7 @@ def campaign(tmp_path):
 
 @pytest.fixture
 def solved(monkeypatch):
-    """Places of the parts that are solved, as they are."""
+    """A list of the indices of parts as they are solved."""
     solve, places = run_module.solve_part, []
 
     def noted(sweep, index, *rest):
@@ -108,8 +108,9 @@ def test_an_interrupted_folder_is_not_there_until_it_is_whole(campaign, tmp_path
         patch.setattr(run_module, "solve_part", interrupted)
         assert sweep(campaign, "--out", f"{folder}/") == 130
     assert not folder.exists()
-    assert sweep(campaign, "--out", f"{folder}/") == 2  # neither resumed nor forced
-    # A line that was cut short with the run, and what the run was writing.
+    # exists, and neither --resume nor --force is given
+    assert sweep(campaign, "--out", f"{folder}/") == 2
+    # An incomplete line of the journal, and incomplete files of the interrupted run.
     with (tmp_path / "r.journal.jsonl").open("a") as journal:
         journal.write('{"part": 2, "ro')
     (tmp_path / "r.parts" / f"part-00002.parquet.{'0' * 32}.tmp").write_bytes(b"PAR1")
@@ -236,7 +237,7 @@ def test_wrong_folders_are_errors(campaign, tmp_path, capsys, out, arguments, wo
 
 
 def test_every_part_has_the_types_of_the_whole(tmp_path):
-    # The first part leaves these out, the second has a number, the last a text.
+    # In the first part these are empty, in the second heading is a number, in the last a text.
     path, rows = tmp_path / "rows.csv", []
     for row in range(75):
         heading = ("", "12.5", "best")[row // 25]

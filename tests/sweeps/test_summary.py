@@ -1,4 +1,4 @@
-"""What a sweep says of itself: the numbers of the stored file, however it was run."""
+"""The summary of a sweep has the numbers of the stored file, however the sweep was run."""
 
 import contextlib
 import io
@@ -40,7 +40,7 @@ def units(values):
     return sum((Fraction(value) for value in values), Fraction(0)) * 2**1074
 
 
-# Exact parts
+# Exact sums of parts
 
 
 @given(st.lists(st.floats(-1e200, 1e200), min_size=1, max_size=50))
@@ -99,7 +99,7 @@ def test_reasons_that_are_left_out_never_come_back(kinds, cut, data):
         assert joined.reasons == of(kinds, 0).reasons
 
 
-# The stored file is the truth
+# Comparison with the stored file
 
 
 OPTIONS = [
@@ -124,7 +124,7 @@ def everything(tmp_path_factory):
 
 @pytest.fixture(scope="module", params=OPTIONS, ids=" ".join)
 def stored(request, everything):
-    """Options and the summary under them; all rows, those kept, and those of them that are met."""
+    """Options, the summary with them, all rows, the kept rows, and those of them with a plan."""
     options, (path, frame) = request.param, everything
     kept, said = frame, io.TextIOWrapper(io.BytesIO(), "utf-8")
     if "--where" in options:
@@ -209,7 +209,7 @@ TABLE = "altitude,vhat,grid,samples,heading\n" + "".join(
 @pytest.mark.parametrize("kind", ["toml", "csv"])
 def test_parts_change_no_byte(tmp_path, capsys, monkeypatch, kind):
     path = tmp_path / f"s.{kind}"
-    # 84 rows have each word of the table beside each other.
+    # The first 84 rows contain all values of the table.
     path.write_text(CAMPAIGN if kind == "toml" else "".join(TABLE.splitlines(True)[:85]))
     found = set()
     for rows in (7, 64, 1 << 18):
@@ -229,7 +229,7 @@ def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
     assert [group["value"] for group in groups["samples"]] == [64, None]
     assert [group["scenarios"] for group in groups["samples"]] == [150, 150]
     assert [group["value"] for group in groups["heading"]] == [30.0, 45.0, None, "best"]
-    # 37 altitudes are too many for a line each.
+    # 37 altitudes are too many for one line each.
     assert len(groups["altitude"]) == 10
     assert (groups["altitude"][0]["first"], groups["altitude"][-1]["last"]) == (20.0, 56.0)
     for parts in groups.values():
@@ -303,7 +303,7 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
         interrupted_after(patch, 3, seen)
         assert sweep(*line, *out) == 130
         assert "--resume continues" in capsys.readouterr().err
-        assert sweep(*line, *out) == 2  # neither resumed nor forced
+        assert sweep(*line, *out) == 2  # exists, and neither --resume nor --force is given
         assert "--force starts again" in capsys.readouterr().err
         assert sweep(*line, *out, "--resume", "--where", "samples < 9") == 2
         assert "another sweep" in capsys.readouterr().err
@@ -377,7 +377,7 @@ def test_workers_change_no_byte(tmp_path):
     assert json.loads(found[0])["rows"] == 300_000 + 80_000
 
 
-# What is shown
+# Printed summary
 
 
 def test_tables_fit_80_columns(campaign, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""Sweeps: the same numbers as plan, row by row; the same bytes however they were run."""
+"""Sweeps have the same numbers as `plan` in each row, and the same bytes however they were run."""
 
 import json
 import math
@@ -99,7 +99,7 @@ def test_a_table_is_a_scenario_a_row(tmp_path):
     assert [row["samples"] for row in rows] == [10, 64, 64, None]
     assert [row["request_samples"] for row in rows] == [None, None, 64, None]
     assert [row["status"] for row in rows] == ["ok", "ok", "ok", "invalid"]
-    # A Parquet with the same rows gives the same.
+    # A Parquet file with the same rows gives the same result.
     frame = pl.DataFrame(
         {
             "altitude": [40.0, 50, 60, 10],

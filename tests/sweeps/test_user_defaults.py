@@ -1,4 +1,4 @@
-"""The user's own defaults below the scenarios of a sweep, and below a trade-off."""
+"""The user's own defaults apply below the scenarios of a sweep and in a trade-off."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Whole columns and rows that share their geometry: the numbers and the words of plan, row by row."""
+"""Columns and rows with common geometry have the numbers and messages of `plan`."""
 
 import math
 
@@ -100,7 +100,7 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
     left = solved.left.reshape(-1)
     for row in np.random.default_rng(0).permutation(block.rows)[:20].tolist():
         if left[row]:
-            continue  # one row at a time, by plan itself
+            continue  # such rows are planned one by one
         words = "" if reason[row] < 0 else solved.statuses.texts[reason[row]]
         state, why, expected = by_plan(block.request_values(row))
         assert (STATUSES[status[row]], words) == (state, why)
@@ -110,8 +110,9 @@ def test_columns_have_the_numbers_and_the_words_of_plan(crossing):
             found = np.broadcast_to(solved.columns[name], block.shape).reshape(-1)[row]
             if name in WHOLE and not math.isnan(expected[name]):
                 assert found == expected[name], name
-            # Arrays take other roundings of exp and log than floats do. A plan measures its legs
-            # between waypoints whose coordinates are rounded at the length of all N legs together.
+            # exp and log of arrays and of floats are rounded differently.  A plan measures its legs
+            # between waypoints, whose coordinates have rounding errors in proportion to the length
+            # of all N legs.
             legs = expected["samples"] if name.startswith("flight_") else 0
             rel = 1e-12 + legs * 2.0**-52
             assert found == pytest.approx(expected[name], rel=rel, nan_ok=True), name
@@ -225,7 +226,7 @@ def test_fixed_baselines_are_columns_too():
         }
     )
     left = solve_columns(crossing.block(0)).left
-    # Below the rule's baseline, 2.8 m at 40 m and 4.2 m at 60 m, the volume counts as slices.
+    # Below the rule's baseline, 2.8 m at 40 m and 4.2 m at 60 m, the volume is treated as slices.
     assert left[0].all(axis=1).tolist() == [True, True, False, False]
     assert left[1].all(axis=1).tolist() == [True, True, True, False]
     assert not left.all(axis=2).any() or not (left.any(axis=2) & ~left.all(axis=2)).any()

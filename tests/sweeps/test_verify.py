@@ -1,4 +1,4 @@
-"""A sample of a sweep's rows beside their simulations: what is drawn, and how it is judged."""
+"""Simulation of a sample of a sweep's rows: how it is drawn, and how it is judged."""
 
 import json
 import math
@@ -42,7 +42,7 @@ def sample(scenarios, rows, seed):
 
 
 def draw(scenarios, rows, seed):
-    """Draw from all rows that are met."""
+    """Draw from all rows with a plan."""
     drawing = drawing_of(scenarios, rows, seed)
     found = v.Draw()
     for index in range(scenarios.blocks):
@@ -60,7 +60,7 @@ def test_extremes_and_words_are_among_the_sample():
     requests = {each: v.scenario(CROSSING, each.row) for each in chosen}
     strata = {name: requests[each] for each in chosen for name in each.strata}
     assert len(strata) == 8
-    # Below the canopy nothing is met, so the lowest altitude is the next.
+    # Below the canopy there are no plans, so the lowest altitude is the next one.
     assert strata["altitude least"]["altitude"] == 30.0
     assert strata["altitude most"]["altitude"] == 80.0
     assert strata["vhat least"]["vhat"] == 0.5
@@ -100,8 +100,8 @@ def test_what_rows_leave_out_is_a_word_of_its_own():
 
 
 def test_every_row_is_drawn_as_often_as_any_other():
-    # Of 50 rows 10, for 2000 seeds: each row 400 times, with a variance of 2000 · 0.2 · 0.8; that
-    # rows are drawn without replacement takes the factor 49/50 off the sum of squares.
+    # 10 of 50 rows for 2000 seeds: each row is drawn about 400 times, with variance 2000 · 0.2 ·
+    # 0.8. Drawing without replacement multiplies the sum of squares by 49/50.
     counts = np.zeros(50)
     for seed in range(2000):
         counts[np.argsort(v.priorities_of(np.arange(50), seed))[:10]] += 1
@@ -121,12 +121,13 @@ def test_chances_are_those_of_student():
 
 
 def test_the_worst_of_many_is_as_large_as_expected():
-    # The largest of 60 normal deviates, in 20000 trials: half above the median, 1 % above critical.
+    # The largest of 60 normal deviates in 20000 trials: half are above the median, 1 % above
+    # critical.
     worst = np.abs(np.random.default_rng(2).normal(size=(20_000, 60))).max(axis=1)
     for chance in (0.5, v.LEVEL):
         share = (worst > v.worst_expected(60, chance)).mean()
         assert abs(share - chance) < 4.0 * math.sqrt(chance * (1.0 - chance) / 20_000)
-    # And the chance of the worst is the other way round.
+    # The probability of the largest deviate is the inverse function.
     single = 2.0 * stats.norm.sf(v.worst_expected(60, 0.01))
     assert v.chance_of_worst(single, 60) == pytest.approx(0.01, rel=1e-9)
     assert v.chance_of_worst(1e-300, 60) == pytest.approx(6e-299)
@@ -141,7 +142,7 @@ def check(seed, request, **settings):
 
 @pytest.fixture(scope="module")
 def noise_checks():
-    """Simulations that have no error but chance."""
+    """Simulations that differ only by chance."""
     request = {"altitude": 60.0, "vhat": 0.8}
     return tuple(check(seed, request, forest="noise", precision=0.03) for seed in range(40))
 
@@ -183,7 +184,7 @@ def test_one_wrong_prediction_among_many_is_found(noise_checks):
 
 
 def test_what_would_be_doubtful_alone_is_not_among_many(noise_checks):
-    # 3.2 standard errors of 16 samples: less than once in 100 alone, but not among 120.
+    # 3.2 standard errors of 16 samples: less than 1 % probability alone, but not among 120.
     simulation = noise_checks[0].simulation
     assert simulation.samples >= 16
     error = simulation.simulated.density_standard_error
@@ -264,7 +265,7 @@ def test_a_row_is_simulated_again_from_its_document(campaign, tmp_path, capsys):
     assert {name: printed[name] for name in ("predicted", "simulated", "tolerance", "forest")} == {
         name: row[name] for name in ("predicted", "simulated", "tolerance", "forest")
     }
-    # Beside a file the same is drawn.
+    # With an output file the same rows are drawn.
     assert sweep(*line, "--json", "--out", tmp_path / "r.csv", "--where", "altitude > 0") == 0
     assert json.loads(capsys.readouterr().out)["verification"] == found
 
@@ -279,7 +280,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert max(map(len, out.splitlines())) <= 80
     for words in ("2 rows simulated, seed 1", "They agree.", "Šidák"):
         assert words in out
-    # What follows is one command to a shell, over lines.
+    # The rest of the output is one shell command over several lines.
     command = out.partition("Again:\n")[2].rstrip("\n")
     assert "\\\n" in command
     program, *again = shlex.split(command.replace("\\\n", ""))
@@ -314,7 +315,7 @@ def test_nothing_met_is_nothing_simulated(tmp_path, capsys):
 
 
 def test_without_common_ground_each_target_has_its_own_aperture():
-    # 25 samples far apart: no ground is seen by all of them.
+    # 25 samples with such distances have no ground in common.
     values = {
         "altitude": column_of([40.0]),
         "samples": column_of([25]),

@@ -1,6 +1,6 @@
-"""Sweeps that are wrong: one error line that names the value and the place, and no file.
+"""Invalid sweeps give one error line with the value and its place, and no file.
 
-And tables from elsewhere that are not wrong, only written in another way.
+Valid tables in other notations are accepted.
 """
 
 import datetime as dt
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 @pytest.fixture
 def refused(folder, capsys):
-    """Sweep a file that is wrong; the error line, after nothing was written."""
+    """Sweep an invalid file, check that nothing is written, and return the error line."""
 
     def execute(path):
         before = sorted(folder.iterdir())
@@ -130,7 +130,7 @@ def test_a_parquet_that_is_none_is_an_error(folder, refused, content):
 
 
 def frames():
-    """Columns that no scenario can have, and words of the error."""
+    """Columns that no scenario can have, and words of the error message."""
     return [
         ({"height": [40.0]}, ["column 'height' is not an option"]),
         ({"altitude": pl.Series([], dtype=pl.Float64)}, ["no rows"]),
@@ -152,7 +152,7 @@ def test_a_parquet_from_elsewhere_that_is_no_sweep_is_an_error(folder, refused, 
     assert all(word in error for word in words), error
 
 
-# Written in another way
+# Other notations
 
 
 def values(path):
@@ -175,7 +175,7 @@ def test_csv_has_its_ways(folder, content):
 
 
 def test_rows_without_holes_are_solved_beside_rows_with_them(folder):
-    # The first row has no hole, but its columns are those of the whole table.
+    # The first row has no empty field, but its columns are those of the whole table.
     (folder / "s.csv").write_text("altitude,vhat,samples\n40,0.9,20\n50,0.9,\n,0.9,\n")
     assert run(["sweep", "s.csv", "--out", "r.jsonl"]) == 0
     rows = [json.loads(line) for line in (folder / "r.jsonl").read_text().splitlines()]
