@@ -31,7 +31,7 @@ from aosplan.models.signatures import Signature
 from aosplan.scenes.presets import SCENES
 from aosplan.scenes.scene import Layer, UniformScene
 from aosplan.simulation.forests import clumped_forest, generator
-from aosplan.simulation.search import SIZE_M, Look, search_layers, search_volume
+from aosplan.simulation.search import SIZE_M, TargetRadiance, search_layers, search_volume
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +57,7 @@ class Case(NamedTuple):
     baseline_m: float
     crown_share: float
     predict: Callable[[Signature], Detection]
-    search: Callable[[Look, int], Searched]
+    search: Callable[[TargetRadiance, int], Searched]
 
 
 def main() -> None:
@@ -111,7 +111,7 @@ def of_layers(group, name, layers, samples, baseline_m, crown_share=0.0) -> Case
     def predict(signature: Signature) -> Detection:
         return DetectionModel(layers, ALTITUDE_M, PERSON, signature).predict_positions(sites)
 
-    def search(look: Look, index: int) -> Searched:
+    def search(look: TargetRadiance, index: int) -> Searched:
         return search_layers(layers, sites, ALTITUDE_M, look, seed=SEED, index=index)
 
     return Case(group, name, samples, baseline_m, crown_share, predict, search)
@@ -127,7 +127,7 @@ def of_stand(group, density, samples, baseline_m) -> Case:
         layers = UniformScene("u", None, *(STAND[0], STAND[1], STAND[2]), density).slices()
         return DetectionModel(layers, ALTITUDE_M, PERSON, signature).predict_positions(sites)
 
-    def search(look: Look, index: int) -> Searched:
+    def search(look: TargetRadiance, index: int) -> Searched:
         volume = clumped_forest(generator(SEED, index), density, *STAND)
         return search_volume(volume, sites, ALTITUDE_M, look, seed=SEED + 1, index=index)
 
@@ -148,7 +148,7 @@ def of_cloud(path: str):
             ("same cloud", volume, volume),
         ):
 
-            def search(look: Look, index: int, truth=truth, sites=sites) -> Searched:
+            def search(look: TargetRadiance, index: int, truth=truth, sites=sites) -> Searched:
                 return search_volume(truth, sites, ALTITUDE_M, look, seed=SEED + 1, index=index)
 
             def predict(signature: Signature, model=model, sites=sites) -> Detection:
@@ -168,7 +168,7 @@ def compared(case: Case) -> dict[str, object]:
     start = time.perf_counter()
     found = case.predict(Signature(contrast, -0.5, case.crown_share))
     predicting = time.perf_counter() - start
-    look = Look(*PERSON, contrast, -0.5, case.crown_share)
+    look = TargetRadiance(*PERSON, contrast, -0.5, case.crown_share)
     start = time.perf_counter()
     searched = [case.search(look, index) for index in range(FORESTS)]
     searching = time.perf_counter() - start
@@ -222,7 +222,7 @@ def ways():
         "error": abs(table.probability - exact.probability),
         "of": "integrals",
     }
-    look = Look(*PERSON, *signature)
+    look = TargetRadiance(*PERSON, *signature)
     for forests in (2, 4, 8):
         start = time.perf_counter()
         sites = sites_of(49, 2.0)

@@ -24,7 +24,7 @@ from PIL import Image
 from aosplan.postflight.integral import integral as module
 from aosplan.postflight.integral.camera_pose import Intrinsics, View
 from aosplan.postflight.integral.focal_plane import Plane, Raster
-from aosplan.postflight.integral.integral import Source, integrate
+from aosplan.postflight.integral.integral import ViewSource, integrate
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZES = {"thermal 640 x 512": (640, 512, "L"), "thermal 640 x 512, 16 bits": (640, 512, "I;16"),
@@ -50,7 +50,7 @@ def recording(folder, width, height, mode):
         c, s = np.cos(0.05 * index), np.sin(0.05 * index)
         rotation = np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])
         position = np.array([2.8 * x, 2.8 * y, 40.0])
-        yield Source(View(f"{index}", rotation, -rotation @ position), lens, path)
+        yield ViewSource(View(f"{index}", rotation, -rotation @ position), lens, path)
 
 
 def seconds(run, repeats):

@@ -52,10 +52,10 @@ def save_stand(folder: str) -> None:
     sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "tests"))
     from support.forests import STANDS, clumped_forest
 
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
     with open(os.path.join(folder, "voxels.npz"), "wb") as file:
-        file.write(stand_npz(Stand.of(clumped_forest(STANDS["spruce"]))))
+        file.write(stand_npz(VoxelStand.of(clumped_forest(STANDS["spruce"]))))
     ring = [[14.0, 48.0], [14.0006, 48.0], [14.0006, 48.0004], [14.0, 48.0004], [14.0, 48.0]]
     with open(os.path.join(folder, "area.geojson"), "w", encoding="utf-8") as file:
         json.dump({"type": "Polygon", "coordinates": [ring]}, file)

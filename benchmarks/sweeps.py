@@ -37,7 +37,7 @@ from aosplan.errors import AosplanError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.sweeps.block_frame import USUAL, solve_block
-from aosplan.sweeps.scenarios import Crossing, column_of, read_crossing
+from aosplan.sweeps.scenarios import ScenarioProduct, column_of, read_crossing
 from aosplan.sweeps.vectorized.solve import solve_columns
 
 mpl.use("Agg")
@@ -82,7 +82,7 @@ def campaign(folder: Path, power: int, more: str = DENSE) -> Path:
     return path
 
 
-def in_memory(crossing: Crossing) -> None:
+def in_memory(crossing: ScenarioProduct) -> None:
     for index in range(crossing.blocks):
         block = crossing.block(index)
         solved = solve_columns(block, results=KEPT)
@@ -92,7 +92,7 @@ def in_memory(crossing: Crossing) -> None:
             np.broadcast_to(solved.columns[name], block.shape).reshape(-1)
 
 
-def double_sum(crossing: Crossing) -> None:
+def double_sum(crossing: ScenarioProduct) -> None:
     """V of Eq. 2 for 7 x 7 samples at each scenario's p and d̂ = 1, as the paper prints it."""
     i, j = np.meshgrid(np.arange(7.0), np.arange(7.0), indexing="ij")
     for index in range(crossing.blocks):
@@ -110,7 +110,7 @@ def double_sum(crossing: Crossing) -> None:
             _ = 1.0 - density * (density + (1.0 - density) * shortfall)
 
 
-def row_by_row(crossing: Crossing, most: int = 2000) -> int:
+def row_by_row(crossing: ScenarioProduct, most: int = 2000) -> int:
     """Plan evenly chosen scenarios of a crossing one by one, and return their number."""
     block = crossing.block(0)
     chosen = np.unique(np.linspace(0, block.rows - 1, min(block.rows, most)).astype(int))
@@ -202,11 +202,11 @@ def kinds_of(folder: Path) -> dict[str, dict[str, Iterable[Any]]]:
     sys.path.insert(0, str(HERE.parent / "tests"))
     from support.forests import STANDS, clumped_forest
 
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
     stand = folder / "stand.npz"
     forest = clumped_forest(STANDS["beech"], side_m=30.0, voxel_m=0.25)
-    stand.write_bytes(stand_npz(Stand.of(forest)))
+    stand.write_bytes(stand_npz(VoxelStand.of(forest)))
     uniform: dict[str, Iterable[Any]] = {
         "altitude": np.linspace(45.0, 120.0, 500),
         "vhat": [0.9, 0.95, 0.97, 0.98, 0.99],
@@ -250,13 +250,13 @@ def kinds(folder: Path) -> None:
             )
             for option, axis in axes.items()
         }
-        crossing = Crossing(values)
+        crossing = ScenarioProduct(values)
         block = crossing.block(0)
         solved = solve_columns(block)
         alone = 1.0 if solved is None else float(solved.left.mean())
         slow = alone > 0.0
 
-        def frames(block: Any = block, crossing: Crossing = crossing) -> None:
+        def frames(block: Any = block, crossing: ScenarioProduct = crossing) -> None:
             solve_block(block, crossing.names, USUAL)
 
         rate = block.rows / seconds(frames, 1 if slow else 3)

@@ -258,9 +258,9 @@ def test_a_plan_of_saved_voxels_loads_no_scipy(tmp_path, packages):
     from support.forests import STANDS, clumped_forest
 
     from aosplan.scenes.correlogram import correlogram
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
-    stand = Stand.of(clumped_forest(STANDS["spruce"]))
+    stand = VoxelStand.of(clumped_forest(STANDS["spruce"]))
     place = tmp_path / "stand.npz"
     place.write_bytes(stand_npz(stand._replace(correlogram=correlogram(stand.volume))))
     line = ("plan", "--altitude", "50", "--vhat", "0.8", "--defaults", "none", "--json")

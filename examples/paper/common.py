@@ -12,7 +12,7 @@ from PIL import Image
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-from aosplan.scenes.occlusion import Window
+from aosplan.scenes.occlusion import PlotWindow
 from aosplan.simulation.forests import clumped_forest, generator
 from aosplan.simulation.voxel_views import VoxelViews
 
@@ -62,7 +62,7 @@ def views(index=0, altitude_m=ALTITUDE_M, *, per_voxel=2, side_m=TARGET_M):
     whole = volume.occupied.shape[1] * per_voxel
     first = (whole - side) // 2
     return VoxelViews(
-        volume, altitude_m, targets_per_voxel=per_voxel, window=Window(first, first, side, side)
+        volume, altitude_m, targets_per_voxel=per_voxel, window=PlotWindow(first, first, side, side)
     )
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from aosplan.postflight.integral.recording import Recording
 from aosplan.postflight.integral.view_subset import ViewSubset
-from aosplan.scenes.occlusion import Occlusion, Window
+from aosplan.scenes.occlusion import Occlusion, PlotWindow
 from aosplan.simulation.pictures import LEAVES, resolution_chart
 from aosplan.simulation.ssim import similarity
 
@@ -50,7 +50,7 @@ def render(folder):
     first = (volume.occupied.shape[1] * per_voxel - side) // 2
     occlusion = Occlusion(
         volume, ALTITUDE_M, view="perspective", targets_per_voxel=per_voxel,
-        window=Window(first, first, side, side),
+        window=PlotWindow(first, first, side, side),
     )  # fmt: skip
     pitch = volume.voxel_m / per_voxel
     ground = np.full((side, side), 0.6)

@@ -14,7 +14,7 @@ from scipy.ndimage import uniform_filter
 
 from aosplan import PlanRequest, plan
 from aosplan.grid.patterns import local_sites
-from aosplan.scenes.occlusion import Window
+from aosplan.scenes.occlusion import PlotWindow
 from aosplan.simulation.forests import clumped_forest, generator
 from aosplan.simulation.moments import estimate
 from aosplan.simulation.voxel_views import VoxelViews
@@ -63,7 +63,7 @@ def counted(forest, sites):
     """Visibility of the ground in the pictures, counted ray by ray."""
     rows, columns = (round(side / forest.voxel_m) for side in GROUND_M[::-1])
     _, depth, width = forest.occupied.shape
-    window = Window((depth - rows) // 2, (width - columns) // 2, rows, columns)
+    window = PlotWindow((depth - rows) // 2, (width - columns) // 2, rows, columns)
     views = VoxelViews(forest, ALTITUDE_M, targets_per_voxel=1, window=window)
     return estimate([views.counts(sites)], one_plot=True)
 

@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from aosplan.scenes.files.point_cloud import read_voxels
-from aosplan.scenes.occlusion import Occlusion, Window
+from aosplan.scenes.occlusion import Occlusion, PlotWindow
 from aosplan.simulation.pictures import LEAVES, resolution_chart
 
 GROUND_PX, PHOTO_PX, CHART_PX = 320, 220, 96
@@ -33,7 +33,7 @@ def photos_of(plan, stand):
         plan["altitude_m"],
         view="perspective",
         targets_per_voxel=PIXELS_A_VOXEL,
-        window=Window(first, first, GROUND_PX, GROUND_PX),
+        window=PlotWindow(first, first, GROUND_PX, GROUND_PX),
     )
     ground = np.full((GROUND_PX, GROUND_PX), 0.6)
     margin = (GROUND_PX - CHART_PX) // 2

@@ -16,20 +16,20 @@ from aosplan.planning.loaded_scene import LoadedScene, load_scene
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.scenes.occluder_statistics import layered_scene
-from aosplan.show.figures.canvas import Look, rendered
+from aosplan.show.figures.canvas import FigureStyle, rendered
 from aosplan.show.figures.correlogram import correlations_of
 from aosplan.show.figures.coverage_curve import curve_of
 from aosplan.show.figures.density import density_of
 from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.grid import grid_of
 from aosplan.show.figures.style import DARK
-from aosplan.show.figures.sweep import Cell, Map, Scatter
+from aosplan.show.figures.sweep import Cell, MapFigure, ScatterFigure
 from aosplan.show.figures.tradeoff import tradeoff_of
 from aosplan.show.figures.visibility import visibility_of
 
 FOLDER = Path(__file__).parent
 VERSION = FOLDER / "VERSION"
-SMALL = Look(width_mm=140.0, dpi=72.0)
+SMALL = FigureStyle(width_mm=140.0, dpi=72.0)
 CELLS = ((Cell(2, 2, 31.5), Cell(3, 2, 40.25)), (Cell(1, 1, 120.0), Cell(1, 0, None)))
 
 
@@ -60,8 +60,10 @@ FIGURES = {
     "density": lambda: density_of(stand()),
     "baseline-curve": lambda: curve_of(paper_forest().scene, 0.98, 40.0),
     "correlogram": lambda: correlations_of(stand()),
-    "sweep": lambda: Map("altitude", "vhat", "flight_time_s", 7, 5, (30, 50), (0.8, 0.98), CELLS),
-    "sweep-scatter": lambda: Scatter(
+    "sweep": lambda: MapFigure(
+        "altitude", "vhat", "flight_time_s", 7, 5, (30, 50), (0.8, 0.98), CELLS
+    ),
+    "sweep-scatter": lambda: ScatterFigure(
         "samples",
         "flight_time_s",
         9,

@@ -11,7 +11,7 @@ from support.shapes import areas, points_in
 
 from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.areas.coverage import (
-    Lattice,
+    CellLattice,
     centred_lattice,
     entered,
     image_cells,
@@ -243,7 +243,7 @@ def test_a_rectangle_takes_no_more_images_than_fit_into_it():
 
 
 def test_a_lattice_says_where_its_cells_are():
-    lattice = Lattice((10.0, -5.0), (2.0, 3.0), 50)
+    lattice = CellLattice((10.0, -5.0), (2.0, 3.0), 50)
     assert lattice.middles(np.array([0, 51])).tolist() == [[11.0, -3.5], [13.0, -0.5]]
     (box,) = lattice.boxes(CellRuns(np.array([51]), np.array([54])))
     assert box.bounds == (12.0, -2.0, 18.0, 1.0)

@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.flight.batteries import Home, flights_of
+from aosplan.flight.batteries import TakeoffPoint, flights_of
 from aosplan.flight.kinematics import Timing
 from aosplan.flight.track import Track
 from aosplan.planning.planner import plan
@@ -84,14 +84,14 @@ def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
 def home_of(result):
     if result.request.takeoff is None:
         first = result.waypoints[0]
-        return Home(first.east_m, first.north_m, 0.0)
+        return TakeoffPoint(first.east_m, first.north_m, 0.0)
     latitude, longitude = result.request.takeoff
     # Accurate to a millimetre over some tens of metres, with the radii of curvature of WGS 84.
     from pyproj import Geod
 
     azimuth, _, distance = Geod(ellps="WGS84").inv(LINZ[1], LINZ[0], longitude, latitude)
     turn = math.radians(azimuth)
-    return Home(distance * math.sin(turn), distance * math.cos(turn), 0.0)
+    return TakeoffPoint(distance * math.sin(turn), distance * math.cos(turn), 0.0)
 
 
 @settings(max_examples=60)
@@ -128,14 +128,14 @@ def test_the_way_from_the_takeoff_and_back_by_hand():
     # 30 m up, 40 m there, one photo, and back: 40 m take 10.5 s at 5 m/s and 2 m/s², and 30 m take
     # 11.5 s at 3 m/s.
     track = Track([0.0], [40.0], [30.0], [True])
-    (flight,) = flights_of(track, Timing(5.0, 2.0, 1.5, 3.0), Home(0.0, 0.0, 0.0))
+    (flight,) = flights_of(track, Timing(5.0, 2.0, 1.5, 3.0), TakeoffPoint(0.0, 0.0, 0.0))
     assert flight.time_s == pytest.approx(2 * (10.5 + 11.5) + 1.5)
     assert flight.length_m == pytest.approx(140.0)
 
 
 def test_wind_matters_on_the_way_there_and_not_on_the_way_back():
     track = Track([0.0], [400.0], [30.0], [True])
-    timing, home = Timing(5.0, 2.0, 0.0, 3.0), Home(0.0, 0.0, 0.0)
+    timing, home = Timing(5.0, 2.0, 0.0, 3.0), TakeoffPoint(0.0, 0.0, 0.0)
     (calm,) = flights_of(track, timing, home)
     # Against the wind 15 - 13 = 2 m/s remain; with the wind the autopilot keeps its 5 m/s.
     (windy,) = flights_of(track, timing._replace(wind=(0.0, -13.0), airspeed_mps=15.0), home)

@@ -277,10 +277,10 @@ def test_a_signature_alone_goes_with_a_map(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_below_voxels_the_planned_grid_finds_what_was_counted(tmp_path):
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
     stand = clumped_forest(STANDS["beech"])
-    (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(stand)))
+    (tmp_path / "stand.npz").write_bytes(stand_npz(VoxelStand.of(stand)))
     wanted = {"scene": str(tmp_path / "stand.npz"), "baseline": 3.0, "samples": 9}
     planned = plan(PlanRequest(**{**SEARCH, "contrast": 3.0}, **wanted, origin=(48.3, 14.3)))
     assert planned.model == "measured"

@@ -16,7 +16,7 @@ from aosplan.models.uncertainty import (
     PERSPECTIVE,
     SMALLEST_QUARTER,
     UNIFORM,
-    Part,
+    ErrorPart,
     Uncertainty,
     of_apertures,
     of_clumps,
@@ -28,7 +28,7 @@ from aosplan.models.uncertainty import (
 )
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.voxels import VoxelVolume
 
@@ -129,7 +129,9 @@ def test_stated_errors_are_those_of_other_forests_of_the_same_kind():
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory):
     path = tmp_path_factory.mktemp("stand") / "beech.npz"
-    path.write_bytes(stand_npz(Stand.of(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5))))
+    path.write_bytes(
+        stand_npz(VoxelStand.of(clumped_forest(STANDS["beech"], side_m=16.0, voxel_m=0.5)))
+    )
     return str(path)
 
 
@@ -205,7 +207,7 @@ def test_the_doubt_about_opacity_is_an_independent_error():
 
 def test_parts_add_up_by_their_squares():
     errors = of_targets(np.random.default_rng(1).random((32, 32)))
-    more = with_part(with_part(errors, Part("edges", 0.1, 0.2, 0.3)), of_clumps(180.0))
+    more = with_part(with_part(errors, ErrorPart("edges", 0.1, 0.2, 0.3)), of_clumps(180.0))
     for name in ("density", "expected", "normalized"):
         squares = sum(getattr(part, name) ** 2 for part in more.parts)
         assert getattr(more, name) == pytest.approx(math.sqrt(squares), rel=1e-12)
@@ -277,7 +279,7 @@ def test_the_errors_of_a_plan_contain_its_opacity(tmp_path, source):
     if source == "pulses":
         given = {"bounds": (dense, thin), "opacity": PULSES, "voxel_m": 0.25, "slice_m": 0.25}
     path = tmp_path / "s.npz"
-    path.write_bytes(stand_npz(Stand.of(VoxelVolume(middle, **given))))
+    path.write_bytes(stand_npz(VoxelStand.of(VoxelVolume(middle, **given))))
     request = PlanRequest(altitude=40, scene=str(path), samples=9, baseline=2, edges="wrapped")
     solved = plan(request)
     if source == "pulses":

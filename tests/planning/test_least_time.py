@@ -9,7 +9,7 @@ from support.command_line import FIELD
 from aosplan import PlanRequest, plan
 from aosplan.areas.area import read_area
 from aosplan.areas.extent import extent_of, least_lattice
-from aosplan.planning.least_time import Lattice, least_time_s
+from aosplan.planning.least_time import FlownLines, least_time_s
 from aosplan.planning.resolve import resolve_inputs
 
 GRIDS = [(1, 8, 3.0), (2, 5, 4.0), (3, 4, 2.5), (4, 3, 1.5)]
@@ -34,7 +34,7 @@ def test_at_one_place_it_is_the_time_of_the_flight(rows, columns, baseline, trig
     flight = resolve_inputs(request).flight
     run = route.timing.run_in_m
     back = (columns - 1) * baseline + 2.0 * run if rows % 2 else 0.0
-    lattice = Lattice(
+    lattice = FlownLines(
         rows * columns,
         rows,
         (baseline, 2.0 * baseline),
@@ -56,12 +56,12 @@ def test_over_an_area_no_flight_takes_less(rows, columns, baseline, trigger, bat
     planned = plan(request)
     extent = extent_of(read_area(FIELD[1]), 0.0)
     pitch = baseline, 2.0 * baseline
-    lattice = Lattice(*least_lattice(extent, rows, columns, pitch), pitch)
+    lattice = FlownLines(*least_lattice(extent, rows, columns, pitch), pitch)
     least = least_time_s(planned.inputs.flight, lattice, heading_deg=0.0, altitude_m=40.0)
     assert 0.6 * planned.route.total_time_s <= least <= planned.route.total_time_s
 
 
 def test_a_battery_that_does_not_last_for_the_way_there_is_no_flight():
     flight = resolve_inputs(request_of(1, 8, 3.0, flight_time=0.1)).flight
-    lattice = Lattice(1000, 10, (3.0, 6.0))
+    lattice = FlownLines(1000, 10, (3.0, 6.0))
     assert least_time_s(flight, lattice, heading_deg=0.0, altitude_m=120.0) == math.inf

@@ -9,7 +9,7 @@ from aosplan.models.measured import MeasuredModel
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.planning.sensitivity import FACTORS, QUANTITIES, thinned
-from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 from aosplan.scenes.voxels import VoxelVolume
 
 VOLUME = {"density": 0.01, "occluder_size": 0.2, "volume_height": 15.0, "volume_base": 2.0}
@@ -140,7 +140,7 @@ def test_sizes_and_heights_of_voxels_are_altitudes(forest):
 
 def test_a_measured_plan_is_changed_voxel_by_voxel(forest, tmp_path):
     path = tmp_path / "beech.npz"
-    path.write_bytes(stand_npz(Stand.of(forest)))
+    path.write_bytes(stand_npz(VoxelStand.of(forest)))
     options = {"altitude": 60.0, "vhat": 0.4, "max_samples": 9}
     planned, found = changes(scene=str(path), **options)
     grid = planned.solution.pattern, planned.solution.baseline_m

@@ -15,7 +15,7 @@ from support.paths import ROOT
 from support.recorded import nadir_to, photo, write_recording
 
 from aosplan.cli.schema import json_schema
-from aosplan.postflight.integral.agreement import Sums, agreement, vertex
+from aosplan.postflight.integral.agreement import DetailSums, agreement, vertex
 from aosplan.postflight.integral.alignment import fitted
 from aosplan.postflight.integral.focal_plane import Raster
 from aosplan.postflight.integral.focus import find_focus
@@ -51,7 +51,7 @@ def test_agreement_is_the_mean_correlation_of_all_halves():
     rng = np.random.default_rng(2)
     truth = rng.normal(size=(40, 40))
     views = truth + rng.normal(0.0, 2.0, (12, 40, 40))
-    sums = Sums(Raster(0, 0, 1, 40, 40))
+    sums = DetailSums(Raster(0, 0, 1, 40, 40))
     for view in views.astype(np.float32):
         sums.add(view)
     halves = []

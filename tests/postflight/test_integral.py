@@ -21,7 +21,7 @@ from support.recorded import (
 from aosplan.errors import RequestError
 from aosplan.postflight.integral.camera_pose import Intrinsics, View, from_field_of_view
 from aosplan.postflight.integral.focal_plane import Plane, Raster, upward
-from aosplan.postflight.integral.integral import Source, integrate
+from aosplan.postflight.integral.integral import ViewSource, integrate
 from aosplan.postflight.integral.poses_file import read_poses
 from aosplan.postflight.integral.recording import Recording, least_views
 from aosplan.postflight.integral.view_subset import ViewSubset
@@ -205,7 +205,7 @@ def test_one_image_at_a_time_is_all_that_is_needed(tmp_path):
         for index, (rotation, position) in enumerate(sites()):
             path.unlink(missing_ok=True)
             Image.fromarray(photo(rotation, position)).save(path)
-            yield Source(View(f"{index}", rotation, -rotation @ position), LENS, str(path))
+            yield ViewSource(View(f"{index}", rotation, -rotation @ position), LENS, str(path))
 
     raster = Raster.over((-4, -4, 4, 4), 0.2)
     found = integrate(streamed(), Plane("z", 0.0), raster)

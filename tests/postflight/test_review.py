@@ -19,7 +19,7 @@ from aosplan.planning.request import PlanRequest
 from aosplan.postflight.positions import read_places, read_positions
 from aosplan.postflight.review import review
 from aosplan.postflight.views import read_views
-from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
 PLACED = {"altitude": 40, "origin": (48.3358, 14.3261), "heading": 30}
 FORMATS = ["csv", "geojson", "waypoints", "plan"]
@@ -232,7 +232,7 @@ def test_a_plan_without_a_place_lies_where_its_photos_are_whatever_is_missing(tm
 def test_a_measured_stand_is_predicted_voxel_by_voxel(tmp_path):
     scene = tmp_path / "stand.npz"
     forest = clumped_forest(STANDS["beech"], side_m=20.0, voxel_m=0.5)
-    scene.write_bytes(stand_npz(Stand.of(forest)))
+    scene.write_bytes(stand_npz(VoxelStand.of(forest)))
     request = PlanRequest(
         altitude=60, scene=str(scene), samples=12, baseline=1.5, heading=25.0, grid="rectangle"
     )

@@ -250,9 +250,9 @@ def test_names_of_photos_are_written(tmp_path, monkeypatch, capsys):
 
 
 def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 
-    (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(FOREST)))
+    (tmp_path / "stand.npz").write_bytes(stand_npz(VoxelStand.of(FOREST)))
     x, y = np.meshgrid(np.linspace(-14, 14, 12), np.linspace(-14, 14, 12))
     rows = [f"{x},{y}" for x, y in zip(x.ravel(), y.ravel(), strict=True)]
     (tmp_path / "views.csv").write_text("\n".join(["x,y", *rows, ""]))

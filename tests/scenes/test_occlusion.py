@@ -11,7 +11,7 @@ from support.paths import CLOUDS
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.scenes import occlusion as occlusion_module
-from aosplan.scenes.occlusion import Occlusion, Tally, joint_counts, popcount
+from aosplan.scenes.occlusion import HiddenCount, Occlusion, joint_counts, popcount
 from aosplan.scenes.voxels import VoxelVolume
 
 DATA = CLOUDS
@@ -350,7 +350,7 @@ def test_joint_counts_are_of_both_hidden(counted):
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 31, 37])
 def test_a_tally_counts_how_often_targets_are_hidden(counted, count):
     masks, views, _ = counted
-    tally = Tally(masks.shape[1])
+    tally = HiddenCount(masks.shape[1])
     for mask in masks[:count]:
         tally.add(mask)
     times = views[:count].sum(axis=0)

@@ -15,7 +15,7 @@ from aosplan.scenes.files.ground import surface, vertices
 from aosplan.scenes.files.las import PointFile
 from aosplan.scenes.files.point_cloud import read_voxels
 from aosplan.scenes.pulses import fit
-from aosplan.scenes.pulses.trace import Grid
+from aosplan.scenes.pulses.trace import VoxelGrid
 from aosplan.scenes.voxels import cells_along
 from aosplan.simulation.leaf_stands import LeafStand, crowned_stand, hidden_share, laser_scan
 
@@ -181,7 +181,7 @@ def _real_beams():
     )
     columns, rows = (cells_along(length, 0.25) for length in size[:2])
     ground_m = surface(vertices([ground], ground.shape[1], size), rows, columns, 0.25)
-    grid = Grid(ground_m, 0.25, 1, 0.5, (float(size[0]), float(size[1])))
+    grid = VoxelGrid(ground_m, 0.25, 1, 0.5, (float(size[0]), float(size[1])))
     return fit.sound_beams([PointFile(str(UAS))], grid, origin_m)
 
 

@@ -25,7 +25,7 @@ def returns_of(xyz, number, total, *, line=0, time_s=None, intensity=1.0):
 
 def flat(rows, columns, voxel_m, slices, cut_m=0.0):
     ground = np.zeros((rows + 1, columns + 1), dtype=np.float32)
-    return trace.Grid(ground, voxel_m, slices, cut_m, (columns * voxel_m, rows * voxel_m))
+    return trace.VoxelGrid(ground, voxel_m, slices, cut_m, (columns * voxel_m, rows * voxel_m))
 
 
 def test_exact_duplicates_go_and_the_order_stays():
@@ -151,7 +151,7 @@ def test_each_length_is_credited_to_its_voxel():
 def test_paths_end_at_hits_with_the_energy_that_is_left():
     """A vertical pulse with hits at 3 m and 1 m, over ground that rises to the east."""
     ground = np.tile(np.arange(9) * 0.1, (9, 1)).astype(np.float32)
-    grid = trace.Grid(ground, 0.5, 10, 0.5, (4.0, 4.0))
+    grid = trace.VoxelGrid(ground, 0.5, 10, 0.5, (4.0, 4.0))
     z = 0.1 * 2.2 / 0.5
     found = returns_of(
         [[2.2, 1.2, z + 3.0], [2.2, 1.2, z + 1.0], [2.2, 1.2, z]], [1, 2, 3], [3] * 3
@@ -171,7 +171,7 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
     intercepted = np.zeros((16, 16, 16), np.float32)
     path = np.zeros_like(intercepted)
     intercepted[:, :, :8], path[:, :, :8] = 500.0, 1000.0
-    rate = attenuation.attenuation(attenuation.Sums(intercepted, path), 0.3, 0.25)
+    rate = attenuation.attenuation(attenuation.VoxelSums(intercepted, path), 0.3, 0.25)
     assert rate[:, :, :8] == pytest.approx(0.5, rel=1e-3)
     # Voxels without pulses have the attenuation of the surrounding block.
     assert rate[:, :, 8:] == pytest.approx(0.5, rel=1e-3)
@@ -179,7 +179,7 @@ def test_the_pyramid_keeps_known_voxels_and_fills_unknown_ones():
 
 def test_one_level_of_shrinkage_by_hand():
     """Two voxels of 4 m side by side, whose parent is the layer, whose parent is the volume."""
-    sums = attenuation.Sums(
+    sums = attenuation.VoxelSums(
         np.array([[[3.0, 0.0]]], np.float32), np.array([[[10.0, 2.0]]], np.float32)
     )
     a, overall = 0.4, 3.0 / 12.0

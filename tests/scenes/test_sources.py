@@ -16,7 +16,7 @@ from aosplan.planning.request import PlanRequest
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.files.point_cloud import read_voxels
 from aosplan.scenes.files.toml_file import read_scene_file
-from aosplan.scenes.files.voxel_file import Stand, stand_npz
+from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 from aosplan.scenes.voxels import VoxelVolume
 
 pytest.importorskip("lazrs")
@@ -379,7 +379,7 @@ def test_views_that_see_almost_nothing_are_said(tmp_path):
     occupied = np.random.default_rng(3).random((40, 40, 40)) < 0.09
     occupied[:8] = False
     path = tmp_path / "dense.npz"
-    path.write_bytes(stand_npz(Stand.of(VoxelVolume(occupied, 0.25))))
+    path.write_bytes(stand_npz(VoxelStand.of(VoxelVolume(occupied, 0.25))))
     assert resolved(path).scene.integrated_density < 0.96
     assert "saturated" not in codes(planned(path, samples=4, baseline=0.5))
     wide = planned(path, samples=25, baseline=5.0)

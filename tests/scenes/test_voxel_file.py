@@ -13,7 +13,7 @@ from support.forests import STANDS, clumped_forest
 
 from aosplan.errors import AosplanError, RequestError
 from aosplan.scenes.correlogram import correlogram
-from aosplan.scenes.files.voxel_file import Stand, read_stand, stand_npz
+from aosplan.scenes.files.voxel_file import VoxelStand, read_stand, stand_npz
 from aosplan.scenes.opacity import Opacity
 from aosplan.scenes.voxels import VoxelVolume
 
@@ -29,11 +29,11 @@ FOREST = VoxelVolume(
     source="stand.laz",
     assumed="nothing",
 )
-WHOLE = Stand.of(FOREST)._replace(correlogram=correlogram(FOREST))
+WHOLE = VoxelStand.of(FOREST)._replace(correlogram=correlogram(FOREST))
 
 
 def volume_npz(volume):
-    return stand_npz(Stand.of(volume))
+    return stand_npz(VoxelStand.of(volume))
 
 
 def read_volume(path):

@@ -13,7 +13,7 @@ from PIL import Image
 
 from aosplan.cli.app import run
 from aosplan.cli.schema import json_schema
-from aosplan.show.figures.canvas import Look, rendered
+from aosplan.show.figures.canvas import FigureStyle, rendered
 from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.grid import grid_of
 from aosplan.show.figures.style import DARK, LEAST_CONTRAST, LEAST_STEP, LIGHT, plain
@@ -134,7 +134,9 @@ def test_a_png_and_a_pdf_say_what_they_show(tmp_path):
     assert b"CreationDate" not in pdf
 
 
-@pytest.mark.parametrize("look", [Look(), Look(DARK), Look(width_mm=150.0, dpi=100.0)])
+@pytest.mark.parametrize(
+    "look", [FigureStyle(), FigureStyle(DARK), FigureStyle(width_mm=150.0, dpi=100.0)]
+)
 def test_a_png_has_its_background_and_its_width(look, tmp_path):
     path = tmp_path / "x.png"
     path.write_bytes(rendered(KINDS["baseline-curve"], shown("baseline-curve"), "png", look))

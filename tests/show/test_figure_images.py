@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.patches import PathPatch
 from PIL import Image
 
-from aosplan.show.figures.canvas import Look, drawn, rendered
+from aosplan.show.figures.canvas import FigureStyle, drawn, rendered
 from aosplan.show.figures.coverage_curve import curve_of
 from aosplan.show.figures.draw import KINDS
 from aosplan.show.figures.style import DARK, rules
@@ -27,7 +27,7 @@ def figure_of():
         mpl.rcdefaults()
 
         def draw(name, look=None):
-            look = look or Look()
+            look = look or FigureStyle()
             mpl.rcParams.update(rules(look.theme))
             figure = drawn(KINDS[name.partition("-scatter")[0]], shown(name), look)
             FigureCanvasAgg(figure).draw()
@@ -166,8 +166,8 @@ def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):
 @pytest.mark.parametrize(
     "look",
     [
-        pytest.param(Look(), id="wide", marks=pytest.mark.slow),
-        pytest.param(Look(DARK, width_mm=140.0), id="narrow"),
+        pytest.param(FigureStyle(), id="wide", marks=pytest.mark.slow),
+        pytest.param(FigureStyle(DARK, width_mm=140.0), id="narrow"),
     ],
 )
 @pytest.mark.parametrize("name", FIGURES)

@@ -7,9 +7,17 @@ import pytest
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.show.figures.canvas import Look, drawn, rendered
+from aosplan.show.figures.canvas import FigureStyle, drawn, rendered
 from aosplan.show.figures.draw import KINDS
-from aosplan.show.figures.sweep import BINS, MOST_VALUES, Cell, Map, Scatter, results_of, ticked
+from aosplan.show.figures.sweep import (
+    BINS,
+    MOST_VALUES,
+    Cell,
+    MapFigure,
+    ScatterFigure,
+    results_of,
+    ticked,
+)
 
 pl = pytest.importorskip("polars")
 
@@ -74,8 +82,8 @@ def test_a_map_has_the_means_of_the_rows(campaign):
 @pytest.mark.parametrize(("most", "scale"), [(39.0, "linear"), (41.0, "log")])
 def test_a_map_that_spans_much_has_logarithmic_colours(most, scale):
     cells = tuple(tuple(Cell(1, 1, value) for value in row) for row in ((2.0, 3.0), (5.0, most)))
-    shown = Map("altitude", "vhat", "samples", 4, 4, (30.0, 50.0), (0.8, 0.9), cells)
-    figure = drawn(KINDS["sweep"], shown, Look())
+    shown = MapFigure("altitude", "vhat", "samples", 4, 4, (30.0, 50.0), (0.8, 0.9), cells)
+    figure = drawn(KINDS["sweep"], shown, FigureStyle())
     assert figure.axes[-1].get_yscale() == scale
     (mesh,) = figure.axes[0].collections
     low, place, high = ((math.log if scale == "log" else float)(end) for end in (2.0, 5.0, most))
@@ -95,7 +103,7 @@ def test_a_map_says_what_cannot_be_met_and_what_is_missing(tmp_path):
     from matplotlib import rc_context
 
     with rc_context():
-        figure = drawn(KINDS["sweep"], found, Look())
+        figure = drawn(KINDS["sweep"], found, FigureStyle())
     words = {text.get_text() for text in figure.legends[0].get_texts()}
     assert words == {"none can be met", "some cannot be met", "no scenario"}
     assert "cells where none can be met: 1" in found.description()
@@ -193,9 +201,9 @@ def test_columns_may_have_any_name(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text('"$a_{x$","<b>",samples,status\n1,2,3,ok\n2,2,4,ok\n')
     found = results_of(str(path), "$a_{x$", "<b>", "samples")
-    assert isinstance(found, Map)
+    assert isinstance(found, MapFigure)
     assert b"&lt;b&gt;" in rendered(KINDS["sweep"], found, "svg")
-    assert isinstance(results_of(str(path), "$a_{x$", "<b>"), Scatter)
+    assert isinstance(results_of(str(path), "$a_{x$", "<b>"), ScatterFigure)
 
 
 @pytest.mark.parametrize(

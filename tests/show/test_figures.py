@@ -14,7 +14,7 @@ from aosplan.camera.disparity import coverage_share
 from aosplan.planning.loaded_scene import LoadedScene
 from aosplan.scenes.scene import Layer, LayeredScene
 from aosplan.scenes.voxels import VoxelVolume
-from aosplan.show.figures.canvas import Look, drawn
+from aosplan.show.figures.canvas import FigureStyle, drawn
 from aosplan.show.figures.correlogram import correlations_of
 from aosplan.show.figures.coverage_curve import curve_of
 from aosplan.show.figures.density import density_of
@@ -183,5 +183,5 @@ def test_a_plan_for_the_best_has_no_target_to_draw():
         best = plan(PlanRequest(altitude=40, optimize=optimize, max_samples=60))
         found = visibility_of(best)
         assert ("target" in found.description()) == aimed
-        words = [text.get_text() for text in drawn(kind, found, Look()).axes[0].texts]
+        words = [text.get_text() for text in drawn(kind, found, FigureStyle()).axes[0].texts]
         assert any(text.startswith("target") for text in words) == aimed

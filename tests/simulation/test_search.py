@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from aosplan.scenes.integral_image import (
-    Canopy,
-    Plane,
+    CanopyRadiance,
+    OccluderPlane,
     gaussian_field,
     integrate_planes,
     planes_of_layers,
 )
 from aosplan.scenes.matched_window import MatchedWindow, peaks
 from aosplan.scenes.scene import Layer
-from aosplan.simulation.search import Look, search_layers
+from aosplan.simulation.search import TargetRadiance, search_layers
 
 SITES = np.array([(x, y) for x in (-2.0, 0.0, 2.0) for y in (-2.0, 0.0, 2.0)])
 
@@ -28,7 +28,7 @@ def test_an_integral_sees_through_the_cells_that_its_rays_meet():
     """One occluder of 1 m at 10 m hides, in each photo from 40 m, the pixels whose rays meet it."""
     cells = np.full((40, 40), np.nan, dtype=np.float32)
     cells[20, 20] = 3.0  # from 0 to 1 m along both axes
-    plane = Plane(10.0, 1.0, (-20.0, -20.0), cells)
+    plane = OccluderPlane(10.0, 1.0, (-20.0, -20.0), cells)
     sites = np.array([(0.0, 0.0), (4.0, 0.0)])
     found = integrate_planes([plane], sites, 40.0, (20.0, 20.0))
     x = np.array([(column + 0.5) / 200 * 20 - 10 for column in range(200)])
@@ -45,7 +45,7 @@ def test_an_integral_sees_through_the_cells_that_its_rays_meet():
 
 def test_planes_of_layers_hide_their_share_and_spread_by_one():
     layers = [Layer(5.0, 5.2, 0.4, 0.2)]
-    (plane,) = planes_of_layers(np.random.default_rng(2), layers, 60.0, Canopy(-1.0, 0.5))
+    (plane,) = planes_of_layers(np.random.default_rng(2), layers, 60.0, CanopyRadiance(-1.0, 0.5))
     shown = plane.radiance[~np.isnan(plane.radiance)]
     assert np.isnan(plane.radiance).mean() == pytest.approx(0.6, abs=0.01)
     assert shown.mean() == pytest.approx(-1.0, abs=0.15)
@@ -67,11 +67,21 @@ def test_the_detector_answers_a_target_with_its_own_window():
 
 def test_over_open_ground_every_target_is_found_and_seen():
     found = search_layers(
-        [Layer(9.9, 10.1, 1e-9, 0.2)], SITES, 40.0, Look(0.5, 1.7, 5.0, 0.0, 0.0), seed=1, index=0
+        [Layer(9.9, 10.1, 1e-9, 0.2)],
+        SITES,
+        40.0,
+        TargetRadiance(0.5, 1.7, 5.0, 0.0, 0.0),
+        seed=1,
+        index=0,
     )
     assert found.seen == pytest.approx(1.0)
     assert (found.outputs > found.peaks[0]).all()
     again = search_layers(
-        [Layer(9.9, 10.1, 1e-9, 0.2)], SITES, 40.0, Look(0.5, 1.7, 5.0, 0.0, 0.0), seed=1, index=0
+        [Layer(9.9, 10.1, 1e-9, 0.2)],
+        SITES,
+        40.0,
+        TargetRadiance(0.5, 1.7, 5.0, 0.0, 0.0),
+        seed=1,
+        index=0,
     )
     assert (again.outputs == found.outputs).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aosplan.grid.patterns import Pattern, local_sites, pattern_for
-from aosplan.scenes.occlusion import Occlusion, Window
+from aosplan.scenes.occlusion import Occlusion, PlotWindow
 from aosplan.scenes.scene import Layer
 from aosplan.simulation import voxel_views as voxels
 from aosplan.simulation.forests import clumped_forest, generator, layered_forest, uniform_forest
@@ -28,7 +28,7 @@ def stand():
 def test_a_window_shows_the_same_targets_as_the_whole_plot(stand, view, window):
     positions = [(0.0, 0.0), (3.1, -2.2), (-9.0, 14.0)]
     whole = Occlusion(stand, 30.0, view=view)
-    part = Occlusion(stand, 30.0, view=view, window=Window(*window))
+    part = Occlusion(stand, 30.0, view=view, window=PlotWindow(*window))
     row, column, rows, columns = window
     seen = whole.unpack(whole.masks(positions))
     assert (whole.rows, whole.columns) == (132, 168)
@@ -40,7 +40,7 @@ def test_a_window_shows_the_same_targets_as_the_whole_plot(stand, view, window):
 @pytest.mark.parametrize("view", VIEWS)
 def test_tiles_and_batches_change_no_count(stand, view, monkeypatch):
     positions = sites(12, 1.7)
-    window = Window(3, 7, 101, 150)
+    window = PlotWindow(3, 7, 101, 150)
     whole = VoxelViews(stand, 30.0, view=view, window=window)
     counts, blocked = whole.counts(positions), whole.blocked_views(positions)
     monkeypatch.setattr(voxels, "TILE_TARGETS", 900)
@@ -59,7 +59,7 @@ def test_images_and_counts_are_the_same_experiment(stand):
 
 @pytest.mark.parametrize("most", [1, 63, 64, 1000, 10**6])
 def test_tiles_cover_a_window_once(most):
-    window = Window(2, 3, 45, 131)
+    window = PlotWindow(2, 3, 45, 131)
     seen = np.zeros((50, 140), dtype=int)
     for row, column, rows, columns in tiles(window, most):
         assert rows * columns <= max(most, 64)
@@ -70,7 +70,7 @@ def test_tiles_cover_a_window_once(most):
 
 def test_blocks_cover_a_window_once():
     seen = np.zeros((20, 20), dtype=int)
-    for row, column, rows, columns in blocks(Window(1, 2, 13, 5), 4, 7):
+    for row, column, rows, columns in blocks(PlotWindow(1, 2, 13, 5), 4, 7):
         seen[row : row + rows, column : column + columns] += 1
     assert (seen[1:14, 2:7] == 1).all()
     assert seen.sum() == 13 * 5
@@ -79,7 +79,7 @@ def test_blocks_cover_a_window_once():
 def middle(volume, size_m):
     _, rows, columns = volume.occupied.shape
     across, along = (int(length / volume.voxel_m) * 4 for length in size_m)
-    return Window((4 * rows - along) // 2, (4 * columns - across) // 2, along, across)
+    return PlotWindow((4 * rows - along) // 2, (4 * columns - across) // 2, along, across)
 
 
 def simulated(make, altitude_m, positions, view, samples, size_m):

@@ -30,7 +30,7 @@ def task(tmp_path, monkeypatch):
     folder = tmp_path / "writing"
     folder.mkdir()
     path = Parts(str(tmp_path / "r.parquet"), sweep).path(3).replace("r.parquet.parts", "")
-    told = cluster_module.Task(
+    told = cluster_module.PartTask(
         sweep._replace(scenarios=cluster_module.alone(scenarios, 3)), 3, path, str(folder), ()
     )
     return path, folder, told
@@ -89,7 +89,7 @@ def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
         )
         scenarios = read_scenarios(str(path))
         (tmp_path / str(run)).mkdir()
-        told = cluster_module.Task(
+        told = cluster_module.PartTask(
             Sweep(cluster_module.alone(scenarios, 0), ("visibility_density",), str(tmp_path)),
             *(0, str(out), str(tmp_path / str(run)), ((str(scene), scene.stat().st_size),)),
         )

@@ -24,7 +24,7 @@ from aosplan.sweeps import grouping as outline_module
 from aosplan.sweeps import scenarios as scenarios_module
 from aosplan.sweeps import summary as summary_module
 from aosplan.sweeps.grouping import grouping
-from aosplan.sweeps.scenarios import Crossing, Table, column_of, read_scenarios
+from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of, read_scenarios
 from aosplan.sweeps.summary import MEDIAN_ERROR, bins_of, exact_sum, value_of
 
 pl = pytest.importorskip("polars")
@@ -238,14 +238,14 @@ def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
 
 def test_many_words_are_not_told_apart(monkeypatch):
     monkeypatch.setattr(outline_module, "MOST_GROUPS", 2)
-    groups = grouping(Table({"scene": column_of(["a", "b", "c", "a"])})).groups[0]
+    groups = grouping(ScenarioTable({"scene": column_of(["a", "b", "c", "a"])})).groups[0]
     assert groups.labels() == [{"value": "a"}, {"value": "b"}, {"others": True}]
     assert groups.places(column_of(["c", "b", "a", "c"])).tolist() == [2, 1, 0, 2]
 
 
 @given(st.sets(st.floats(1.0, 1e6), min_size=2, max_size=60))
 def test_every_number_lies_in_its_bin(values):
-    groups = grouping(Crossing({"altitude": column_of(sorted(values))})).groups[0]
+    groups = grouping(ScenarioProduct({"altitude": column_of(sorted(values))})).groups[0]
     assert len(groups.numbers) == (len(values) if len(values) <= 20 else 10)
     for value, place in zip(values, groups.places(np.array([*values])).tolist(), strict=True):
         low, high = groups.numbers[place]
@@ -455,8 +455,8 @@ def test_wrong_options_are_errors(campaign, tmp_path, capsys, monkeypatch, optio
 
 
 def test_means_do_not_drift():
-    column = summary_module.Column()
+    column = summary_module.ResultSummary()
     for value in [1e16, 1.0, -1e16, math.pi]:
         found = exact_sum(np.array([value]))
-        column = column + summary_module.Column(1, found, (value, 0), (value, 0))
+        column = column + summary_module.ResultSummary(1, found, (value, 0), (value, 0))
     assert column.mean == float((Fraction(1) + Fraction(math.pi)) / 4)

@@ -15,7 +15,7 @@ from aosplan.errors import AosplanError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.sweeps import scenarios as scenarios_module
-from aosplan.sweeps.scenarios import Crossing, column_of, read_scenarios
+from aosplan.sweeps.scenarios import ScenarioProduct, column_of, read_scenarios
 
 pl = pytest.importorskip("polars")
 
@@ -25,7 +25,7 @@ def test_blocks_are_all_scenarios_once_and_in_order(sizes, room):
     earlier, scenarios_module.ROWS_A_BLOCK = scenarios_module.ROWS_A_BLOCK, room
     try:
         names = ["altitude", "vhat", "density", "coverage"]
-        crossing = Crossing(
+        crossing = ScenarioProduct(
             {
                 name: column_of([float(value) for value in range(size)])
                 for name, size in zip(names, sizes, strict=False)
@@ -262,11 +262,11 @@ def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatc
     from support.forests import STANDS, clumped_forest
 
     from aosplan.scenes import correlogram as correlogram_module
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
     from aosplan.sweeps import row_solver as rows
 
     volume = clumped_forest(STANDS["beech"], side_m=12.0, voxel_m=0.5)
-    (tmp_path / "stand.npz").write_bytes(stand_npz(Stand.of(volume)))
+    (tmp_path / "stand.npz").write_bytes(stand_npz(VoxelStand.of(volume)))
     (tmp_path / "s.toml").write_text(
         "[sweep]\nscene = 'stand.npz'\naltitude = [40, 60]\nsamples = [4, 9]\nvhat = 0.3\n"
     )

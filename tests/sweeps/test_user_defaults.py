@@ -9,7 +9,7 @@ from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.planning.request import request_from
 from aosplan.sweeps.grouping import scenario
-from aosplan.sweeps.scenarios import Crossing, Table, column_of
+from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of
 from aosplan.sweeps.user_defaults import with_defaults
 
 pytest.importorskip("polars")
@@ -98,7 +98,7 @@ ROWS = [
 
 def test_every_row_of_a_table_is_the_request_that_plan_would_make():
     names = list(dict.fromkeys(name for row in ROWS for name in row))
-    table = Table({name: column_of([row.get(name) for row in ROWS]) for name in names})
+    table = ScenarioTable({name: column_of([row.get(name) for row in ROWS]) for name in names})
     filled = with_defaults(table, OWN, "d.toml")
     for place, row in enumerate(ROWS):
         expected = request_from(row, defaults=OWN)
@@ -110,14 +110,14 @@ def test_every_row_of_a_table_is_the_request_that_plan_would_make():
 
 @pytest.mark.parametrize("row", ROWS)
 def test_every_row_of_a_crossing_is_the_request_that_plan_would_make(row):
-    crossing = Crossing({name: column_of([value]) for name, value in row.items()})
+    crossing = ScenarioProduct({name: column_of([value]) for name, value in row.items()})
     filled = with_defaults(crossing, OWN, "d.toml")
     assert filled.rows == 1
     assert request_from(scenario(filled, 0)) == request_from(row, defaults=OWN)
 
 
 def test_defaults_that_go_with_some_rows_of_a_crossing_are_refused():
-    crossing = Crossing({"grid": column_of(["trimmed", "lanes"])})
+    crossing = ScenarioProduct({"grid": column_of(["trimmed", "lanes"])})
     with pytest.raises(
         RequestError, match=r"'d.toml': lanes does not go with every grid"
     ) as caught:

@@ -12,7 +12,7 @@ from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.sweeps.block_frame import solve_block
 from aosplan.sweeps.row_solver import RESULTS, WHOLE
-from aosplan.sweeps.scenarios import Crossing, column_of, read_scenarios
+from aosplan.sweeps.scenarios import ScenarioProduct, column_of, read_scenarios
 from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized.solve import solve_columns
 
@@ -84,7 +84,7 @@ def crossings(draw):
         name: draw(st.lists(strategies[name], min_size=1, max_size=2, unique=True))
         for name in names
     }
-    return Crossing({name: column_of(values) for name, values in axes.items()})
+    return ScenarioProduct({name: column_of(values) for name, values in axes.items()})
 
 
 @given(crossing=crossings())
@@ -145,7 +145,7 @@ def test_rows_have_the_numbers_and_the_words_of_plan(data):
     axes = {name: [data.draw(ALONE[name])] for name in {*names, "altitude"}}
     if "wind_speed" in axes:
         axes["wind_from"] = [30.0]
-    crossing = Crossing({name: column_of(values) for name, values in axes.items()})
+    crossing = ScenarioProduct({name: column_of(values) for name, values in axes.items()})
     frame = solve_block(crossing.block(0), [], RESULTS)
     state, why, expected = by_plan(crossing.block(0).request_values(0))
     row = frame.row(0, named=True)
@@ -161,7 +161,7 @@ def test_scenarios_of_one_geometry_share_its_views_whatever_their_order(monkeypa
     made = []
     model = layered.LayeredModel
     monkeypatch.setattr(layered, "LayeredModel", lambda *a, **k: made.append(a) or model(*a, **k))
-    crossing = Crossing(
+    crossing = ScenarioProduct(
         {
             "vhat": column_of([0.6, 0.7, 0.8]),
             "altitude": column_of([40.0, 60.0]),
@@ -209,7 +209,7 @@ def test_uniform_scenes_and_cameras_of_files_are_columns(tmp_path):
         "image_width_px = 640\nimage_height_px = 512\n"
     )
     values = {"altitude": 40.0, "scene": "wood.toml", "camera": "eye.toml"}
-    block = Crossing({name: column_of([value]) for name, value in values.items()}).block(0)
+    block = ScenarioProduct({name: column_of([value]) for name, value in values.items()}).block(0)
     solved = solve_columns(block, str(tmp_path))
     assert solved.holds.all()
     expected = results_of(plan(PlanRequest(**values), folder=str(tmp_path)))
@@ -218,7 +218,7 @@ def test_uniform_scenes_and_cameras_of_files_are_columns(tmp_path):
 
 
 def test_fixed_baselines_are_columns_too():
-    crossing = Crossing(
+    crossing = ScenarioProduct(
         {
             "altitude": column_of([40.0, 60.0]),
             "baseline": column_of([0.7, 1.5, 2.8, 6.0]),
@@ -248,7 +248,7 @@ def test_fixed_baselines_are_columns_too():
     ],
 )
 def test_nothing_of_these_is_left_to_rows(axes):
-    crossing = Crossing(
+    crossing = ScenarioProduct(
         {
             name: column_of(values)
             for name, values in ({"altitude": [10.0, 30.0, 60.0]} | axes).items()

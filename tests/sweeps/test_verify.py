@@ -19,11 +19,11 @@ from aosplan.sweeps import scenarios as scenarios_module
 from aosplan.sweeps import verify as v
 from aosplan.sweeps.block_frame import solve_block
 from aosplan.sweeps.grouping import grouping
-from aosplan.sweeps.scenarios import Crossing, Table, column_of
+from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of
 
 pytest.importorskip("polars")
 
-CROSSING = Crossing(
+CROSSING = ScenarioProduct(
     {
         "altitude": column_of([10.0, 30.0, 45.0, 60.0, 80.0]),
         "vhat": column_of([0.5, 0.8, 0.9]),
@@ -34,7 +34,7 @@ CROSSING = Crossing(
 
 
 def drawing_of(scenarios, rows, seed):
-    return v.Drawing(rows, seed, grouping(scenarios).groups)
+    return v.SamplingPlan(rows, seed, grouping(scenarios).groups)
 
 
 def sample(scenarios, rows, seed):
@@ -44,7 +44,7 @@ def sample(scenarios, rows, seed):
 def draw(scenarios, rows, seed):
     """Draw from all rows with a plan."""
     drawing = drawing_of(scenarios, rows, seed)
-    found = v.Draw()
+    found = v.RowSample()
     for index in range(scenarios.blocks):
         block = scenarios.block(index)
         frame = solve_block(block, (), ("samples",))
@@ -73,7 +73,7 @@ def test_the_sample_depends_on_nothing_but_the_sweep_and_the_seed(monkeypatch, r
     found = []
     for room in (5, 12, 1 << 18):
         monkeypatch.setattr(scenarios_module, "ROWS_A_BLOCK", room)
-        again = Crossing(CROSSING.values)
+        again = ScenarioProduct(CROSSING.values)
         assert again.blocks == {5: 30, 12: 15}.get(room, 1)
         found.append(sample(again, rows, 3))
     assert found[0] == found[1] == found[2]
@@ -82,7 +82,7 @@ def test_the_sample_depends_on_nothing_but_the_sweep_and_the_seed(monkeypatch, r
 
 
 def test_what_rows_leave_out_is_a_word_of_its_own():
-    table = Table(
+    table = ScenarioTable(
         {
             "altitude": column_of([40.0, 50.0, 60.0, 70.0]),
             "samples": column_of([None, 60, 70, None]),
@@ -137,7 +137,7 @@ def test_the_worst_of_many_is_as_large_as_expected():
 def check(seed, request, **settings):
     planned = plan(PlanRequest(**request))
     found = simulate(planned, Settings(seed=seed, **settings))
-    return v.Check(v.Chosen(seed, ()), request, seed, found, "")
+    return v.Check(v.SampledRow(seed, ()), request, seed, found, "")
 
 
 @pytest.fixture(scope="module")
@@ -321,9 +321,9 @@ def test_without_common_ground_each_target_has_its_own_aperture():
         "samples": column_of([25]),
         "baseline": column_of([9.0]),
     }
-    crossing = Crossing(values)
+    crossing = ScenarioProduct(values)
     assert min(plan(PlanRequest(altitude=40, samples=25, baseline=9)).common_footprint_m) < 0.0
-    drawing = v.Drawing(1, 1, ())
+    drawing = v.SamplingPlan(1, 1, ())
     found = v.verify(crossing, draw(crossing, 1, 1), drawing, Settings(precision=0.1))
     assert found.checks[0].simulation.settings.view == "telecentric"
     assert found.agree

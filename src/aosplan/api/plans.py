@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from aosplan.api.request import Asked, Found
+    from aosplan.api.request import Asked, FoundRequest
     from aosplan.api.request_options import RequestOptions
-    from aosplan.solver.tradeoff import Row
+    from aosplan.solver.tradeoff import TradeoffRow
 
 
 @dataclass(frozen=True, repr=False)
@@ -160,7 +160,7 @@ def plan(
     return solved(found, progress=progress)
 
 
-def solved(found: Found, *, progress: Callable[[int, int], None] | None = None) -> Plan:
+def solved(found: FoundRequest, *, progress: Callable[[int, int], None] | None = None) -> Plan:
     """The plan of a request."""
     plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
     return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
@@ -168,7 +168,7 @@ def solved(found: Found, *, progress: Callable[[int, int], None] | None = None) 
 
 class _Rows(NamedTuple):
     plan: Plan
-    rows: tuple[Row, ...]
+    rows: tuple[TradeoffRow, ...]
 
 
 class Tradeoff(Summarized, _Rows):
@@ -179,7 +179,7 @@ class Tradeoff(Summarized, _Rows):
     plan
         The plan.
     rows
-        `aosplan.solver.tradeoff.Row` values, by increasing number of samples for each kind of grid.
+        `aosplan.solver.tradeoff.TradeoffRow` values, by increasing number of samples for each kind of grid.
     """
 
     __slots__ = ()

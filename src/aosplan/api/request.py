@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     """
 
 
-class Found(NamedTuple):
+class FoundRequest(NamedTuple):
     """A request, the folder of its file, and its scene if that has been read before."""
 
     request: PlanRequest
@@ -29,7 +29,7 @@ class Found(NamedTuple):
     loaded: LoadedScene | None = None
 
 
-def found_request(asked: Asked | None, options: Mapping[str, Any]) -> Found:
+def found_request(asked: Asked | None, options: Mapping[str, Any]) -> FoundRequest:
     """The request from the arguments of a function of `aosplan`; options override it.
 
     Parameters
@@ -57,17 +57,17 @@ def found_request(asked: Asked | None, options: Mapping[str, Any]) -> Found:
         asked = asked.request
     if isinstance(asked, PlanRequest):
         if not given:
-            return Found(asked)
-        return Found(request_from(asked.document(), overrides=given), loaded=stand)
+            return FoundRequest(asked)
+        return FoundRequest(request_from(asked.document(), overrides=given), loaded=stand)
     if asked is None:
-        return Found(request_from({}, overrides=given), loaded=stand)
+        return FoundRequest(request_from({}, overrides=given), loaded=stand)
     path = os.fspath(asked)
     if not isinstance(path, str):
         raise RequestError(f"request {path!r} is not a path", "give a PlanRequest or options")
     from aosplan.planning.request_file import read_request
 
     request = request_from(read_request(path), overrides=given, where=path)
-    return Found(request, os.path.dirname(path), stand)
+    return FoundRequest(request, os.path.dirname(path), stand)
 
 
 def _plain(value: Any) -> Any:

@@ -48,7 +48,7 @@ SLACK = 1e-9
 """Tolerance as a share of the pitch: a cell that an area overlaps by less does not count."""
 
 
-class Window(NamedTuple):
+class RequiredGrid(NamedTuple):
     """The grid that every point has to see, in sites and metres.
 
     `used` has one tuple (row, first column, last column) for each run of used sites in a row.
@@ -66,7 +66,7 @@ class Window(NamedTuple):
         return self.columns * self.pitch_m[0], self.rows * self.pitch_m[1]
 
 
-def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> Window:
+def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> RequiredGrid:
     """The window of a pattern of sites."""
     columns = pattern.columns
     numbers = np.array(sorted(row * (columns + 1) + column for row, column in pattern.sites()))
@@ -75,10 +75,10 @@ def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> Window:
         (start // (columns + 1), start % (columns + 1), (stop - 1) % (columns + 1))
         for start, stop in zip(runs.start.tolist(), runs.stop.tolist(), strict=True)
     )
-    return Window(pattern.rows, columns, pattern.samples, used, pitch_m)
+    return RequiredGrid(pattern.rows, columns, pattern.samples, used, pitch_m)
 
 
-class Lattice(NamedTuple):
+class CellLattice(NamedTuple):
     """Positions of the cells, which have the number row · stride + column.
 
     x is along the heading and y to its right.  `corner_m` is the corner of cell (0, 0) with the
@@ -107,7 +107,7 @@ class Lattice(NamedTuple):
         length = (cells.stop - cells.start) * self.pitch_m[0]
         return shapely.box(x, y, x + length, y + self.pitch_m[1])
 
-    def moved(self, x_pitches: float, y_pitches: float) -> Lattice:
+    def moved(self, x_pitches: float, y_pitches: float) -> CellLattice:
         """The same cells shifted by a number of pitches."""
         return self._replace(
             corner_m=(
@@ -117,7 +117,7 @@ class Lattice(NamedTuple):
         )
 
 
-def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Lattice:
+def centred_lattice(shape: Any, whole: Any, window: RequiredGrid, margin: int) -> CellLattice:
     """A lattice of placement cells that is centred on a shape.
 
     Its rows are long enough for all of `whole`, which contains the shape, plus `margin` columns on
@@ -137,7 +137,7 @@ def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Latt
     stride = before + columns + math.ceil((right - x_high) / x_pitch) + window.columns + margin
     if stride * ((upper - lower) / y_pitch + margin) > MOST_CELLS:
         raise RequestError(f"the area is too large for sites {x_pitch:.4g} m apart")
-    return Lattice(
+    return CellLattice(
         (
             0.5 * (x_low + x_high) - (0.5 * columns + before) * x_pitch,
             0.5 * (y_low + y_high) - 0.5 * rows * y_pitch,
@@ -147,7 +147,7 @@ def centred_lattice(shape: Any, whole: Any, window: Window, margin: int) -> Latt
     )
 
 
-def entered(shape: Any, lattice: Lattice) -> CellRuns:
+def entered(shape: Any, lattice: CellLattice) -> CellRuns:
     """Cells that a shape overlaps.
 
     These are the cells that the border passes through, and the cells between the intersections of
@@ -208,14 +208,14 @@ def _cells(
     return (row * stride + first)[kept], (row * stride + stop)[kept]
 
 
-def sites_for(placements: CellRuns, window: Window, stride: int) -> CellRuns:
+def sites_for(placements: CellRuns, window: RequiredGrid, stride: int) -> CellRuns:
     """The sites of every placement of a window; a placement has the number of its first site."""
     return placements.dilated(
         (row * stride + first, row * stride + last) for row, first, last in window.used
     )
 
 
-def looks(sites: Whole, placements: Whole, window: Window, stride: int) -> Whole:
+def looks(sites: Whole, placements: Whole, window: RequiredGrid, stride: int) -> Whole:
     """Number of sites in the rectangle around each placement."""
     count = np.zeros(len(placements), np.int64)
     for row in range(window.rows):

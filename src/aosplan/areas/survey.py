@@ -11,8 +11,8 @@ import shapely
 from aosplan.areas.area import quiet
 from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.areas.coverage import (
-    Lattice,
-    Window,
+    CellLattice,
+    RequiredGrid,
     centred_lattice,
     entered,
     image_cells,
@@ -229,7 +229,7 @@ class _Turn:
         return turned(x, y, self.axis)
 
 
-def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> Window:
+def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> RequiredGrid:
     """The window of a pattern; it is refused if the footprint is smaller than its rectangle."""
     window = window_of(pattern, (baseline_m, baseline_m * pattern.row_pitch))
     x, y = window.size_m
@@ -274,7 +274,7 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
         )
 
 
-def _allowed(wanted: Whole, at_sites: Lattice, zones: NoFlyZones) -> tuple[Whole, int, int]:
+def _allowed(wanted: Whole, at_sites: CellLattice, zones: NoFlyZones) -> tuple[Whole, int, int]:
     """Sites that may be flown; number of sites in zones; number of sites enclosed by zones."""
     if not zones:
         return wanted, 0, 0
@@ -314,8 +314,8 @@ def _covered(
     sites: Whole,
     shapes: tuple[Any, Any],
     cells: tuple[CellRuns, CellRuns],
-    window: Window,
-    lattices: tuple[Lattice, Lattice],
+    window: RequiredGrid,
+    lattices: tuple[CellLattice, CellLattice],
     image: tuple[int, int],
 ) -> tuple[float, int]:
     """Share of the area that the sites cover, and smallest number of looks below canopy, counted."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from aosplan import __version__
 from aosplan.cli.integrate_options import integrate_options
 from aosplan.cli.integrate_outputs import (
-    Looks,
+    IntegralDisplay,
     check_figure,
     check_outputs,
     contents_of,
@@ -93,7 +93,7 @@ def run(
         raise RequestError("--align and --focus-figure go with --focus", "--focus auto")
     if focus_figure is not None:
         check_figure(focus_figure)
-    looks = Looks(
+    looks = IntegralDisplay(
         stretch=stretch,
         local_m=None if local is None else positive(local, "--local", "m"),
         scale=scale,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ENDINGS = (".png", ".tif", ".tiff", ".npz")
 
 
-class Looks(NamedTuple):
+class IntegralDisplay(NamedTuple):
     """How integral images are displayed, and what is searched in them."""
 
     stretch: bool
@@ -68,7 +68,7 @@ def contents_of(
     recording: Recording,
     integral: Integral,
     least: int,
-    looks: Looks,
+    looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> tuple[dict[str, bytes], tuple[float, float]]:
     """Contents of files by path, and the values that are black and white in a PNG."""
@@ -128,7 +128,7 @@ def _candidates(
     recording: Recording,
     integral: Integral,
     least: int,
-    looks: Looks,
+    looks: IntegralDisplay,
     averaged: Callable[..., Integral],
 ) -> dict[str, bytes]:
     """The averaged anomalies of the photos, and the hot spots, by path."""
@@ -198,8 +198,10 @@ def _bytes(
 def figure_bytes(path: str, found: Focus) -> bytes:
     """The curve of agreement as a figure file."""
     from aosplan.show.figures.canvas import form_of, rendered
-    from aosplan.show.figures.draw import Kind
+    from aosplan.show.figures.draw import FigureKind
     from aosplan.show.figures.focus_curve import FocusCurve
 
-    kind = Kind("focus", "how well halves of the views agree", "recording", "focus_curve", 0.55)
+    kind = FigureKind(
+        "focus", "how well halves of the views agree", "recording", "focus_curve", 0.55
+    )
     return rendered(kind, FocusCurve.of(found.document()), form_of(path))

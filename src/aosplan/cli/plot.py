@@ -20,13 +20,13 @@ from aosplan.cli.output import print_json, print_warnings, progress_bar
 from aosplan.errors import RequestError
 from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
-from aosplan.show.figures.draw import KINDS, Kind, Shown
+from aosplan.show.figures.draw import KINDS, FigureData, FigureKind
 from aosplan.show.figures.style import printable
 from aosplan.show.text.terminal import readable, wrote
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
-    from aosplan.show.figures.canvas import Look
+    from aosplan.show.figures.canvas import FigureStyle
 
 
 def run(
@@ -56,7 +56,7 @@ def run(
         form_of(out)
         check_output(out, force=force)
         check_extra()
-    shown: Shown
+    shown: FigureData
     if chosen.source == "results":
         shown = _of_results(file, flags, x, y, value)
     elif any((x, y, value)):
@@ -75,7 +75,7 @@ def run(
         print(readable(wrote([out])) if out else "Next: --out figure.png")
 
 
-def document(kind: Kind, shown: Shown) -> dict[str, Any]:
+def document(kind: FigureKind, shown: FigureData) -> dict[str, Any]:
     """The document that ``plot --json`` prints."""
     return {
         "schema": SCHEMA,
@@ -87,12 +87,12 @@ def document(kind: Kind, shown: Shown) -> dict[str, Any]:
     }
 
 
-def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> Look:
+def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) -> FigureStyle:
     """Appearance of a figure from the options."""
-    from aosplan.show.figures.canvas import Look
+    from aosplan.show.figures.canvas import FigureStyle
     from aosplan.show.figures.style import DARK, LIGHT
 
-    look = Look(DARK if dark else LIGHT)
+    look = FigureStyle(DARK if dark else LIGHT)
     if width_mm is not None:
         look = look._replace(width_mm=q.positive(width_mm, "--width-mm", "mm"))
     if dpi is not None:
@@ -101,7 +101,7 @@ def look_of(*, dark: bool, width_mm: str | None = None, dpi: str | None = None) 
     return look
 
 
-def _kind(name: str) -> Kind:
+def _kind(name: str) -> FigureKind:
     for kind in KINDS.values():
         if kind.name.replace("-", "") == name.replace("-", "").lower():
             return kind
@@ -111,7 +111,7 @@ def _kind(name: str) -> Kind:
     )
 
 
-def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Shown:
+def _of_plan(kind: FigureKind, wanted: PlanRequest, folder: str, *, quiet: bool) -> FigureData:
     """The numbers of a figure of a plan."""
     from aosplan.planning.planner import plan
 
@@ -123,7 +123,9 @@ def _of_plan(kind: Kind, wanted: PlanRequest, folder: str, *, quiet: bool) -> Sh
     return shown_of_plan(kind, result)
 
 
-def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: bool) -> Shown:
+def _of_scene(
+    kind: FigureKind, file: str | None, flags: dict[str, Any], *, quiet: bool
+) -> FigureData:
     """The numbers of a figure of a scene, which is named or belongs to a request."""
     from aosplan.planning.loaded_scene import load_scene
     from aosplan.planning.request import request_from
@@ -164,7 +166,7 @@ def _of_scene(kind: Kind, file: str | None, flags: dict[str, Any], *, quiet: boo
 
 def _of_results(
     file: str | None, flags: dict[str, Any], x: str | None, y: str | None, value: str | None
-) -> Shown:
+) -> FigureData:
     """The numbers of a figure of a sweep's results."""
     from aosplan.show.figures.sweep import results_of
 

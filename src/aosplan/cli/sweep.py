@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from aosplan.simulation.compare import Settings
-    from aosplan.sweeps.aggregate import Gathering
-    from aosplan.sweeps.scenarios import Crossing, Table
-    from aosplan.sweeps.summary import Gather, Gathered
+    from aosplan.sweeps.aggregate import Aggregation
+    from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
+    from aosplan.sweeps.summary import Aggregates, AggregationPlan
     from aosplan.sweeps.sweep import Sweep
     from aosplan.sweeps.verify import Verification
 
@@ -331,7 +331,7 @@ COMMAND = command(
 )
 
 
-def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> Drawn | None:
+def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> VerifyOptions | None:
     """Settings of ``--simulate`` and its options; None without ``--simulate``."""
     if simulate is None:
         for option, value in (("--seed", seed), ("--precision", precision)):
@@ -346,29 +346,33 @@ def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> D
     rows = whole(simulate, "--simulate")
     if rows > MOST_ROWS:
         raise RequestError(f"--simulate {simulate} is more than {MOST_ROWS} rows")
-    return Drawn(rows, read_settings(Settings(), seed, precision))
+    return VerifyOptions(rows, read_settings(Settings(), seed, precision))
 
 
-class Drawn(NamedTuple):
+class VerifyOptions(NamedTuple):
     """Number of rows to simulate, and settings of the simulation."""
 
     rows: int
     settings: Settings
 
 
-def gather_of(scenarios: Crossing | Table, best: str | None, drawn: Drawn | None) -> Gather:
+def gather_of(
+    scenarios: ScenarioProduct | ScenarioTable, best: str | None, drawn: VerifyOptions | None
+) -> AggregationPlan:
     """The summary and sample to compute for a sweep."""
     from aosplan.sweeps.grouping import grouping
-    from aosplan.sweeps.summary import Gather
-    from aosplan.sweeps.verify import Drawing
+    from aosplan.sweeps.summary import AggregationPlan
+    from aosplan.sweeps.verify import SamplingPlan
 
     found = grouping(scenarios, best)
     if drawn is None:
-        return Gather(found)
-    return Gather(found, Drawing(drawn.rows, drawn.settings.seed, found.groups))
+        return AggregationPlan(found)
+    return AggregationPlan(found, SamplingPlan(drawn.rows, drawn.settings.seed, found.groups))
 
 
-def _verified(sweep: Sweep, gathered: Gathered, drawn: Drawn, *, quiet: bool) -> Verification:
+def _verified(
+    sweep: Sweep, gathered: Aggregates, drawn: VerifyOptions, *, quiet: bool
+) -> Verification:
     """Simulate the drawn rows."""
     from aosplan.sweeps.verify import verify
 
@@ -387,8 +391,8 @@ def _verified(sweep: Sweep, gathered: Gathered, drawn: Drawn, *, quiet: bool) ->
 
 def tell(
     sweep: Sweep,
-    gathering: Gathering,
-    drawn: Drawn | None,
+    gathering: Aggregation,
+    drawn: VerifyOptions | None,
     *,
     summary: bool,
     quiet: bool,

@@ -38,7 +38,7 @@ class Flight(NamedTuple):
     return_m: float = 0.0
 
 
-class Home(NamedTuple):
+class TakeoffPoint(NamedTuple):
     """The take-off point: metres east, north and up, in the axes of the track.
 
     `ways_up_m` has the height of the horizontal transit to each waypoint, in the same axes, and
@@ -96,7 +96,9 @@ def _parts(track: Track, timing: Timing) -> Iterator[_Part]:
             yield _Part(start, stop)
 
 
-def _shorter(track: Track, timing: Timing, home: Home, part: _Part, longest_s: float) -> str:
+def _shorter(
+    track: Track, timing: Timing, home: TakeoffPoint, part: _Part, longest_s: float
+) -> str:
     """Hint that says how the flight to one part could be shorter, with numbers."""
     there = home.way_s(track, part.first, timing)
     ways = there + home.way_s(track, part.last, timing, back=True)
@@ -118,7 +120,7 @@ def _shorter(track: Track, timing: Timing, home: Home, part: _Part, longest_s: f
 
 
 def flights_of(
-    track: Track, timing: Timing, home: Home, longest_s: float = math.inf
+    track: Track, timing: Timing, home: TakeoffPoint, longest_s: float = math.inf
 ) -> tuple[Flight, ...]:
     """The smallest number of consecutive flights that are not longer than a battery lasts.
 

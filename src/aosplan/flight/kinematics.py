@@ -252,7 +252,7 @@ def _flown_through(sites: list[tuple[float, float]]) -> Path:
     )
 
 
-class Line(NamedTuple):
+class FlownLine(NamedTuple):
     """Sites that are flown through on one course: indices of the first and the last, and the
     course.
 
@@ -267,7 +267,7 @@ class Line(NamedTuple):
 
 def lines_of(
     sites: Sequence[tuple[float, float]], spacing: float, along: tuple[float, float] = (1.0, 0.0)
-) -> Iterator[Line]:
+) -> Iterator[FlownLine]:
     """Lines of sites along the heading whose gaps are whole numbers of spacings, in flight order.
 
     A distance trigger takes a photo at every site of such a line.  `along` is the heading as a unit
@@ -287,7 +287,7 @@ def lines_of(
             if course not in (None, way) or not same_course(way, (x / length, y / length)):
                 break
             last, course = last + 1, way
-        yield Line(first, last, *(course or along))
+        yield FlownLine(first, last, *(course or along))
         first = last + 1
 
 

@@ -28,7 +28,7 @@ KNOWN_SHARE = 0.99
 """Share of places with known canopy below which a warning says what is assumed for the others."""
 
 
-class Success(NamedTuple):
+class SearchSuccess(NamedTuple):
     """Probability of success of a search, for a prior of the target's position.
 
     Attributes
@@ -82,7 +82,7 @@ class DetectionMap(NamedTuple):
         """Mean probability of detection: that of a target with a random position on the ground."""
         return float(self.probability[self._inside].mean())
 
-    def document(self, success: Success | None = None) -> dict[str, Any]:
+    def document(self, success: SearchSuccess | None = None) -> dict[str, Any]:
         """The map as plain values, ``detection.map`` in a plan's JSON document; `success` is added."""
         looks = self.looks[self._inside]
         return {

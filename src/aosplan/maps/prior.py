@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError, needs_extra
-from aosplan.maps.detection_map import Success
+from aosplan.maps.detection_map import SearchSuccess
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,7 +25,7 @@ MOST_PIXELS = 25_000_000
 CORNERS = ((0, 0), (1, 0), (1, 1), (0, 1))
 
 
-def success_of(found: DetectionMap, path: str) -> Success:
+def success_of(found: DetectionMap, path: str) -> SearchSuccess:
     """The probability of success of a search, with a prior from a GeoTIFF.
 
     Parameters
@@ -73,7 +73,7 @@ def success_of(found: DetectionMap, path: str) -> Success:
     share = np.zeros(len(east))
     share[known] = values[row, column] * part
     share *= 1.0 / max(float(share.sum()), 1.0)
-    return Success(float(share.sum()), float(share @ found.probability[inside]))
+    return SearchSuccess(float(share.sum()), float(share @ found.probability[inside]))
 
 
 def _values(raster: Any, path: str) -> Floats:

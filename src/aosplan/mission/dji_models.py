@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Drone(NamedTuple):
+class DjiDrone(NamedTuple):
     """droneEnumValue and droneSubEnumValue, and the name of the built-in camera."""
 
     number: int
@@ -18,20 +18,20 @@ class Drone(NamedTuple):
 
 
 DRONES = {
-    "dji-m300": Drone(60, 0, None),
-    "dji-m350": Drone(89, 0, None),
-    "dji-m400": Drone(103, 0, None),
-    "dji-m30": Drone(67, 0, "dji-m30"),
-    "dji-m30t": Drone(67, 1, "dji-m30t"),
-    "dji-m3e": Drone(77, 0, "dji-m3e"),
-    "dji-m3t": Drone(77, 1, "dji-m3t"),
-    "dji-m3m": Drone(77, 2, "dji-m3m"),
-    "dji-m3d": Drone(91, 0, "dji-m3d"),
-    "dji-m3td": Drone(91, 1, "dji-m3td"),
-    "dji-m4e": Drone(99, 0, "dji-m4e"),
-    "dji-m4t": Drone(99, 1, "dji-m4t"),
-    "dji-m4d": Drone(100, 0, "dji-m4d"),
-    "dji-m4td": Drone(100, 1, "dji-m4td"),
+    "dji-m300": DjiDrone(60, 0, None),
+    "dji-m350": DjiDrone(89, 0, None),
+    "dji-m400": DjiDrone(103, 0, None),
+    "dji-m30": DjiDrone(67, 0, "dji-m30"),
+    "dji-m30t": DjiDrone(67, 1, "dji-m30t"),
+    "dji-m3e": DjiDrone(77, 0, "dji-m3e"),
+    "dji-m3t": DjiDrone(77, 1, "dji-m3t"),
+    "dji-m3m": DjiDrone(77, 2, "dji-m3m"),
+    "dji-m3d": DjiDrone(91, 0, "dji-m3d"),
+    "dji-m3td": DjiDrone(91, 1, "dji-m3td"),
+    "dji-m4e": DjiDrone(99, 0, "dji-m4e"),
+    "dji-m4t": DjiDrone(99, 1, "dji-m4t"),
+    "dji-m4d": DjiDrone(100, 0, "dji-m4d"),
+    "dji-m4td": DjiDrone(100, 1, "dji-m4td"),
 }
 """Drones that fly DJI WPML missions."""
 

@@ -324,7 +324,7 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
     return found
 
 
-class Share(NamedTuple):
+class FlightShare(NamedTuple):
     """Part of a mission that one flight takes: first and last waypoint, and transit heights."""
 
     first: int
@@ -333,7 +333,7 @@ class Share(NamedTuple):
     return_m: float | None = None
 
 
-def split(whole: Mission, shares: Sequence[Share]) -> tuple[Mission, ...]:
+def split(whole: Mission, shares: Sequence[FlightShare]) -> tuple[Mission, ...]:
     """Split a mission into one mission per flight."""
     return tuple(
         whole._replace(

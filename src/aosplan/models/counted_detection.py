@@ -29,7 +29,7 @@ from aosplan.models.seen_share import SeenShare
 from aosplan.scenes.integral_image import (
     TEXTURE,
     TEXTURE_LENGTH_M,
-    Canopy,
+    CanopyRadiance,
     gaussian_field,
     integrate_planes,
     planes_of_volume,
@@ -80,7 +80,7 @@ def count_detection(
     """
     contrast, *canopy = upright(signature)
     rng = np.random.default_rng(SEED)
-    planes = planes_of_volume(rng, volume, Canopy(*canopy), focal_height_m)
+    planes = planes_of_volume(rng, volume, CanopyRadiance(*canopy), focal_height_m)
     integral = integrate_planes(planes, sites_m, altitude_m, volume.size_m, parallel=True)
     shape = integral.seen.shape[0], integral.seen.shape[1]
     ground = TEXTURE * gaussian_field(rng, shape, integral.pitch_m[0], TEXTURE_LENGTH_M)

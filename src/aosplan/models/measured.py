@@ -41,7 +41,7 @@ from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
-from aosplan.scenes.occlusion import Occlusion, Tally, Window, joint_counts
+from aosplan.scenes.occlusion import HiddenCount, Occlusion, PlotWindow, joint_counts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -67,7 +67,7 @@ REALISED_VIEWS = 400
 """Views for the expected value over noise: flights times sites, but at least two flights."""
 
 
-class Flown(NamedTuple):
+class NoiseExpectation(NamedTuple):
     """Expected prediction over flights with position noise: number of flights and standard errors."""
 
     prediction: Prediction
@@ -188,7 +188,7 @@ class MeasuredModel:
         except RequestError:
             return None
 
-    def interior(self, positions_m: ArrayLike) -> Window | None:
+    def interior(self, positions_m: ArrayLike) -> PlotWindow | None:
         """Targets whose rays to the positions all stay on the plot; None if all targets count.
 
         Raises
@@ -211,7 +211,7 @@ class MeasuredModel:
             )
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
             return None
-        return Window(int(first[1]), int(first[0]), rows, columns)
+        return PlotWindow(int(first[1]), int(first[0]), rows, columns)
 
     def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Width of the margins, in targets, at both ends of x and y from which some ray leaves the
@@ -310,7 +310,7 @@ class MeasuredModel:
             missed = np.random.default_rng([NOISE_SEED, flight]).standard_normal(sites.shape)
             yield sites + self.hold_error_m * missed
 
-    def flown(self, pattern: Sites, baseline_m: float) -> Flown:
+    def flown(self, pattern: Sites, baseline_m: float) -> NoiseExpectation:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
         # In one call, because the views share most of the work.
@@ -329,7 +329,7 @@ class MeasuredModel:
             float(values.std(ddof=1)) / math.sqrt(len(found))
             for values in (density, expected, normalized)
         )
-        return Flown(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
+        return NoiseExpectation(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """The same as `predict`; there is no faster bound."""
@@ -381,8 +381,8 @@ class MeasuredModel:
         volume, altitude_m, focal_height_m = self._stand
         return CorrelogramModel(correlogram(volume, focal_height_m=focal_height_m), altitude_m)
 
-    def _predict(self, views: Iterable[Words], window: Window | None) -> Prediction:
-        tally = Tally(self.occlusion.words)
+    def _predict(self, views: Iterable[Words], window: PlotWindow | None) -> Prediction:
+        tally = HiddenCount(self.occlusion.words)
         inside = None if window is None else self.occlusion.mask_of(window)
         for mask in views:
             tally.add(mask if inside is None else mask & inside)
@@ -409,7 +409,7 @@ class MeasuredModel:
             if noisy
             else self.sites_m(pattern, baseline_m)
         )
-        tally = Tally(self.occlusion.words)
+        tally = HiddenCount(self.occlusion.words)
         for mask in self._views(at):
             tally.add(mask)
         hidden = np.zeros((self.occlusion.rows, self.occlusion.columns))

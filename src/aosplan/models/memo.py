@@ -17,7 +17,7 @@ MOST_KEPT = 4096
 """Largest number of predictions that one model stores."""
 
 
-class Remembering(Protocol):
+class StoredPredictions(Protocol):
     """A model that stores its predictions; its copies at other headings share them."""
 
     hold_error_m: float
@@ -29,7 +29,7 @@ class Remembering(Protocol):
     _predictions: Known
 
 
-Model = TypeVar("Model", bound=Remembering)
+Model = TypeVar("Model", bound=StoredPredictions)
 
 
 def remembered(

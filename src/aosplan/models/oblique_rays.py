@@ -67,7 +67,7 @@ def hidden_shares(
     return hidden
 
 
-class Bundle(NamedTuple):
+class RayBundle(NamedTuple):
     """The rays from a target to all sites of a pattern, on the pattern's lattice.
 
     `lengths` and `transparency` have shape (rows, columns); the transparency is 0 where the
@@ -147,7 +147,7 @@ def predict_scattered(
 
 def bundle(
     pattern: Pattern, baseline_m: float, altitude_m: float, kind: str, log_transparency: float
-) -> Bundle:
+) -> RayBundle:
     """The rays of a pattern flown at a baseline.
 
     Parameters
@@ -165,4 +165,4 @@ def bundle(
     there = np.ones(lengths.shape)
     there[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = 0.0
     hidden = float((there * -np.expm1(lengths * log_transparency)).sum()) / pattern.samples
-    return Bundle(lengths, there * np.exp(lengths * log_transparency), hidden, pattern.samples)
+    return RayBundle(lengths, there * np.exp(lengths * log_transparency), hidden, pattern.samples)

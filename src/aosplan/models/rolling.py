@@ -19,7 +19,7 @@ SPEEDS_MPS = (1.0, 2.0, 5.0, 10.0, 15.0)
 """Speeds for which an integral is predicted, in addition to the speed of the plan."""
 
 
-class Integral(NamedTuple):
+class LineIntegral(NamedTuple):
     """The integral of N consecutive photos on a line: spacing, length and prediction."""
 
     samples: int
@@ -39,8 +39,8 @@ class Continuous(NamedTuple):
     the camera's shortest interval is not known.
     """
 
-    by_samples: tuple[Integral, ...]
-    by_speed: tuple[Integral, ...]
+    by_samples: tuple[LineIntegral, ...]
+    by_speed: tuple[LineIntegral, ...]
     fastest_mps: float | None
 
     def document(self) -> dict[str, Any]:
@@ -77,11 +77,11 @@ def continuous_of(
         Number of photos on the whole line; longer integrals are left out.
     """
 
-    def integral(count: int, speed: float) -> Integral:
+    def integral(count: int, speed: float) -> LineIntegral:
         interval = max(baseline_m / speed, shortest_interval_s or 0.0)
         spacing = interval * speed
         predicted = model.predict(Pattern(1, count), spacing)
-        return Integral(
+        return LineIntegral(
             samples=count,
             spacing_m=spacing,
             length_m=(count - 1) * spacing,
@@ -92,7 +92,7 @@ def continuous_of(
             normalized=predicted.normalized,
         )
 
-    def told(integrals: Iterator[Integral]) -> tuple[Integral, ...]:
+    def told(integrals: Iterator[LineIntegral]) -> tuple[LineIntegral, ...]:
         widest = model.widest_aperture_m * (1.0 + 1e-9)
         return tuple(found for found in integrals if found.length_m <= widest)
 

@@ -81,7 +81,7 @@ OMITTED = (
 OMITTED_BY_STATISTICS = "the error of the model: occluders are taken as independent"
 
 
-class Part(NamedTuple):
+class ErrorPart(NamedTuple):
     """One contribution to standard errors; `normalized` is None if V̂ is not defined.
 
     `source` is ``plot``, ``opacity``, ``clumps`` or ``edges``.
@@ -104,7 +104,7 @@ class Uncertainty(NamedTuple):
     expected: float
     normalized: float | None
     method: str
-    parts: tuple[Part, ...] = ()
+    parts: tuple[ErrorPart, ...] = ()
     omits: tuple[str, ...] = OMITTED
 
     def document(self) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
 
 
 def _of_plot(density: float, expected: float, normalized: float | None, method: str) -> Uncertainty:
-    part = Part("plot", density, expected, normalized)
+    part = ErrorPart("plot", density, expected, normalized)
     return Uncertainty(*part[1:], method, (part,))
 
 
@@ -198,7 +198,7 @@ def with_doubt(
     """
     return with_part(
         errors,
-        Part(
+        ErrorPart(
             source,
             share * abs(one.density - other.density),
             share * abs(one.expected - other.expected),
@@ -207,7 +207,7 @@ def with_doubt(
     )
 
 
-def with_part(errors: Uncertainty, part: Part) -> Uncertainty:
+def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
     """Add an independent part to standard errors; if V̂ was not defined, it remains so."""
     normalized = errors.normalized
     if normalized is None:
@@ -223,10 +223,10 @@ def with_part(errors: Uncertainty, part: Part) -> Uncertainty:
     )
 
 
-def of_clumps(pulses_per_m2: float) -> Part:
+def of_clumps(pulses_per_m2: float) -> ErrorPart:
     """The part of the clumps that pulses of a given density do not resolve."""
     errors = next(errors for most, errors in CLUMPS if pulses_per_m2 < most)
-    return Part("clumps", *errors)
+    return ErrorPart("clumps", *errors)
 
 
 def _standard_error(influence: Floats, cell: int) -> float:

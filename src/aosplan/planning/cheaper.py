@@ -50,7 +50,7 @@ def cheaper_way(
     """
     if request.area is None or loaded.kind == "cloud":
         return None
-    from aosplan.planning.within import Search
+    from aosplan.planning.within import WithinSearch
 
     opened = replace(
         request, within=LONGEST_MIN, optimize="time", grid="best", trigger="best", lanes=None,
@@ -59,7 +59,7 @@ def cheaper_way(
         photo_interval=request.photo_interval or 2.0,
     )  # fmt: skip
     try:
-        search = Search(opened, folder, lambda _: loaded)
+        search = WithinSearch(opened, folder, lambda _: loaded)
         found = search.best(min(60.0 * LONGEST_MIN, CHEAPER * time_s), TRIES)
     except (InfeasibleError, RequestError):
         return None

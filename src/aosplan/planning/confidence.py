@@ -11,7 +11,7 @@ from aosplan.planning.solved_plan import Memo, problem_of
 from aosplan.scenes.scene import LayeredScene
 
 if TYPE_CHECKING:
-    from aosplan.models.measured import Flown, MeasuredModel
+    from aosplan.models.measured import MeasuredModel, NoiseExpectation
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.resolve import PlanInputs
     from aosplan.planning.sensitivity import Change
@@ -38,7 +38,7 @@ class Confidence(NamedTuple):
 
     uncertainty: Uncertainty | None = None
     uncertainty_reason: str = ""
-    flown: Flown | None = None
+    flown: NoiseExpectation | None = None
     sensitivity: tuple[Change, ...] = ()
 
 
@@ -62,7 +62,7 @@ def confidence_of(solved: SolvedPlan) -> Confidence:
 
 def _measured(
     problem: Problem, solution: Solution, edges: str
-) -> tuple[Uncertainty | str, Flown | None]:
+) -> tuple[Uncertainty | str, NoiseExpectation | None]:
     from aosplan.models.measured import MeasuredModel
     from aosplan.models.uncertainty import UNIFORM, of_apertures, of_targets, with_doubt
 

@@ -11,7 +11,7 @@ from aosplan.models.model import prediction_document
 
 if TYPE_CHECKING:
     from aosplan.mission.mission import Waypoints
-    from aosplan.models.measured import Flown
+    from aosplan.models.measured import NoiseExpectation
     from aosplan.planning.plan_data import PlanData
     from aosplan.scenes.scene import Scene
 
@@ -126,7 +126,7 @@ def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
     ]
 
 
-def _noise_document(flown: Flown) -> dict[str, float]:
+def _noise_document(flown: NoiseExpectation) -> dict[str, float]:
     """The expectation over position noise: how many flights were drawn, and its errors."""
     values = flown._asdict()
     del values["prediction"]

@@ -20,7 +20,7 @@ BOTH_WAYS = ((1.0, 0.0), (-1.0, 0.0))
 """Courses of lines, in the axes along the heading and across it."""
 
 
-class Lattice(NamedTuple):
+class FlownLines(NamedTuple):
     """What is flown: sites on lines along the heading.
 
     Attributes
@@ -41,7 +41,7 @@ class Lattice(NamedTuple):
 
 def least_time_s(
     flight: FlightInputs,
-    lattice: Lattice,
+    lattice: FlownLines,
     *,
     heading_deg: float,
     altitude_m: float,
@@ -87,7 +87,7 @@ def least_time_s(
     return work_s - (flights - 1) * turn_s + flights * ways_s
 
 
-def _work_s(timing: Timing, lattice: Lattice) -> tuple[float, float]:
+def _work_s(timing: Timing, lattice: FlownLines) -> tuple[float, float]:
     """Time from the first waypoint to the last, and of one way between lines."""
     sites, lines, (x_m, y_m), _ = lattice
     if not timing.fly_through:

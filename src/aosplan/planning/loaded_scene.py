@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
     from aosplan.scenes.correlogram import Correlogram
     from aosplan.scenes.files.crop import Crop
-    from aosplan.scenes.files.voxel_file import Stand
+    from aosplan.scenes.files.voxel_file import VoxelStand
     from aosplan.scenes.voxels import VoxelVolume
 
     Progress = Callable[[int, int], None]
@@ -274,7 +274,7 @@ def _cloud(
 
 def _raster(request: PlanRequest, name: str) -> LoadedScene:
     from aosplan.scenes.files.canopy_raster import CROWN_BASE, read_canopy
-    from aosplan.scenes.files.voxel_file import Stand
+    from aosplan.scenes.files.voxel_file import VoxelStand
 
     _check_unread(request, ("ground", "crop", *OPACITY))
     reading = {
@@ -288,7 +288,7 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
         crown_base=reading["crown_base"],
         units=request.units,
     )
-    loaded = _of_stand(Stand.of(volume), os.path.basename(name), request)
+    loaded = _of_stand(VoxelStand.of(volume), os.path.basename(name), request)
     return replace(loaded, reading=reading | {"voxel": volume.voxel_m})
 
 
@@ -298,7 +298,7 @@ def _min_height_m(request: PlanRequest) -> float:
     return float(DEFAULTS["min_height"] if given is None else given)
 
 
-def _of_stand(stand: Stand, name: str, request: PlanRequest) -> LoadedScene:
+def _of_stand(stand: VoxelStand, name: str, request: PlanRequest) -> LoadedScene:
     scene = stand.scene(name)
     if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)

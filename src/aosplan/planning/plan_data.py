@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from aosplan.messages import Limit, Message
     from aosplan.models.detection import Detection
     from aosplan.models.ground_visibility import GroundVisibility
-    from aosplan.models.measured import Flown
+    from aosplan.models.measured import NoiseExpectation
     from aosplan.models.uncertainty import Uncertainty
     from aosplan.planning.confidence import Confidence
     from aosplan.planning.request import PlanRequest
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from aosplan.planning.route import Route
     from aosplan.planning.sensitivity import Change
     from aosplan.planning.sites import Layout
-    from aosplan.planning.within_answer import Answer
+    from aosplan.planning.within_answer import WithinResult
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
     from aosplan.solver.problem import GridKind, Problem, Requirement
@@ -71,7 +71,7 @@ class PlanData:
     layout: Layout
     confidence: Confidence
     detection: Detection | None = None
-    within: Answer | None = None
+    within: WithinResult | None = None
     ground: GroundVisibility | None = None
     notices: tuple[Message, ...] = ()
     warnings: tuple[Message, ...] = ()
@@ -162,7 +162,7 @@ class PlanData:
         return self.confidence.uncertainty_reason
 
     @property
-    def flown(self) -> Flown | None:
+    def flown(self) -> NoiseExpectation | None:
         """The expectation over position noise of the measured model, or None."""
         return self.confidence.flown
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.mission.mission import Mission, Share, split
+from aosplan.mission.mission import FlightShare, Mission, split
 from aosplan.planning.plan_data import PlanData
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from aosplan.solver.tradeoff import Row
+    from aosplan.solver.tradeoff import TradeoffRow
 
 
 class Plan(PlanData):
@@ -26,7 +26,7 @@ class Plan(PlanData):
 
         return plan_document(self)
 
-    def tradeoff(self) -> list[Row]:
+    def tradeoff(self) -> list[TradeoffRow]:
         """What each number of samples takes and gives, for every kind of grid asked for.
 
         Raises
@@ -48,7 +48,7 @@ class Plan(PlanData):
         problems = [self.problem._replace(grid=kind) for kind in self.inputs.grids]
         return tradeoff(problems, self.problem, self.solution)
 
-    def tradeoff_document(self, rows: Sequence[Row]) -> dict[str, Any]:
+    def tradeoff_document(self, rows: Sequence[TradeoffRow]) -> dict[str, Any]:
         """Rows of `tradeoff` as plain values: what ``tradeoff --json`` prints.
 
         If the plan looks for something, rows have the probability of detection; None for rows for
@@ -83,7 +83,7 @@ class Plan(PlanData):
         return split(
             self.mission(),
             [
-                Share(flight.first, flight.last, flight.climb_m, flight.return_m)
+                FlightShare(flight.first, flight.last, flight.climb_m, flight.return_m)
                 for flight in self.route.flights
             ],
         )

@@ -12,9 +12,16 @@ from contextlib import nullcontext
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
-from aosplan.flight.batteries import Flight, Home, flights_of
+from aosplan.flight.batteries import Flight, TakeoffPoint, flights_of
 from aosplan.flight.kinematics import Timing, steady, wind_mps
-from aosplan.flight.photo_trigger import Bound, Ground, Sites, blur_speed_mps, ruling, with_turns
+from aosplan.flight.photo_trigger import (
+    Ground,
+    Sites,
+    SpeedBound,
+    blur_speed_mps,
+    ruling,
+    with_turns,
+)
 from aosplan.flight.track import Track
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.messages import Limit
@@ -84,7 +91,7 @@ class FlightInputs(NamedTuple):
 
     trigger: str
     speed_mps: float
-    speed_bounds: tuple[Bound, ...]
+    speed_bounds: tuple[SpeedBound, ...]
     transit_mps: float
     acceleration_mps2: float
     climb_mps: float
@@ -107,7 +114,7 @@ class FlightInputs(NamedTuple):
     drone: DronePreset | None
 
     @property
-    def bound(self) -> Bound | None:
+    def bound(self) -> SpeedBound | None:
         """What bounds the speed before the baseline is known."""
         return ruling(self.speed_mps, self.speed_bounds)
 
@@ -139,7 +146,7 @@ class FlightInputs(NamedTuple):
 
 def speed_bounds(
     drone: DronePreset | None, blur: tuple[float, float] | None, gsd_m: float
-) -> tuple[Bound, ...]:
+) -> tuple[SpeedBound, ...]:
     """What bounds the speed whatever the baseline: the drone, and motion blur.
 
     Motion blur [px] and exposure time [s] are given if photos are taken in passing.
@@ -147,13 +154,13 @@ def speed_bounds(
     bounds = []
     if drone is not None:
         text = f"the largest speed of the {drone.title} flies in missions"
-        bounds.append(Bound(drone.airspeed_mps, text))
+        bounds.append(SpeedBound(drone.airspeed_mps, text))
     if blur is not None:
         text = (
             f"the ground moves {blur[0]:g} px during --exposure-time {blur[1]:g} s, as much as "
             "--max-blur allows"
         )
-        bounds.append(Bound(blur_speed_mps(gsd_m, *blur), text))
+        bounds.append(SpeedBound(blur_speed_mps(gsd_m, *blur), text))
     return tuple(bounds)
 
 
@@ -171,9 +178,9 @@ def flown(
     text = (
         f"the camera takes a photo each {timing.interval_s:g} s at most, {baseline_m:.4g} m apart"
     )
-    bounds.append(Bound(spaced.speed_mps, text))
+    bounds.append(SpeedBound(spaced.speed_mps, text))
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
-    bounds.append(Bound(blown.speed_mps, "the wind limits the speed over ground"))
+    bounds.append(SpeedBound(blown.speed_mps, "the wind limits the speed over ground"))
     bound, limit = ruling(asked, bounds), None
     if blown.run_in_m > LONGEST_RUN_IN_M:
         raise RequestError(
@@ -305,10 +312,10 @@ def _takeoff(
     ground: Ground,
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
-) -> Home:
+) -> TakeoffPoint:
     """The take-off, or the ground below the first waypoint of the whole plan."""
     if flight.takeoff is None:
-        return Home(ground.sites.east_m[0], ground.sites.north_m[0], ground.heights_m[0])
+        return TakeoffPoint(ground.sites.east_m[0], ground.sites.north_m[0], ground.heights_m[0])
     assert origin is not None  # the request has checked that a take-off has a place
     latitude, longitude = flight.takeoff
     (east,), (north,) = to_local(origin, [latitude], [longitude])
@@ -318,10 +325,10 @@ def _takeoff(
             "from the --origin"
         )
     if terrain is None:
-        return Home(east, north, 0.0)
+        return TakeoffPoint(east, north, 0.0)
     from aosplan.flight.terrain import heights_at
 
-    return Home(east, north, float(heights_at(terrain, origin, [east], [north])[0]))
+    return TakeoffPoint(east, north, float(heights_at(terrain, origin, [east], [north])[0]))
 
 
 def _photos_before(sites: Sites, waypoint: int) -> int:
@@ -337,11 +344,11 @@ def _photos_before(sites: Sites, waypoint: int) -> int:
 
 def _safe_ways(
     track: Track,
-    takeoff: Home,
+    takeoff: TakeoffPoint,
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
     least_m: float,
-) -> tuple[Home, list[float]]:
+) -> tuple[TakeoffPoint, list[float]]:
     """The take-off with the heights of the ways to each waypoint, and the lowest ground below each.
 
     A way is flown on the level of its waypoint, or `least_m` above the highest ground on it, and
@@ -365,7 +372,9 @@ def _safe_ways(
     return takeoff._replace(ways_up_m=ways, returns_up_m=returns), lowest
 
 
-def _highest_way_m(flights: Sequence[Flight], takeoff: Home, lowest: Sequence[float]) -> float:
+def _highest_way_m(
+    flights: Sequence[Flight], takeoff: TakeoffPoint, lowest: Sequence[float]
+) -> float:
     """Greatest height above ground on the ways from the take-off to the flights and back."""
     return takeoff.up_m + max(
         max(flight.climb_m - lowest[flight.first], flight.return_m - lowest[flight.last])

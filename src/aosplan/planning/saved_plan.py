@@ -6,7 +6,7 @@ from typing import Any
 
 from aosplan.errors import RequestError
 from aosplan.files import read_table
-from aosplan.mission.mission import FlightSettings, Mission, Share, Waypoint, Waypoints, split
+from aosplan.mission.mission import FlightSettings, FlightShare, Mission, Waypoint, Waypoints, split
 from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
@@ -31,7 +31,10 @@ def read_missions(path: str) -> tuple[Mission, ...]:
         raise RequestError(f"'{path}': the flights do not take each waypoint once, in order")
     return split(
         whole,
-        [Share(flight.first, flight.last, flight.climb_m, flight.return_m) for flight in flights],
+        [
+            FlightShare(flight.first, flight.last, flight.climb_m, flight.return_m)
+            for flight in flights
+        ],
     )
 
 

@@ -42,8 +42,8 @@ def scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> by
         return scene_toml(loaded.scene, table)
     if loaded.volume is None:
         raise RequestError(f"--save '{path}': this scene has no voxels", "save it as .toml")
-    from aosplan.scenes.files.voxel_file import Stand, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
     from aosplan.scenes.scene import LayeredScene
 
     assert isinstance(loaded.scene, LayeredScene)  # voxels have layers
-    return stand_npz(Stand(loaded.volume, loaded.scene.layers, table))
+    return stand_npz(VoxelStand(loaded.volume, loaded.scene.layers, table))

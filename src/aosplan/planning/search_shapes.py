@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.grid.patterns import Pattern
 from aosplan.models.model import Prediction
-from aosplan.planning.least_time import Lattice, least_time_s
+from aosplan.planning.least_time import FlownLines, least_time_s
 from aosplan.planning.resolve import resolve_inputs
 from aosplan.planning.sites import layout_of, route_of, ways_in_zones
 from aosplan.planning.solved_plan import SolvedPlan
@@ -68,7 +68,7 @@ class Way(NamedTuple):
         return self.inputs.altitude_m
 
 
-class Candidate(NamedTuple):
+class FlownShape(NamedTuple):
     """A shape, the way in which it takes the least time, and that time."""
 
     shape: Shape
@@ -76,10 +76,10 @@ class Candidate(NamedTuple):
     least_s: float
 
 
-class Timed(NamedTuple):
+class TimedFlight(NamedTuple):
     """A candidate that was laid out: photos, flights, and their time from take-off to landing."""
 
-    candidate: Candidate
+    candidate: FlownShape
     sites: int
     flights: int
     time_s: float
@@ -182,14 +182,14 @@ def shape_time_s(shape: Shape, way: Way) -> float:
     if way.extent is not None:
         from aosplan.areas.extent import least_lattice
 
-        lattice = Lattice(*least_lattice(way.extent, shape.rows, shape.columns, (x, y)), (x, y))
+        lattice = FlownLines(*least_lattice(way.extent, shape.rows, shape.columns, (x, y)), (x, y))
     else:
         run_m = 0.0
         if flight.trigger == "distance":
             run_m = flight.timing(way.heading_deg).at(x).run_in_m
         back = (shape.columns - 1) * x + 2.0 * run_m if shape.rows % 2 else 0.0
         level_m = math.hypot(back, (shape.rows - 1) * y)
-        lattice = Lattice(shape.samples, shape.rows, (x, y), level_m)
+        lattice = FlownLines(shape.samples, shape.rows, (x, y), level_m)
     try:
         return least_time_s(
             flight,
@@ -202,7 +202,7 @@ def shape_time_s(shape: Shape, way: Way) -> float:
         return math.inf
 
 
-def lay_out(candidate: Candidate) -> Timed | None:
+def lay_out(candidate: FlownShape) -> TimedFlight | None:
     """The flight of a candidate with its route; None if it cannot be flown."""
     shape, way = candidate.shape, candidate.way
     baseline_m = shape.along * way.altitude_m
@@ -217,7 +217,7 @@ def lay_out(candidate: Candidate) -> Timed | None:
         list(ways_in_zones(inputs, route))
     except (InfeasibleError, RequestError):
         return None
-    return Timed(candidate, sum(layout.sites.photo), len(route.flights), route.total_time_s)
+    return TimedFlight(candidate, sum(layout.sites.photo), len(route.flights), route.total_time_s)
 
 
 def near_shares(

@@ -19,9 +19,9 @@ from aosplan.errors import InfeasibleError
 from aosplan.models.model import Prediction
 from aosplan.planning.option_relations import BEST
 from aosplan.planning.search_shapes import (
-    Candidate,
+    FlownShape,
     Shape,
-    Timed,
+    TimedFlight,
     last_number,
     lay_out,
     near_shares,
@@ -32,8 +32,8 @@ from aosplan.planning.shape_space import MOST_ROWS, ShapeSpace
 from aosplan.planning.solved_plan import Memo, problem_of
 from aosplan.planning.within_answer import (
     PHOTO_INTERVAL_S,
-    Answer,
-    Row,
+    WithinResult,
+    WithinRow,
     interval_assumed,
     samples_bounded,
 )
@@ -87,7 +87,7 @@ CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
 
 def choose(
     request: PlanRequest, *, folder: str = "", load: Callable[[PlanRequest], LoadedScene]
-) -> tuple[PlanRequest, Answer]:
+) -> tuple[PlanRequest, WithinResult]:
     """Choose what a request leaves open, within its time.
 
     Parameters
@@ -116,20 +116,22 @@ def choose(
     if request.trigger != "stop" and request.photo_interval is None:
         request = replace(request, photo_interval=PHOTO_INTERVAL_S)
         assumed = (interval_assumed(),)
-    search = Search(request, folder, load)
+    search = WithinSearch(request, folder, load)
     longest_s = search.enough_s() if request.within is None else 60.0 * request.within
     chosen = search.best(longest_s)
     if chosen is None:
         raise search.refusal(longest_s)
     best = {0.5: search.best(0.5 * longest_s), 1.0: chosen, 2.0: search.best(2.0 * longest_s)}
     rows = tuple(
-        Row(part * longest_s / 60.0, None) if timed is None else search.row(part * longest_s, timed)
+        WithinRow(part * longest_s / 60.0, None)
+        if timed is None
+        else search.row(part * longest_s, timed)
         for part, timed in best.items()
     )
     curve = tuple(search.point(part * longest_s, best.get(part)) for part in CURVE)
     if search.most_samples <= chosen.candidate.shape.samples + MOST_ROWS:
         assumed = (*assumed, samples_bounded(search.most_samples))
-    answer = Answer(
+    answer = WithinResult(
         asked,
         longest_s / 60.0,
         rows,
@@ -141,7 +143,7 @@ def choose(
     return search.request_of(chosen.candidate), answer
 
 
-class Search:
+class WithinSearch:
     """Shapes, ways and what is known of them."""
 
     def __init__(
@@ -149,8 +151,8 @@ class Search:
     ) -> None:
         self.request = request
         self.scores: dict[Shape, float] = {}
-        self.timed: dict[tuple[Shape, int], Timed | None] = {}
-        self._least: dict[Shape, Candidate] = {}
+        self.timed: dict[tuple[Shape, int], TimedFlight | None] = {}
+        self._least: dict[Shape, FlownShape] = {}
         self._counted: dict[Shape, float] = {}
         self.most_samples = request.max_samples or MOST_SAMPLES
         self.ways = tuple(ways_of(request, folder, load))
@@ -215,7 +217,7 @@ class Search:
             return -max(sides) * self.altitude_m
         return -self.least(shape).least_s
 
-    def counted(self, timed: Timed) -> float:
+    def counted(self, timed: TimedFlight) -> float:
         """The score of a flight, counted in voxels where the model does."""
         shape = timed.candidate.shape
         if self.request.optimize != "detection" or self.inputs.model != "measured":
@@ -224,7 +226,7 @@ class Search:
             self._counted[shape] = self._probability(timed.candidate)
         return self._counted[shape]
 
-    def _probability(self, candidate: Candidate) -> float:
+    def _probability(self, candidate: FlownShape) -> float:
         from aosplan.planning.detection import detection_of
 
         way, shape = candidate.way, candidate.shape
@@ -233,22 +235,22 @@ class Search:
 
     # What it takes
 
-    def least(self, shape: Shape) -> Candidate:
+    def least(self, shape: Shape) -> FlownShape:
         """The way in which a shape takes the least time."""
         if shape not in self._least:
             timed = ((shape_time_s(shape, way), place) for place, way in enumerate(self.ways))
             least_s, place = min(timed)
-            self._least[shape] = Candidate(shape, self.ways[place], least_s)
+            self._least[shape] = FlownShape(shape, self.ways[place], least_s)
         return self._least[shape]
 
-    def time(self, candidate: Candidate) -> Timed | None:
+    def time(self, candidate: FlownShape) -> TimedFlight | None:
         """The flight of a candidate, laid out; None if it cannot be flown."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
             self.timed[key] = lay_out(candidate)
         return self.timed[key]
 
-    def _least_known_s(self, candidate: Candidate) -> float:
+    def _least_known_s(self, candidate: FlownShape) -> float:
         """The time of a candidate: as it was laid out, or else the least."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
@@ -258,7 +260,7 @@ class Search:
 
     # The search
 
-    def best(self, longest_s: float, tries: int = LAID_OUT) -> Timed | None:
+    def best(self, longest_s: float, tries: int = LAID_OUT) -> TimedFlight | None:
         """The best flight that takes no longer, laid out; None if none of the tries of a round is."""
         allowed_s = longest_s
         for _ in range(ROUNDS):
@@ -266,7 +268,7 @@ class Search:
             candidates = [each for each in candidates if self.score(each.shape) > -math.inf]
             candidates.sort(key=lambda each: (-self.score(each.shape), each.least_s, each.shape))
             over = []
-            found: list[Timed] = []
+            found: list[TimedFlight] = []
             for candidate in candidates[:tries]:
                 timed = self.time(candidate)
                 if timed is not None and timed.time_s <= longest_s:
@@ -287,7 +289,7 @@ class Search:
         counts = self.request.optimize == "detection" and self.inputs.model == "measured"
         return COUNTED if counts else 1
 
-    def _preferred(self, candidates: list[Candidate], found: list[Timed]) -> Timed:
+    def _preferred(self, candidates: list[FlownShape], found: list[TimedFlight]) -> TimedFlight:
         """The best of some flights, or a quicker one that is nearly as good."""
         best = max(found, key=self.counted)
         if self._wanted > 1:
@@ -302,7 +304,7 @@ class Search:
         timed = [self.time(each) for each in near[:QUICKER]]
         return min([best, *(each for each in timed if each)], key=lambda each: each.time_s)
 
-    def _polished(self, best: Timed, longest_s: float) -> Timed:
+    def _polished(self, best: TimedFlight, longest_s: float) -> TimedFlight:
         """The best that is found from a flight by small steps, each of them to a better one."""
         if self._wanted > 1:
             return best
@@ -396,7 +398,7 @@ class Search:
 
     # What is told of it
 
-    def request_of(self, candidate: Candidate) -> PlanRequest:
+    def request_of(self, candidate: FlownShape) -> PlanRequest:
         """The request that flies a candidate, with nothing left open."""
         shape, way = candidate.shape, candidate.way
         values: dict[str, Any] = {"max_blur": None, "exposure_time": None}
@@ -421,11 +423,11 @@ class Search:
             **values,
         )
 
-    def row(self, longest_s: float, timed: Timed) -> Row:
+    def row(self, longest_s: float, timed: TimedFlight) -> WithinRow:
         """What is told of the best within a time."""
-        return Row(longest_s / 60.0, timed, self.counted(timed))
+        return WithinRow(longest_s / 60.0, timed, self.counted(timed))
 
-    def point(self, longest_s: float, timed: Timed | None) -> tuple[float, float] | None:
+    def point(self, longest_s: float, timed: TimedFlight | None) -> tuple[float, float] | None:
         """Time [s] and objective of the best within a time, laid out or expected; None for none."""
         if timed is not None:
             return timed.time_s, self.counted(timed)

@@ -9,13 +9,13 @@ from aosplan.planning.option_relations import BEST
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
-    from aosplan.planning.search_shapes import Timed
+    from aosplan.planning.search_shapes import TimedFlight
 
 PHOTO_INTERVAL_S = 2.0
 """Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
 
 
-class Row(NamedTuple):
+class WithinRow(NamedTuple):
     """The best within a time.
 
     Attributes
@@ -29,7 +29,7 @@ class Row(NamedTuple):
     """
 
     minutes: float
-    timed: Timed | None
+    timed: TimedFlight | None
     value: float | None = None
 
     def document(self, objective: str) -> dict[str, Any]:
@@ -54,7 +54,7 @@ class Row(NamedTuple):
         }
 
 
-class Answer(NamedTuple):
+class WithinResult(NamedTuple):
     """What a search within a time has found.
 
     Attributes
@@ -75,7 +75,7 @@ class Answer(NamedTuple):
 
     asked: PlanRequest
     minutes: float
-    rows: tuple[Row, ...]
+    rows: tuple[WithinRow, ...]
     curve: tuple[tuple[float, float], ...]
     predicted: int
     laid_out: int

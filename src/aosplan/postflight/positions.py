@@ -89,7 +89,7 @@ def local_m(
     return east, north
 
 
-def places_of(table: Table) -> list[Place]:
+def places_of(table: PositionTable) -> list[Place]:
     """Latitudes, longitudes and altitudes from the columns of a table."""
     return [_place(where, *values) for where, values in table.columns(PLACE_NAMES, ALTITUDES)]
 
@@ -355,7 +355,7 @@ def read_positions(path: str) -> list[tuple[float, float]]:
     return points
 
 
-class Table(NamedTuple):
+class PositionTable(NamedTuple):
     """A CSV file: the names of its columns, and its rows, each with its place in the file.
 
     Rows whose column ``photo`` is false are left out.
@@ -399,7 +399,7 @@ class Table(NamedTuple):
         return [name.strip().lower() for name in self.header]
 
 
-def read_csv(path: str) -> Table:
+def read_csv(path: str) -> PositionTable:
     """Read a CSV file with a header.
 
     Raises
@@ -424,7 +424,7 @@ def read_csv(path: str) -> Table:
                 rows.append((where, row))
     except csv.Error as error:
         raise RequestError(f"'{path}', line {reader.line_num}: {error}") from None
-    return Table(path, header, _photographed(names, rows))
+    return PositionTable(path, header, _photographed(names, rows))
 
 
 def _photographed(
@@ -465,7 +465,7 @@ def _moved(row: list[str], columns: list[int], place: Place) -> list[str]:
     return moved
 
 
-def positions_of(table: Table) -> list[tuple[float, float]]:
+def positions_of(table: PositionTable) -> list[tuple[float, float]]:
     """Positions [m] from the columns of a table."""
     return [_position(where, *values) for where, values in table.columns(NAMES_M)]
 

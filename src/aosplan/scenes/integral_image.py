@@ -41,14 +41,14 @@ SPREAD = (0.7548776662466927, 0.5698402909980532)
 """Steps of the sub-pixel offset between photos: they sample a pixel evenly (Roberts' R2 sequence)."""
 
 
-class Canopy(NamedTuple):
+class CanopyRadiance(NamedTuple):
     """Radiance of occluders: mean M above that of the ground, and variance share common to crowns."""
 
     offset: float
     crown_share: float
 
 
-class Plane(NamedTuple):
+class OccluderPlane(NamedTuple):
     """Occluders at one height: square cells with their radiance, ``nan`` for empty cells."""
 
     height_m: float
@@ -57,7 +57,7 @@ class Plane(NamedTuple):
     radiance: Image
 
 
-class Integral(NamedTuple):
+class CanopyIntegral(NamedTuple):
     """An integral without ground: the share of photos that see each pixel, and the canopy's part.
 
     The integral over ground with radiance g is `canopy` + `seen` g.  Pixels are `pitch_m` wide
@@ -70,8 +70,8 @@ class Integral(NamedTuple):
 
 
 def planes_of_layers(
-    rng: np.random.Generator, layers: Sequence[Layer], size_m: float, canopy: Canopy
-) -> list[Plane]:
+    rng: np.random.Generator, layers: Sequence[Layer], size_m: float, canopy: CanopyRadiance
+) -> list[OccluderPlane]:
     """Planes of independent slices, each at its middle height, over a square centred at the origin."""
     crowns = _crowns(rng, size_m)
     planes = []
@@ -85,8 +85,11 @@ def planes_of_layers(
 
 
 def planes_of_volume(
-    rng: np.random.Generator, volume: VoxelVolume, canopy: Canopy, focal_height_m: float = 0.0
-) -> list[Plane]:
+    rng: np.random.Generator,
+    volume: VoxelVolume,
+    canopy: CanopyRadiance,
+    focal_height_m: float = 0.0,
+) -> list[OccluderPlane]:
     """Planes of a stand's voxels: bottom and top of each slice of cubes, middle of each slice of
     plates.
 
@@ -120,8 +123,8 @@ def _plane(
     hidden: NDArray[np.bool_],
     crowns: Image,
     size_m: float,
-    canopy: Canopy,
-) -> Plane:
+    canopy: CanopyRadiance,
+) -> OccluderPlane:
     y, x = (
         ((start + (np.arange(count) + 0.5) * cell_m + 0.5 * size_m) * len(crowns) / size_m).astype(
             np.intp
@@ -133,7 +136,7 @@ def _plane(
     radiance = canopy.offset + math.sqrt(1.0 - canopy.crown_share) * own
     radiance += math.sqrt(canopy.crown_share) * crowns[y[:, None], x]
     radiance[~hidden] = np.nan
-    return Plane(height_m, cell_m, (float(origin[0]), float(origin[1])), radiance)
+    return OccluderPlane(height_m, cell_m, (float(origin[0]), float(origin[1])), radiance)
 
 
 def _crowns(rng: np.random.Generator, size_m: float) -> Image:
@@ -157,13 +160,13 @@ def gaussian_field(
 
 
 def integrate_planes(
-    planes: Sequence[Plane],
+    planes: Sequence[OccluderPlane],
     sites_m: Floats,
     altitude_m: float,
     size_m: tuple[float, float],
     *,
     parallel: bool = False,
-) -> Integral:
+) -> CanopyIntegral:
     """The integral over a rectangle of ground that is centred at the mean of the sites.
 
     Parameters
@@ -209,4 +212,4 @@ def integrate_planes(
         clear = np.isnan(photo)
         seen += clear
         canopy += np.where(clear, np.float32(0.0), photo)
-    return Integral(seen / len(sites_m), canopy / len(sites_m), (steps[0], steps[1]))
+    return CanopyIntegral(seen / len(sites_m), canopy / len(sites_m), (steps[0], steps[1]))

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 ViewKind = Literal["telecentric", "perspective"]
 
 
-class Window(NamedTuple):
+class PlotWindow(NamedTuple):
     """A rectangle of a plot's targets: first row, first column, number of rows and of columns."""
 
     row: int
@@ -140,7 +140,7 @@ class Occlusion:
         view: ViewKind = "telecentric",
         targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
-        window: Window | None = None,
+        window: PlotWindow | None = None,
     ) -> None:
         if targets_per_voxel is None:
             targets_per_voxel = volume.targets_per_voxel
@@ -173,7 +173,7 @@ class Occlusion:
         self._pitch_m = volume.voxel_m / self._per_voxel
         _, rows, columns = volume.occupied.shape
         self._plot = int(rows * self._per_voxel), int(columns * self._per_voxel)
-        self._window = window or Window(0, 0, *self._plot)
+        self._window = window or PlotWindow(0, 0, *self._plot)
         self.rows, self.columns = self._window.rows, self._window.columns
         # Number of octets, rounded up to 64-bit words.
         self._width = 8 * -(-self.columns // 64)
@@ -242,7 +242,7 @@ class Occlusion:
         masks &= np.packbits(ends, axis=1, bitorder="little")
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
 
-    def mask_of(self, window: Window) -> Words:
+    def mask_of(self, window: PlotWindow) -> Words:
         """A mask with the targets of a window set, shape (words,)."""
         inside = np.zeros((self.rows, 8 * self._width), dtype=np.bool_)
         rows = slice(window.row, window.row + window.rows)
@@ -446,7 +446,7 @@ def popcount(words: Words) -> NDArray[np.int64]:
     return np.asarray(bits.sum(axis=-1, dtype=np.int64))
 
 
-class Tally:
+class HiddenCount:
     """Count of how often each target is hidden over any number of views, as binary digits.
 
     Plane i contains bit i of every target's count c.  A view is added with a few operations on

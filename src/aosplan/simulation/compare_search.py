@@ -26,7 +26,7 @@ from aosplan.models.counted_detection import tail_level
 from aosplan.models.seen_share import SHARES
 from aosplan.simulation.compare import FOREST_OF, MOST_VIEWS
 from aosplan.simulation.forests import generator, maker
-from aosplan.simulation.search import SIZE_M, Look, search_layers, search_volume
+from aosplan.simulation.search import SIZE_M, TargetRadiance, search_layers, search_volume
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -180,7 +180,7 @@ def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Sear
     assert detection is not None
     contrast, offset, crowns = detection.signature
     sign = -1.0 if contrast < 0.0 else 1.0  # a cold target is found like a warm one
-    look = Look(*detection.target, sign * contrast, sign * offset, crowns)
+    look = TargetRadiance(*detection.target, sign * contrast, sign * offset, crowns)
     above = plan.scene.above(plan.request.focal_height)
     pattern, baseline, altitude = plan.solution.pattern, plan.solution.baseline_m, plan.altitude_m
     heading = plan.heading_deg if forest == "cloud" else 0.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.scenes.occlusion import Window
+from aosplan.scenes.occlusion import PlotWindow
 from aosplan.simulation.forests import MOST_VOXELS, VOXELS_AN_OCCLUDER, generator
 from aosplan.simulation.noise_patterns import blocked_views, counts_of
 from aosplan.simulation.voxel_views import VoxelViews, blocks
@@ -262,7 +262,7 @@ def middle_of(positions: Positions) -> int:
     return int(np.round((apart * apart).sum(axis=1), 9).argmin())
 
 
-def _middle_window(volume: VoxelVolume, per_voxel: int, size_m: tuple[float, float]) -> Window:
+def _middle_window(volume: VoxelVolume, per_voxel: int, size_m: tuple[float, float]) -> PlotWindow:
     """The targets in the middle of a plot, over a rectangle of a size along x and y."""
     _, rows, columns = volume.occupied.shape
     pitch = volume.voxel_m / per_voxel
@@ -270,6 +270,6 @@ def _middle_window(volume: VoxelVolume, per_voxel: int, size_m: tuple[float, flo
         min(max(math.floor(size / pitch + 0.5), 1), voxels * per_voxel)
         for size, voxels in zip(size_m, (columns, rows), strict=True)
     )
-    return Window(
+    return PlotWindow(
         (rows * per_voxel - along) // 2, (columns * per_voxel - across) // 2, along, across
     )

@@ -17,7 +17,7 @@ import numpy as np
 from aosplan.scenes.integral_image import (
     TEXTURE,
     TEXTURE_LENGTH_M,
-    Canopy,
+    CanopyRadiance,
     gaussian_field,
     integrate_planes,
     planes_of_layers,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.scenes.integral_image import Integral
+    from aosplan.scenes.integral_image import CanopyIntegral
     from aosplan.scenes.scene import Layer
     from aosplan.scenes.voxels import VoxelVolume
 
@@ -53,7 +53,7 @@ SIZE_M = 32.0
 """Side of the ground that is searched below one forest."""
 
 
-class Look(NamedTuple):
+class TargetRadiance(NamedTuple):
     """A target and its radiance, in units of the standard deviation between occluders.
 
     Attributes
@@ -71,9 +71,9 @@ class Look(NamedTuple):
     crown_share: float
 
     @property
-    def canopy(self) -> Canopy:
+    def canopy(self) -> CanopyRadiance:
         """Radiances of the occluders."""
-        return Canopy(self.canopy_offset, self.crown_share)
+        return CanopyRadiance(self.canopy_offset, self.crown_share)
 
 
 class Searched(NamedTuple):
@@ -98,7 +98,7 @@ class Searched(NamedTuple):
 
 
 def search(
-    rng: np.random.Generator, integral: Integral, look: Look, *, wraps: bool = False
+    rng: np.random.Generator, integral: CanopyIntegral, look: TargetRadiance, *, wraps: bool = False
 ) -> Searched:
     """Apply the detector to an integral image, with targets and without.
 
@@ -167,7 +167,7 @@ def search_layers(
     layers: Sequence[Layer],
     sites_m: Floats,
     altitude_m: float,
-    look: Look,
+    look: TargetRadiance,
     *,
     seed: int,
     index: int,
@@ -184,7 +184,7 @@ def search_volume(
     volume: VoxelVolume,
     sites_m: Floats,
     altitude_m: float,
-    look: Look,
+    look: TargetRadiance,
     *,
     seed: int,
     index: int,

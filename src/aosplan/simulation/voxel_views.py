@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from aosplan.scenes.occlusion import Occlusion, Tally, Window
+from aosplan.scenes.occlusion import HiddenCount, Occlusion, PlotWindow
 from aosplan.simulation.moments import Counts
 
 if TYPE_CHECKING:
@@ -64,12 +64,12 @@ class VoxelViews:
         view: ViewKind = "perspective",
         targets_per_voxel: int | None = None,
         focal_height_m: float = 0.0,
-        window: Window | None = None,
+        window: PlotWindow | None = None,
     ) -> None:
         if targets_per_voxel is None:
             targets_per_voxel = volume.targets_per_voxel
         _, rows, columns = volume.occupied.shape
-        whole = Window(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
+        whole = PlotWindow(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
         self.window = window or whole
         # Arguments that are the same for all parts of the targets.
         self._given: _Given = {
@@ -80,7 +80,7 @@ class VoxelViews:
             "focal_height_m": focal_height_m,
         }
 
-    def within(self, window: Window) -> VoxelViews:
+    def within(self, window: PlotWindow) -> VoxelViews:
         """The same views of a part of the targets."""
         return VoxelViews(**self._given, window=window)
 
@@ -89,7 +89,7 @@ class VoxelViews:
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):
             occlusion = Occlusion(**self._given, window=tile)
-            tally = Tally(occlusion.words)
+            tally = HiddenCount(occlusion.words)
             for masks in _batches(occlusion, positions_m):
                 for mask in masks:
                     tally.add(mask)
@@ -116,13 +116,13 @@ class VoxelViews:
         return blocked
 
 
-def tiles(window: Window, most_targets: int) -> Iterator[Window]:
+def tiles(window: PlotWindow, most_targets: int) -> Iterator[PlotWindow]:
     """Parts of a window with at most `most_targets` targets, as whole rows if possible."""
     columns = min(window.columns, max(most_targets // 64, 1) * 64)
     rows = min(window.rows, max(most_targets // columns, 1))
     for row in range(0, window.rows, rows):
         for column in range(0, window.columns, columns):
-            yield Window(
+            yield PlotWindow(
                 window.row + row,
                 window.column + column,
                 min(rows, window.rows - row),
@@ -130,12 +130,12 @@ def tiles(window: Window, most_targets: int) -> Iterator[Window]:
             )
 
 
-def blocks(window: Window, rows: int, columns: int) -> list[Window]:
+def blocks(window: PlotWindow, rows: int, columns: int) -> list[PlotWindow]:
     """A window divided into rows x columns blocks, of equal size up to one target."""
     y = [window.row + window.rows * k // rows for k in range(rows + 1)]
     x = [window.column + window.columns * k // columns for k in range(columns + 1)]
     return [
-        Window(y[i], x[k], y[i + 1] - y[i], x[k + 1] - x[k])
+        PlotWindow(y[i], x[k], y[i + 1] - y[i], x[k + 1] - x[k])
         for i in range(rows)
         for k in range(columns)
         if y[i] < y[i + 1] and x[k] < x[k + 1]

@@ -37,7 +37,7 @@ MEASURED_SAMPLES = 100
 """Samples up to which a measured stand has rows, unless more were asked for or chosen."""
 
 
-class Row(NamedTuple):
+class TradeoffRow(NamedTuple):
     """One pattern at one baseline."""
 
     problem: Problem
@@ -88,7 +88,7 @@ class Row(NamedTuple):
         }
 
 
-def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -> list[Row]:
+def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -> list[TradeoffRow]:
     """Rows of all kinds of grid, in rising order of samples within each; the plan's own among them.
 
     Parameters
@@ -98,7 +98,7 @@ def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -
     chosen, solution
         The problem that the plan has solved, and its solution.
     """
-    picked = Row(chosen, *solution[:3], chosen=True)
+    picked = TradeoffRow(chosen, *solution[:3], chosen=True)
     rows = []
     for problem in problems:
         most = _most(problem, solution.pattern.samples)
@@ -119,7 +119,7 @@ def _most(problem: Problem, chosen: int) -> int:
     return max(least, min(2 * chosen, 2 * SEARCHED_SAMPLES))
 
 
-def _rising(problem: Problem, most: int) -> Iterator[Row]:
+def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
     """Every number of samples, where visibility rises with the baseline."""
     bounds, grid = problem.bounds, problem.grid
     last = None
@@ -134,7 +134,7 @@ def _rising(problem: Problem, most: int) -> Iterator[Row]:
             baseline = problem.smallest_baseline_m(pattern)
         if baseline is None:
             baseline = problem.widest_m(pattern)
-        yield Row(problem, pattern, baseline, problem.model.predict(pattern, baseline))
+        yield TradeoffRow(problem, pattern, baseline, problem.model.predict(pattern, baseline))
 
 
 def _counts(problem: Problem, most: int) -> Iterator[int]:
@@ -148,7 +148,7 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
             yield samples
 
 
-def _scanned(problem: Problem, most: int) -> Iterator[Row]:
+def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
     """The densest patterns, by the scan: rated by the surrogate first, then judged by the model."""
     from aosplan.solver.solve_by_scan import Candidate, Scan
 
@@ -165,14 +165,14 @@ def _scanned(problem: Problem, most: int) -> Iterator[Row]:
             hopes = [Candidate(pattern, baseline) for baseline in scan.baselines_m(pattern)]
             found = max(hopes, key=scan.optimistic_value, default=None)
         if found is not None:
-            yield Row(problem, found.pattern, found.baseline_m, scan.predict(found))
+            yield TradeoffRow(problem, found.pattern, found.baseline_m, scan.predict(found))
 
 
-def _with_front(rows: list[Row]) -> list[Row]:
+def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
     """The same rows, those on the front marked."""
     best = bool(rows) and rows[0].problem.objective in BEST
 
-    def measures(row: Row) -> tuple[float, ...]:
+    def measures(row: TradeoffRow) -> tuple[float, ...]:
         extent = row.pattern.longer_side * row.baseline_m
         values = {"visibility": -row.prediction.expected, "contrast": -row.prediction.contrast}
         gained = (values[row.problem.objective],) if best else ()

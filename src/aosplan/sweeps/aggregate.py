@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
 from aosplan.sweeps.parts import write_durably
-from aosplan.sweeps.summary import Gather, Gathered
+from aosplan.sweeps.summary import Aggregates, AggregationPlan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -22,14 +22,16 @@ EVERY_S = 5.0
 """Seconds after which the file is written again."""
 
 
-class Gathering:
+class Aggregation:
     """The summary and sample of the parts so far, and the file that stores them.
 
     The file is written only when a sweep has taken `EVERY_S`, or is interrupted; it is always
     complete.
     """
 
-    def __init__(self, gather: Gather, results: Sequence[str], path: str, fingerprint: str) -> None:
+    def __init__(
+        self, gather: AggregationPlan, results: Sequence[str], path: str, fingerprint: str
+    ) -> None:
         self.gather = gather
         self.path = path
         self.fingerprint = fingerprint
@@ -60,7 +62,7 @@ class Gathering:
                 found = json.load(file)
             if found["fingerprint"] == self.fingerprint:
                 self.done = set(found["done"])
-                self.gathered = Gathered.of_state(found["gathered"])
+                self.gathered = Aggregates.of_state(found["gathered"])
                 return
         except (OSError, ValueError, TypeError, LookupError):
             pass  # the file was not written by a sweep
@@ -99,8 +101,8 @@ class Gathering:
             os.unlink(self.path)
 
 
-def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Gathering:
-    """The `Gathering` of a sweep, with the content of the file of an interrupted run.
+def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Aggregation:
+    """The `Aggregation` of a sweep, with the content of the file of an interrupted run.
 
     Raises
     ------
@@ -108,13 +110,13 @@ def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Ga
         As `Gathering.start` does.
     """
     assert sweep.gather is not None  # the caller checked it
-    gathering = Gathering(sweep.gather, sweep.results, path, sweep.fingerprint())
+    gathering = Aggregation(sweep.gather, sweep.results, path, sweep.fingerprint())
     gathering.start(resume=resume, force=force)
     return gathering
 
 
 @contextlib.contextmanager
-def kept(gathering: Gathering | None) -> Iterator[None]:
+def kept(gathering: Aggregation | None) -> Iterator[None]:
     """Write the file if the block of the context manager does not complete."""
     try:
         yield

@@ -31,14 +31,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.sweeps.block_frame import forget_files
 from aosplan.sweeps.input_files import named_files
-from aosplan.sweeps.scenarios import Single
+from aosplan.sweeps.scenarios import SingleBlock
 from aosplan.sweeps.solve_part import solve_part
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Iterator
 
     from aosplan.sweeps.parts import Part, Parts
-    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
     from aosplan.sweeps.sweep import Sweep
 
 ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:.]+\]|[^\s/:]+):\d{1,5}")
@@ -64,7 +64,7 @@ PACKAGES = ("aosplan", "numpy", "polars", "scipy")
 RESUME = "finished parts are kept; --resume continues the sweep"
 
 
-class Task(NamedTuple):
+class PartTask(NamedTuple):
     """A task for a worker: one block, and where its part is written.
 
     Attributes
@@ -116,7 +116,7 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
         os.mkdir(folder)
         count = sweep.scenarios.blocks - len(parts.done)
         tasks = (
-            Task(
+            PartTask(
                 sweep._replace(scenarios=alone(sweep.scenarios, index)),
                 index,
                 os.path.abspath(parts.path(index)),
@@ -131,10 +131,10 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def alone(scenarios: Crossing | Table, index: int) -> Single:
+def alone(scenarios: ScenarioProduct | ScenarioTable, index: int) -> SingleBlock:
     """The scenarios of one block, without the others."""
     block = scenarios.block(index)
-    return Single(block.columns, only=block)
+    return SingleBlock(block.columns, only=block)
 
 
 def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
@@ -170,7 +170,7 @@ def write_part(versions: dict[str, str], pickled: bytes) -> Part:
     """
     if (here := own_versions()) != versions:
         raise SurroundingsError(_difference(_place(), here, versions), _SAME_VERSIONS)
-    task: Task = pickle.loads(pickled)  # noqa: S301 (from the client, which tells workers what to run)
+    task: PartTask = pickle.loads(pickled)  # noqa: S301 (from the client, which tells workers what to run)
     if not os.path.isdir(task.folder):
         raise SurroundingsError(
             f"{_place()} does not see the folder '{os.path.dirname(task.folder)}'",
@@ -306,7 +306,7 @@ def check_versions(client: Any) -> None:
             raise SurroundingsError(_difference(place, there, here), _SAME_VERSIONS)
 
 
-def _written(client: Any, tasks: Iterator[Task], count: int) -> Iterator[Part]:
+def _written(client: Any, tasks: Iterator[PartTask], count: int) -> Iterator[Part]:
     """Yield `count` parts as they are written; a few tasks per thread are submitted at a time."""
     versions = own_versions()
     run = uuid.uuid4().hex

@@ -13,12 +13,12 @@ import numpy as np
 
 from aosplan.sweeps.block import Block
 from aosplan.sweeps.row_solver import DETECTION, RESULTS
-from aosplan.sweeps.scenarios import Crossing
+from aosplan.sweeps.scenarios import ScenarioProduct
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.scenarios import Table
+    from aosplan.sweeps.scenarios import ScenarioTable
 
 MOST_GROUPS = 20
 """Largest number of single values of an input; more numbers are grouped into `BINS` of equal size."""
@@ -35,7 +35,7 @@ OBJECTIVES = {
 """Column of each quantity that a plan optimises, and whether a larger value is better."""
 
 
-class Groups(NamedTuple):
+class InputGroups(NamedTuple):
     """Groups of the values of one input: numbers and text.
 
     `numbers` are single values, or the first and last value of a bin, in increasing order.  `words`
@@ -77,7 +77,7 @@ class Grouping(NamedTuple):
 
     objective: str
     most: bool
-    groups: tuple[Groups, ...]
+    groups: tuple[InputGroups, ...]
     fixed: tuple[tuple[str, Any], ...]
 
     @property
@@ -86,7 +86,7 @@ class Grouping(NamedTuple):
         return (self.objective,)
 
 
-def grouping(scenarios: Crossing | Table, best: str | None = None) -> Grouping:
+def grouping(scenarios: ScenarioProduct | ScenarioTable, best: str | None = None) -> Grouping:
     """The groups of a sweep's summary.
 
     Parameters
@@ -114,7 +114,7 @@ def grouping(scenarios: Crossing | Table, best: str | None = None) -> Grouping:
     return Grouping(objective, most, tuple(groups), tuple(fixed))
 
 
-def _groups(name: str, values: NDArray[Any]) -> Groups:
+def _groups(name: str, values: NDArray[Any]) -> InputGroups:
     words: list[Any] = []
     if values.dtype != object:
         numbers = np.unique(values)
@@ -124,17 +124,17 @@ def _groups(name: str, values: NDArray[Any]) -> Groups:
         numbers = np.unique([value for value in distinct if _is_number(value)])
     parts = np.array_split(numbers, BINS if len(numbers) > MOST_GROUPS else max(len(numbers), 1))
     bounds = tuple((part[0].item(), part[-1].item()) for part in parts if len(part))
-    return Groups(name, bounds, tuple(words))
+    return InputGroups(name, bounds, tuple(words))
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
-def scenario(scenarios: Crossing | Table, row: int) -> dict[str, Any]:
+def scenario(scenarios: ScenarioProduct | ScenarioTable, row: int) -> dict[str, Any]:
     """The inputs of one row, counted from 0, by their names in a request."""
     sizes = [len(values) for values in scenarios.values.values()]
-    crossed = isinstance(scenarios, Crossing)
+    crossed = isinstance(scenarios, ScenarioProduct)
     places = map(int, np.unravel_index(row, sizes)) if crossed else [row] * len(sizes)
     columns = {
         name: values[[place]]

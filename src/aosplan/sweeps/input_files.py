@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-class Named(NamedTuple):
+class NamedFile(NamedTuple):
     """A value of an option, the path that was found for it, and the files that it refers to."""
 
     option: str
@@ -33,7 +33,7 @@ def is_file_option(name: str) -> bool:
     return any(mark in BY_NAME[name].metavar for mark in ("FILE", "."))
 
 
-def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Named]:
+def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[NamedFile]:
     """The values of a sweep that refer to existing files.
 
     Parameters
@@ -54,7 +54,7 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
                 continue
             there = tuple(file for file in stood_for if os.path.isfile(file))
             if there:
-                yield Named(name, value, found, there)
+                yield NamedFile(name, value, found, there)
 
 
 def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str, str, str]]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from aosplan.sweeps.summary import Gathered
+    from aosplan.sweeps.summary import Aggregates
     from aosplan.sweeps.sweep import Sweep
 
 JOURNAL = "journal.jsonl"
@@ -44,7 +44,7 @@ class Part(NamedTuple):
     rows: int
     bytes: int
     sha256: str
-    gathered: Gathered | None = None
+    gathered: Aggregates | None = None
 
     def note(self) -> dict[str, Any]:
         """The line of the part in the journal."""

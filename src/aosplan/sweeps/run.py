@@ -30,7 +30,7 @@ from aosplan.sweeps.solve_part import solve_part
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator
 
-    from aosplan.sweeps.aggregate import Gathering
+    from aosplan.sweeps.aggregate import Aggregation
     from aosplan.sweeps.sweep import Sweep
 
 MOST_WINDOWS_WORKERS = 61
@@ -46,7 +46,7 @@ def run(
     workers: int = 1,
     scheduler: str | None = None,
     progress: Callable[[int], None] | None = None,
-) -> tuple[int, Gathering | None]:
+) -> tuple[int, Aggregation | None]:
     """Solve every scenario and write the rows to keep; return their number, and the summary.
 
     Parameters
@@ -86,7 +86,7 @@ def _run(
     workers: int,
     scheduler: str | None,
     progress: Callable[[int], None] | None,
-) -> tuple[int, Gathering | None]:
+) -> tuple[int, Aggregation | None]:
     parts.start(resume=resume, force=force)
     gathering = None
     if sweep.gather is not None:
@@ -138,7 +138,7 @@ def gather(
     force: bool = False,
     workers: int = 1,
     progress: Callable[[int], None] | None = None,
-) -> Gathering:
+) -> Aggregation:
     """Solve every scenario without writing rows; return the summary.
 
     Parameters

@@ -74,7 +74,7 @@ _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
 
 
 @dataclass(frozen=True)
-class Crossing:
+class ScenarioProduct:
     """All combinations of the values of the axes, where the last axis varies fastest.
 
     Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
@@ -135,7 +135,7 @@ class Crossing:
 
 
 @dataclass(frozen=True)
-class Table:
+class ScenarioTable:
     """One scenario per row: columns of equal length, with None for options that a row does not
     give.
 
@@ -174,7 +174,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Single(Table):
+class SingleBlock(ScenarioTable):
     """A single block of scenarios, without the other blocks."""
 
     only: Block = field(kw_only=True)
@@ -199,7 +199,7 @@ def _room(alone: float) -> int:
     return min(room, ROWS_A_BLOCK)
 
 
-def read_crossing(path: str) -> Crossing:
+def read_crossing(path: str) -> ScenarioProduct:
     """Read the crossing in a TOML or JSON file: its table ``sweep``, in the order of the file.
 
     Each entry is a value, a list of values, a range
@@ -219,7 +219,7 @@ def read_crossing(path: str) -> Crossing:
     return crossing_of(sweep, f"'{path}': ", os.path.dirname(path))
 
 
-def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> Crossing:
+def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> ScenarioProduct:
     """The crossing of options by name, in the format of `read_crossing`.
 
     Parameters
@@ -242,10 +242,10 @@ def crossing_of(sweep: Mapping[str, Any], where: str = "", folder: str = "") -> 
         if not values:
             raise RequestError(f"{place} has no values, so there are no scenarios")
         axes[name] = column_of([_parsed(name, value, place) for value in values])
-    return Crossing(axes, share_alone(axes, folder))
+    return ScenarioProduct(axes, share_alone(axes, folder))
 
 
-def read_scenarios(path: str) -> Crossing | Table:
+def read_scenarios(path: str) -> ScenarioProduct | ScenarioTable:
     """Read the scenarios of a file: a table (``.csv``, ``.parquet``), or a crossing."""
     suffix = os.path.splitext(path)[1].lower()
     if suffix in SPREADSHEETS:
@@ -253,7 +253,7 @@ def read_scenarios(path: str) -> Crossing | Table:
     return read_rows(path) if suffix in (".csv", ".parquet") else read_crossing(path)
 
 
-def read_rows(path: str) -> Table:
+def read_rows(path: str) -> ScenarioTable:
     """Read the scenarios of a CSV or Parquet file, one per row; an empty cell means no value.
 
     Raises
@@ -278,7 +278,7 @@ def read_rows(path: str) -> Table:
         raise RequestError(f"'{path}' has no rows, so there are no scenarios")
     _check_names(frame.columns, path)
     values = {name: _parsed_column(frame, name, path) for name in frame.columns}
-    return Table(values, share_alone(values, os.path.dirname(path)))
+    return ScenarioTable(values, share_alone(values, os.path.dirname(path)))
 
 
 def share_alone(values: Mapping[str, NDArray[Any]], folder: str) -> float:

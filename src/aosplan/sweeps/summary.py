@@ -21,7 +21,7 @@ from aosplan.sweeps.grouping import scenario
 from aosplan.sweeps.row_solver import WHOLE
 from aosplan.sweeps.scenarios import polars
 from aosplan.sweeps.status import STATUSES
-from aosplan.sweeps.verify import Draw, Drawing, drawn
+from aosplan.sweeps.verify import RowSample, SamplingPlan, drawn
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.sweeps.block import Block
-    from aosplan.sweeps.grouping import Grouping, Groups
-    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.grouping import Grouping, InputGroups
+    from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
 
 MOST_REASONS = 100
 """Largest number of kinds of reasons; the first ones in alphabetical order are kept."""
@@ -54,7 +54,7 @@ Extreme = tuple[float, int]
 """A value, and the first row that has it."""
 
 
-class Column(NamedTuple):
+class ResultSummary(NamedTuple):
     """A result over the kept rows: number of rows that have it, sum, and extremes."""
 
     known: int = 0
@@ -62,10 +62,10 @@ class Column(NamedTuple):
     least: Extreme | None = None
     most: Extreme | None = None
 
-    def __add__(self, other: object) -> Column:
+    def __add__(self, other: object) -> ResultSummary:
         """The column over the rows of both."""
-        assert isinstance(other, Column)
-        return Column(
+        assert isinstance(other, ResultSummary)
+        return ResultSummary(
             self.known + other.known,
             self.total + other.total,
             min((e for e in (self.least, other.least) if e), default=None),
@@ -82,7 +82,7 @@ def _downwards(extreme: Extreme) -> tuple[float, int]:
     return -extreme[0], extreme[1]
 
 
-class Group(NamedTuple):
+class GroupSummary(NamedTuple):
     """Scenarios with one value of an input: counts (all, kept, solved), best value, and its bins."""
 
     scenarios: int = 0
@@ -91,10 +91,10 @@ class Group(NamedTuple):
     best: float | None = None
     bins: Mapping[int, int] = {}
 
-    def joined(self, other: Group, *, most: bool) -> Group:
+    def joined(self, other: GroupSummary, *, most: bool) -> GroupSummary:
         """The group over the scenarios of both."""
         found = [best for best in (self.best, other.best) if best is not None]
-        return Group(
+        return GroupSummary(
             self.scenarios + other.scenarios,
             self.rows + other.rows,
             self.met + other.met,
@@ -132,8 +132,8 @@ class Summary(NamedTuple):
     rows: int
     statuses: dict[str, int]
     reasons: dict[tuple[str, str], Reason]
-    columns: dict[str, Column]
-    groups: tuple[tuple[Group, ...], ...]
+    columns: dict[str, ResultSummary]
+    groups: tuple[tuple[GroupSummary, ...], ...]
 
     def joined(self, other: Summary, *, most: bool) -> Summary:
         """The summary of the scenarios of both."""
@@ -170,19 +170,22 @@ class Summary(NamedTuple):
             statuses,
             {(status, kind): Reason(*rest) for status, kind, *rest in reasons},
             {
-                name: Column(count, total, *(tuple(e) if e else None for e in extremes))
+                name: ResultSummary(count, total, *(tuple(e) if e else None for e in extremes))
                 for name, (count, total, *extremes) in columns.items()
             },
             tuple(
-                tuple(Group._make([*rest, dict(bins)]) for *rest, bins in parts) for parts in groups
+                tuple(GroupSummary._make([*rest, dict(bins)]) for *rest, bins in parts)
+                for parts in groups
             ),
         )
 
 
 def empty(grouping: Grouping, results: Sequence[str]) -> Summary:
     """The summary of no scenarios, to which others are added."""
-    groups = tuple((Group(),) * groups.size for groups in grouping.groups)
-    return Summary(0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, Column()), groups)
+    groups = tuple((GroupSummary(),) * groups.size for groups in grouping.groups)
+    return Summary(
+        0, 0, dict.fromkeys(STATUSES, 0), {}, dict.fromkeys(results, ResultSummary()), groups
+    )
 
 
 def summarised(
@@ -228,14 +231,14 @@ def summarised(
     )
 
 
-def _column(values: NDArray[Any], rows: NDArray[np.intp], start: int) -> Column:
+def _column(values: NDArray[Any], rows: NDArray[np.intp], start: int) -> ResultSummary:
     known = np.isfinite(values)
     if not known.all():
         values, rows = values[known], rows[known]
     if not len(values):
-        return Column()
+        return ResultSummary()
     least, most = int(values.argmin()), int(values.argmax())
-    return Column(
+    return ResultSummary(
         len(values),
         exact_sum(values),
         (values[least].item(), start + int(rows[least])),
@@ -301,14 +304,14 @@ def _rated(values: NDArray[Any], rows: NDArray[np.intp]) -> _Rated:
 
 
 def _grouped(
-    groups: Groups,
+    groups: InputGroups,
     block: Block,
     kept: NDArray[np.intp],
     met: NDArray[np.intp],
     rated: _Rated,
     *,
     most: bool,
-) -> tuple[Group, ...]:
+) -> tuple[GroupSummary, ...]:
     """The groups of one input, for one block."""
     places = np.broadcast_to(groups.places(block.columns[groups.name]), block.shape).reshape(-1)
     everything = np.bincount(places, minlength=groups.size)
@@ -334,7 +337,7 @@ def _grouped(
         filled = np.flatnonzero(row)
         bins = dict(zip(rated.distinct[filled].tolist(), row[filled].tolist(), strict=True))
         numbers = [int(part[place]) for part in (everything, *counts)]
-        found.append(Group._make([*numbers, best[place].item() if bins else None, bins]))
+        found.append(GroupSummary._make([*numbers, best[place].item() if bins else None, bins]))
     return tuple(found)
 
 
@@ -366,7 +369,7 @@ def _reasons(frame: pl.DataFrame, start: int) -> dict[tuple[str, str], Reason]:
 
 
 def summary_document(
-    summary: Summary, grouping: Grouping, scenarios: Crossing | Table
+    summary: Summary, grouping: Grouping, scenarios: ScenarioProduct | ScenarioTable
 ) -> dict[str, Any]:
     """A summary as plain values, with rows counted from 1 and described by their inputs."""
 
@@ -412,7 +415,9 @@ def summary_document(
     }
 
 
-def _shown(groups: Groups, parts: Sequence[Group], grouping: Grouping) -> Iterable[dict[str, Any]]:
+def _shown(
+    groups: InputGroups, parts: Sequence[GroupSummary], grouping: Grouping
+) -> Iterable[dict[str, Any]]:
     for label, group in zip(groups.labels(), parts, strict=True):
         if group.scenarios:
             yield label | {
@@ -440,31 +445,31 @@ def _median(bins: Mapping[int, int], *, whole: bool) -> float | None:
     return None
 
 
-class Gathered(NamedTuple):
+class Aggregates(NamedTuple):
     """The summary and the drawn sample of some parts."""
 
     summary: Summary
-    draw: Draw
+    draw: RowSample
 
     def state(self) -> list[Any]:
         """Both as plain values, for a file."""
         return [self.summary.state(), self.draw.state()]
 
     @classmethod
-    def of_state(cls, state: list[Any]) -> Gathered:
+    def of_state(cls, state: list[Any]) -> Aggregates:
         """The inverse of `state`."""
-        return cls(Summary.of_state(state[0]), Draw.of_state(state[1]))
+        return cls(Summary.of_state(state[0]), RowSample.of_state(state[1]))
 
 
-class Gather(NamedTuple):
+class AggregationPlan(NamedTuple):
     """What to compute for a sweep: a summary, and a sample of rows to simulate, if requested."""
 
     grouping: Grouping
-    drawing: Drawing | None = None
+    drawing: SamplingPlan | None = None
 
-    def nothing(self, results: Sequence[str]) -> Gathered:
+    def nothing(self, results: Sequence[str]) -> Aggregates:
         """The result for no part."""
-        return Gathered(empty(self.grouping, results), Draw())
+        return Aggregates(empty(self.grouping, results), RowSample())
 
     def of(
         self,
@@ -472,19 +477,19 @@ class Gather(NamedTuple):
         block: Block,
         frame: pl.DataFrame,
         kept: NDArray[np.intp],
-    ) -> Gathered:
+    ) -> Aggregates:
         """The result for one part: a block, one row for each of its scenarios, and indices of kept
         rows.
         """
-        return Gathered(
+        return Aggregates(
             summarised(self.grouping, results, block, frame, kept),
-            Draw() if self.drawing is None else drawn(self.drawing, block, frame, kept),
+            RowSample() if self.drawing is None else drawn(self.drawing, block, frame, kept),
         )
 
-    def joined(self, first: Gathered, second: Gathered) -> Gathered:
+    def joined(self, first: Aggregates, second: Aggregates) -> Aggregates:
         """The result for the parts of both."""
         rows = 0 if self.drawing is None else self.drawing.rows
-        return Gathered(
+        return Aggregates(
             first.summary.joined(second.summary, most=self.grouping.most),
             first.draw.joined(second.draw, rows=rows),
         )

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.scenarios import Crossing, Table
-    from aosplan.sweeps.summary import Gather, Gathered
+    from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
+    from aosplan.sweeps.summary import Aggregates, AggregationPlan
 
 
 SUFFIXES = (".csv", ".parquet", ".jsonl")
@@ -43,13 +43,13 @@ class Sweep(NamedTuple):
     value if the name starts with a minus.
     """
 
-    scenarios: Crossing | Table
+    scenarios: ScenarioProduct | ScenarioTable
     results: tuple[str, ...]
     folder: str = ""
     where: str | None = None
     best: str | None = None
     per: tuple[str, ...] = ()
-    gather: Gather | None = None
+    gather: AggregationPlan | None = None
 
     @property
     def names(self) -> list[str]:
@@ -67,7 +67,7 @@ class Sweep(NamedTuple):
         digest.update(repr(checksums(self.scenarios.values, self.folder)).encode())
         return digest.hexdigest()
 
-    def part(self, index: int) -> tuple[pl.DataFrame, Gathered | None]:
+    def part(self, index: int) -> tuple[pl.DataFrame, Aggregates | None]:
         """The rows to keep of one block, and its summary."""
         block = self.scenarios.block(index)
         needed = () if self.gather is None else self.gather.grouping.needed

@@ -13,7 +13,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.planning.request import own_beneath
-from aosplan.sweeps.scenarios import Crossing, Table, column_of, share_alone
+from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of, share_alone
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,8 +25,8 @@ DECIDING = ("grid", "trigger")
 
 
 def with_defaults(
-    scenarios: Crossing | Table, own: Mapping[str, Any], where: str, folder: str = ""
-) -> Crossing | Table:
+    scenarios: ScenarioProduct | ScenarioTable, own: Mapping[str, Any], where: str, folder: str = ""
+) -> ScenarioProduct | ScenarioTable:
     """The scenarios with the user's own defaults, as far as each scenario does not contradict them.
 
     Parameters
@@ -43,9 +43,9 @@ def with_defaults(
     RequestError
         If the defaults contradict each other, or if one applies to only some values of a crossing.
     """
-    if isinstance(scenarios, Table):
+    if isinstance(scenarios, ScenarioTable):
         filled = _filled(scenarios.values, own, where)
-        return Table(filled, share_alone(filled, folder))
+        return ScenarioTable(filled, share_alone(filled, folder))
     values = scenarios.values
     deciding = {name: dict.fromkeys(values[name].flat) for name in DECIDING if name in values}
     asked = {name: axis.flat[0] for name, axis in values.items()}
@@ -60,7 +60,7 @@ def with_defaults(
                 f"give {name} in the sweep's own file, or --defaults none",
             )
     values = values | {name: column_of([value]) for name, value in found[0].items()}
-    return Crossing(values, share_alone(values, folder))
+    return ScenarioProduct(values, share_alone(values, folder))
 
 
 def _filled(

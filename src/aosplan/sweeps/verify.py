@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import ViewKind
     from aosplan.simulation.compare import Settings, Simulation
     from aosplan.sweeps.block import Block
-    from aosplan.sweeps.grouping import Groups
-    from aosplan.sweeps.scenarios import Crossing, Table
+    from aosplan.sweeps.grouping import InputGroups
+    from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable
 
 ROWS = 20
 """Default number of rows of a sample."""
@@ -54,44 +54,46 @@ Drawn = tuple[float, int, int]
 """A row of a sample: distance from the extreme, priority, and index in the sweep."""
 
 
-class Drawing(NamedTuple):
+class SamplingPlan(NamedTuple):
     """How many rows to draw, the random seed, and the inputs whose extremes are to be included."""
 
     rows: int
     seed: int
-    groups: tuple[Groups, ...]
+    groups: tuple[InputGroups, ...]
 
 
-class Draw(NamedTuple):
+class RowSample(NamedTuple):
     """Rows drawn from some scenarios: random rows, and the best row for each stratum."""
 
     random: tuple[tuple[int, int], ...] = ()
     strata: Mapping[str, Drawn] = {}
 
-    def joined(self, other: Draw, *, rows: int) -> Draw:
+    def joined(self, other: RowSample, *, rows: int) -> RowSample:
         """The rows drawn from the scenarios of both."""
         strata = dict(self.strata)
         for name, drawn in other.strata.items():
             strata[name] = min(drawn, strata.get(name, drawn))
-        return Draw(tuple(sorted({*self.random, *other.random})[:rows]), strata)
+        return RowSample(tuple(sorted({*self.random, *other.random})[:rows]), strata)
 
     def state(self) -> list[Any]:
         """The draw as plain values, for a file."""
         return [self.random, self.strata]
 
     @classmethod
-    def of_state(cls, state: list[Any]) -> Draw:
+    def of_state(cls, state: list[Any]) -> RowSample:
         """The inverse of `state`."""
         random, strata = state
         return cls(tuple(map(tuple, random)), {name: tuple(each) for name, each in strata.items()})
 
 
-def drawn(drawing: Drawing, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]) -> Draw:
+def drawn(
+    drawing: SamplingPlan, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]
+) -> RowSample:
     """Draw rows from one block, for which `frame` has one row per scenario."""
     status = frame.get_column("status").to_physical().to_numpy()
     met = kept[status[kept] == 0]
     if not len(met):
-        return Draw()
+        return RowSample()
     priorities = priorities_of(block.start + met, drawing.seed)
     first = np.argpartition(priorities, min(drawing.rows, len(met)) - 1)[: drawing.rows]
     random = sorted(
@@ -108,10 +110,10 @@ def drawn(drawing: Drawing, block: Block, frame: pl.DataFrame, kept: NDArray[np.
             chosen = nearest[priorities[nearest].argmin()]
             place = block.start + int(met[chosen])
             strata[name] = far[chosen].item(), int(priorities[chosen]), place
-    return Draw(tuple(random), strata)
+    return RowSample(tuple(random), strata)
 
 
-def strata_of(groups: Iterable[Groups]) -> list[str]:
+def strata_of(groups: Iterable[InputGroups]) -> list[str]:
     """Names of the strata of inputs, in order."""
     return [
         f"{each.name} {name}"
@@ -123,7 +125,7 @@ def strata_of(groups: Iterable[Groups]) -> list[str]:
     ]
 
 
-def _strata(groups: Groups, values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
+def _strata(groups: InputGroups, values: NDArray[Any]) -> Iterator[NDArray[np.float64]]:
     """Distance of each row from each stratum of an input; infinite if the value is of another type."""
     places = groups.places(values)
     if groups.numbers:
@@ -155,14 +157,14 @@ def _mix(z: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return z ^ (z >> np.uint64(31))
 
 
-class Chosen(NamedTuple):
+class SampledRow(NamedTuple):
     """A row to simulate, and the strata for which it was drawn; none if it was drawn at random."""
 
     row: int
     strata: tuple[str, ...]
 
 
-def sample(draw: Draw, drawing: Drawing) -> list[Chosen]:
+def sample(draw: RowSample, drawing: SamplingPlan) -> list[SampledRow]:
     """The rows of a draw in order: first one for each stratum, then random rows."""
     rows = drawing.rows
     chosen: dict[int, list[str]] = {}
@@ -173,7 +175,7 @@ def sample(draw: Draw, drawing: Drawing) -> list[Chosen]:
     for _, row in draw.random:
         if len(chosen) < rows:
             chosen.setdefault(row, [])
-    return [Chosen(row, tuple(names)) for row, names in sorted(chosen.items())]
+    return [SampledRow(row, tuple(names)) for row, names in sorted(chosen.items())]
 
 
 class Comparison(NamedTuple):
@@ -194,7 +196,7 @@ class Comparison(NamedTuple):
 class Check(NamedTuple):
     """The simulation of a row, or the reason why there is none."""
 
-    chosen: Chosen
+    chosen: SampledRow
     request: dict[str, Any]
     seed: int
     simulation: Simulation | None
@@ -337,9 +339,9 @@ def _row(check: Check) -> dict[str, Any]:
 
 
 def verify(
-    scenarios: Crossing | Table,
-    draw: Draw,
-    drawing: Drawing,
+    scenarios: ScenarioProduct | ScenarioTable,
+    draw: RowSample,
+    drawing: SamplingPlan,
     settings: Settings,
     folder: str = "",
     *,
@@ -369,7 +371,9 @@ def verify(
     return Verification(drawing.seed, settings.precision, tuple(checks), left_out)
 
 
-def _checked(scenarios: Crossing | Table, chosen: Chosen, settings: Settings, folder: str) -> Check:
+def _checked(
+    scenarios: ScenarioProduct | ScenarioTable, chosen: SampledRow, settings: Settings, folder: str
+) -> Check:
     from aosplan.simulation.compare import simulate
 
     values = scenario(scenarios, chosen.row)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
-from aosplan.mission.dji_models import Drone
+from aosplan.mission.dji_models import DjiDrone
 from aosplan.mission.format import Format, Limits
 from aosplan.mission.formats import wpml
 
@@ -63,7 +63,7 @@ def _machine(mission: Mission) -> wpml.Machine:
             f"{FORMAT.title} has no number for the drone '{name}'",
             f"it has those of {' and '.join(DRONES)}",
         )
-    return wpml.Machine(name, Drone(11_000, DRONES[name], None), GIMBAL)
+    return wpml.Machine(name, DjiDrone(11_000, DRONES[name], None), GIMBAL)
 
 
 _AUTEL = wpml.Dialect("http://www.autel.com/wpmz/1.0.0", _machine)

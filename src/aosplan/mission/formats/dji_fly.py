@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from aosplan.mission.dji_models import Drone
+from aosplan.mission.dji_models import DjiDrone
 from aosplan.mission.format import Format, Limits
 from aosplan.mission.formats import wpml
 
@@ -49,7 +49,7 @@ notes = wpml.notes
 
 
 def _machine(mission: Mission) -> wpml.Machine:
-    return wpml.Machine(str(mission.settings.drone), Drone(68, 0, None))
+    return wpml.Machine(str(mission.settings.drone), DjiDrone(68, 0, None))
 
 
 _FLY = wpml.Dialect(wpml.PILOT.namespace, _machine, fly=True)

@@ -21,7 +21,7 @@ from aosplan.xml_text import xml_text
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from aosplan.mission.dji_models import Drone
+    from aosplan.mission.dji_models import DjiDrone
     from aosplan.mission.flown_path import PathPoint
     from aosplan.mission.mission import FlightSettings, Mission
 
@@ -62,7 +62,7 @@ class Machine(NamedTuple):
     """A drone's name and numbers, and the camera that it carries if the files name one."""
 
     name: str
-    drone: Drone
+    drone: DjiDrone
     payload: int | None = None
     carries: str = ""
 
@@ -339,7 +339,7 @@ def _placemarks(
         yield "</Placemark>\n"
 
 
-class Group(NamedTuple):
+class ActionGroup(NamedTuple):
     """Actions at one waypoint, or by distance between two waypoints."""
 
     number: int
@@ -351,7 +351,7 @@ class Group(NamedTuple):
 
 def _actions(
     mission: Mission, path: Sequence[PathPoint], aim: str, shoot: str
-) -> dict[int, list[Group]]:
+) -> dict[int, list[ActionGroup]]:
     """Action groups by waypoint: the gimbal at the first, then photos at waypoints or by distance."""
     settings = mission.settings
     hover: tuple[str, ...] = ()
@@ -371,9 +371,9 @@ def _actions(
             on = None
         if point.switch:
             on = index
-    groups: dict[int, list[Group]] = {}
+    groups: dict[int, list[ActionGroup]] = {}
     for number, group in enumerate(sorted(wanted, key=itemgetter(0, 1))):
-        groups.setdefault(group[0], []).append(Group(number, *group))
+        groups.setdefault(group[0], []).append(ActionGroup(number, *group))
     return groups
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from aosplan.postflight.integral.camera_pose import Intrinsics, View
     from aosplan.postflight.integral.focal_plane import Plane, Raster
-    from aosplan.postflight.integral.integral import Source
+    from aosplan.postflight.integral.integral import ViewSource
 
     Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Detail(NamedTuple):
     image: Image
 
 
-def detail_of(source: Source, longest_px: int = LONGEST_PX) -> Detail:
+def detail_of(source: ViewSource, longest_px: int = LONGEST_PX) -> Detail:
     """Compute the detail of a view's image.
 
     Parameters
@@ -96,7 +96,7 @@ def on_plane(detail: Detail, view: View, plane: Plane, raster: Raster) -> NDArra
     return warped([detail.image], detail.intrinsics, ray, whole_box(raster))[0]
 
 
-class Sums:
+class DetailSums:
     """Sums over views at each pixel: of the detail, of its square, and the number of views."""
 
     def __init__(self, raster: Raster) -> None:
@@ -119,7 +119,7 @@ class Agreement(NamedTuple):
     without: Floats
 
 
-def agreement(sums: Sums) -> Agreement:
+def agreement(sums: DetailSums) -> Agreement:
     """Correlation of the integrals of two halves of the views."""
     rows, columns = sums.count.shape
     down = np.minimum(np.arange(rows) * BLOCKS // rows, BLOCKS - 1)
@@ -158,7 +158,7 @@ def agreement_at(
     details: Sequence[Detail], views: Iterable[View], plane: Plane, raster: Raster
 ) -> Agreement:
     """Agreement of views on a plane."""
-    sums = Sums(raster)
+    sums = DetailSums(raster)
     for detail, view in zip(details, views, strict=True):
         sums.add(on_plane(detail, view, plane, raster))
     return agreement(sums)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from aosplan.postflight.integral.georeference import Georeference
     from aosplan.postflight.integral.images import Picture
-    from aosplan.postflight.integral.integral import Integral, Source
+    from aosplan.postflight.integral.integral import Integral, ViewSource
 
 RX_SHARE = 0.99
 """Quantile of a photo's RX scores above which a pixel is an anomaly."""
@@ -30,7 +30,7 @@ WINDOW_M = 4.0
 MOST_SPOTS = 200
 
 
-def anomalies(_source: Source, picture: Picture) -> Picture:
+def anomalies(_source: ViewSource, picture: Picture) -> Picture:
     """Anomalies of a photo as 1, all other pixels as 0.
 
     This is the RX detector of Reed and Yu: the squared Mahalanobis distance of a pixel's values

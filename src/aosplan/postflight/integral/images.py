@@ -66,7 +66,7 @@ class Picture(NamedTuple):
         return self.bands[0].size
 
 
-class Folder:
+class ImageFolder:
     """A folder of images, which are found by the names in the poses.
 
     Parameters

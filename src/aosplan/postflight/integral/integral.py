@@ -32,7 +32,7 @@ ROWS_AT_ONCE = 256
 """Number of rows of a distorted view that are warped at once."""
 
 
-class Source(NamedTuple):
+class ViewSource(NamedTuple):
     """A view, its camera, and the path of its image."""
 
     view: View
@@ -40,7 +40,7 @@ class Source(NamedTuple):
     path: str
 
 
-class Box(NamedTuple):
+class RasterWindow(NamedTuple):
     """Part of a raster: ranges of rows and columns."""
 
     top: int
@@ -49,9 +49,9 @@ class Box(NamedTuple):
     right: int
 
 
-def whole_box(raster: Raster) -> Box:
+def whole_box(raster: Raster) -> RasterWindow:
     """The whole raster as a box."""
-    return Box(0, raster.rows, 0, raster.columns)
+    return RasterWindow(0, raster.rows, 0, raster.columns)
 
 
 class Relief(NamedTuple):
@@ -97,12 +97,12 @@ class Integral:
 
 
 def integrate(
-    sources: Iterable[Source],
+    sources: Iterable[ViewSource],
     plane: Plane,
     raster: Raster,
     *,
     relief_m: NDArray[np.float64] | None = None,
-    adjust: Callable[[Source, Picture], Picture] | None = None,
+    adjust: Callable[[ViewSource, Picture], Picture] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Integral:
     """Average views on a focal plane.
@@ -154,7 +154,7 @@ def integrate(
     return Integral(raster, np.moveaxis(sums, 0, -1), coverage, done, blind, is_byte)
 
 
-def read_source(source: Source, bands: int | None) -> Picture:
+def read_source(source: ViewSource, bands: int | None) -> Picture:
     """The image of a view, after checking its size and its bands."""
     picture = read_picture(source.path)
     wanted = (source.intrinsics.width_px, source.intrinsics.height_px)
@@ -175,7 +175,7 @@ def read_source(source: Source, bands: int | None) -> Picture:
 
 def add_view(
     picture: Picture,
-    source: Source,
+    source: ViewSource,
     plane: Plane,
     raster: Raster,
     sums: NDArray[np.float64],
@@ -219,7 +219,9 @@ def _product(band: Image, weight: Image) -> Image:
     return Image.fromarray(np.asarray(band) * np.asarray(weight))
 
 
-def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -> Box | None:
+def _reached(
+    ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster
+) -> RasterWindow | None:
     """The part of the raster that an image can reach; all of it if this is not known."""
     whole = whole_box(raster)
     if not intrinsics.is_pinhole:
@@ -232,7 +234,7 @@ def _reached(ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster) -
     if not (scale > 0.0).all():  # the horizon is in the image
         return whole
     columns, rows = columns / scale, rows / scale
-    box = Box(
+    box = RasterWindow(
         int(np.clip(np.floor(rows.min()), 0, raster.rows)),
         int(np.clip(np.ceil(rows.max()), 0, raster.rows)),
         int(np.clip(np.floor(columns.min()), 0, raster.columns)),
@@ -245,7 +247,7 @@ def warped(
     bands: list[Image],
     intrinsics: Intrinsics,
     ray: NDArray[np.float64],
-    box: Box,
+    box: RasterWindow,
     relief: Relief | None = None,
 ) -> list[NDArray[np.float32]]:
     """Bands warped to a part of the raster.
@@ -268,7 +270,7 @@ def warped(
 
 
 def _blocks(
-    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: Box
+    bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: RasterWindow
 ) -> tuple[list[Image], int]:
     """Bands averaged in square blocks, with about the size of a raster step, and side of a block
     [px].
@@ -290,7 +292,7 @@ def _homography(
     band: Image,
     intrinsics: Intrinsics,
     ray: NDArray[np.float64],
-    box: Box,
+    box: RasterWindow,
     block: int,
     outside: float,
 ) -> NDArray[np.float32]:
@@ -321,7 +323,7 @@ def _by_coordinates(
     bands: list[Image],
     intrinsics: Intrinsics,
     ray: NDArray[np.float64],
-    box: Box,
+    box: RasterWindow,
     block: int,
     relief: Relief | None,
 ) -> list[NDArray[np.float32]]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.postflight.integral.focal_plane import UPS, Plane, Raster, footprint_m, pixel_m, upward
-from aosplan.postflight.integral.images import Folder, image_size
-from aosplan.postflight.integral.integral import Source, integrate
+from aosplan.postflight.integral.images import ImageFolder, image_size
+from aosplan.postflight.integral.integral import ViewSource, integrate
 from aosplan.postflight.integral.photo_poses import (
     PhotoOptions,
     PosedViews,
@@ -92,7 +92,7 @@ class Recording:
         self.messages, self.sigma_m = found.messages, found.sigma_m
         images = poses if images is None else images
         posed = found.views
-        folder = Folder(images)
+        folder = ImageFolder(images)
         self.views = [view for view in posed if folder.holds(view.name)]
         self.missing = [view.name for view in posed if not folder.holds(view.name)]
         if not self.views:
@@ -115,7 +115,7 @@ class Recording:
             lenses = [_fitted(view, path) for view, path in zip(self.views, paths, strict=True)]
         else:
             lenses = _cameras(self.views, paths, camera)
-        self.sources = list(map(Source, self.views, lenses, paths))
+        self.sources = list(map(ViewSource, self.views, lenses, paths))
 
     def refocus(self, height_m: float, views: Sequence[View], indices: NDArray[np.intp]) -> None:
         """Move the focal plane to a height, and replace the poses of some views."""
@@ -127,7 +127,7 @@ class Recording:
         self.positions_m, self.heights_m = places[:, :2], places[:, 2]
 
     @property
-    def central(self) -> Source:
+    def central(self) -> ViewSource:
         """The view closest to the centre of the recording."""
         box = self.positions_m.min(axis=0) + self.positions_m.max(axis=0)
         offsets = self.positions_m - 0.5 * box
@@ -173,7 +173,7 @@ class Recording:
         raster: Raster,
         *,
         surface: str | None = None,
-        adjust: Callable[[Source, Picture], Picture] | None = None,
+        adjust: Callable[[ViewSource, Picture], Picture] | None = None,
         progress: Callable[[int], None] | None = None,
     ) -> Integral:
         """The integral image of a subset of views

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from aosplan.postflight.integral.focal_plane import Plane, Raster
     from aosplan.postflight.integral.images import Picture
-    from aosplan.postflight.integral.integral import Integral, Source
+    from aosplan.postflight.integral.integral import Integral, ViewSource
 
-    Adjust = Callable[[Source, Picture], Picture]
+    Adjust = Callable[[ViewSource, Picture], Picture]
 
 RIM = 0.15
 """Share of a photo's side over which its weight decreases to zero at the edge."""
@@ -34,7 +34,7 @@ def together(steps: Sequence[Adjust]) -> Adjust | None:
     if not steps:
         return None
 
-    def adjust(source: Source, picture: Picture) -> Picture:
+    def adjust(source: ViewSource, picture: Picture) -> Picture:
         for step in steps:
             picture = step(source, picture)
         return picture
@@ -42,7 +42,7 @@ def together(steps: Sequence[Adjust]) -> Adjust | None:
     return adjust
 
 
-def faded(_source: Source, picture: Picture) -> Picture:
+def faded(_source: ViewSource, picture: Picture) -> Picture:
     """A picture whose weight decreases towards its edges, so that the edges of photos are
     invisible.
     """
@@ -57,7 +57,7 @@ def faded(_source: Source, picture: Picture) -> Picture:
     return picture._replace(weight=Image.fromarray(weight))
 
 
-def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust:
+def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Adjust:
     """Adjustment of each photo to the common exposure, from the ground that several photos see.
 
     Byte values are multiplied, like a change of exposure.  Other values, such as temperatures, are
@@ -98,7 +98,7 @@ def equalized(sources: Sequence[Source], plane: Plane, raster: Raster) -> Adjust
     change = change / np.exp(np.log(change).mean()) if is_byte else change - change.mean()
     by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
 
-    def adjust(source: Source, picture: Picture) -> Picture:
+    def adjust(source: ViewSource, picture: Picture) -> Picture:
         value = by_name.get(source.path, 1.0 if is_byte else 0.0)
         bands = tuple(
             Image.fromarray(

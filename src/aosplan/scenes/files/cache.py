@@ -25,7 +25,7 @@ from aosplan.errors import AosplanError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from aosplan.scenes.files.voxel_file import Stand
+    from aosplan.scenes.files.voxel_file import VoxelStand
     from aosplan.scenes.voxels import VoxelVolume
 
 VARIABLE = "AOSPLAN_CACHE"
@@ -48,7 +48,7 @@ ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
 
 def stand(
     files: Sequence[str], reading: Mapping[str, Any], read: Callable[[], VoxelVolume]
-) -> tuple[Stand, bool]:
+) -> tuple[VoxelStand, bool]:
     """A cloud as voxels, from the cache if possible; otherwise it is read and added to the cache.
 
     Parameters
@@ -65,7 +65,7 @@ def stand(
     tuple
         The stand, and whether it comes from the cache.
     """
-    from aosplan.scenes.files.voxel_file import Stand, stand_in, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, stand_in, stand_npz
 
     path = _entry(files, reading)
     if path is not None:
@@ -74,7 +74,7 @@ def stand(
             os.utime(path)  # the modification time is the time of last use
             return found, True
     volume = read()
-    fresh = Stand.of(volume)
+    fresh = VoxelStand.of(volume)
     # If a file changed while it was read, the voxels are not stored.
     if path is not None and path == _entry(files, reading):
         with contextlib.suppress(AosplanError, OSError):

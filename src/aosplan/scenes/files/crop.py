@@ -63,7 +63,7 @@ class Crop:
         return ",".join(f"{bound:.10g}" for bound in self.bounds)
 
 
-class Box(NamedTuple):
+class CropBox(NamedTuple):
     """A rectangle in the coordinates of a cloud, in metres.
 
     Attributes
@@ -108,7 +108,7 @@ class Box(NamedTuple):
         return bool(((low <= self.high_m) & (self.low_m <= high)).all())
 
 
-def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> Box | None:
+def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | None:
     """The rectangle of a crop in the coordinates of some files; None to use all of their points.
 
     Raises
@@ -165,7 +165,7 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> Box | None:
     )
     if missed:
         raise error
-    return Box(corners[0], corners[1], _place(crs, corners / metres), said, error)
+    return CropBox(corners[0], corners[1], _place(crs, corners / metres), said, error)
 
 
 def _text(corners: Floats) -> str:

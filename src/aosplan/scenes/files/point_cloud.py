@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.scenes.files.crop import Box, Crop
+    from aosplan.scenes.files.crop import Crop, CropBox
     from aosplan.scenes.pulses.fit import PulseVolume
 
     Floats = NDArray[np.float64]
@@ -243,7 +243,7 @@ def _from_pulses(
 ) -> tuple[PulseVolume | None, str]:
     """The volume from the pulses of a stand, or None and the reason why they cannot be used."""
     from aosplan.scenes.pulses.fit import UnsoundPulsesError, volume_from_pulses
-    from aosplan.scenes.pulses.trace import Grid
+    from aosplan.scenes.pulses.trace import VoxelGrid
     from aosplan.scenes.pulses.trajectory import read_trajectory
 
     track = None if trajectory is None else read_trajectory(trajectory)
@@ -261,7 +261,7 @@ def _from_pulses(
             for length in (ground_m.shape[0] - 1, ground_m.shape[1] - 1)
         )
         ground_m = ground_m[np.ix_(down, across)]
-    grid = Grid(ground_m, voxel_m, 1, cut_m, (width_m, depth_m))
+    grid = VoxelGrid(ground_m, voxel_m, 1, cut_m, (width_m, depth_m))
     try:
         found = volume_from_pulses(
             files, grid, plot.origin_m, leaf_m=leaf_m, trajectory=track, points=points
@@ -307,7 +307,7 @@ def _decode(
     source: str,
     cloud: Spool,
     progress: Progress | None,
-    box: Box | None,
+    box: CropBox | None,
 ) -> int:
     """Store all points that are not noise; return the number of points including noise."""
     total = sum(file.count for file in files)

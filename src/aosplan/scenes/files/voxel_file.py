@@ -61,7 +61,7 @@ DAMAGE = (
 """Exceptions of the readers of archives and arrays if the file is not valid."""
 
 
-class Stand(NamedTuple):
+class VoxelStand(NamedTuple):
     """A volume, its layers, and its correlogram if there is one."""
 
     volume: VoxelVolume
@@ -69,7 +69,7 @@ class Stand(NamedTuple):
     correlogram: Correlogram | None = None
 
     @classmethod
-    def of(cls, volume: VoxelVolume) -> Stand:
+    def of(cls, volume: VoxelVolume) -> VoxelStand:
         """A volume with its layers, which are computed here."""
         from aosplan.scenes.occluder_statistics import layered_scene
 
@@ -87,7 +87,7 @@ class Stand(NamedTuple):
         )
 
 
-def stand_npz(stand: Stand) -> bytes:
+def stand_npz(stand: VoxelStand) -> bytes:
     """The bytes of an ``.npz`` file with a stand."""
     volume = stand.volume
     about = {
@@ -125,7 +125,7 @@ def _add(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
         np.lib.format.write_array(member, array, allow_pickle=False)
 
 
-def read_stand(path: str) -> Stand:
+def read_stand(path: str) -> VoxelStand:
     """Read a stand from a file that `stand_npz` wrote.
 
     Raises
@@ -136,7 +136,7 @@ def read_stand(path: str) -> Stand:
     return stand_in(read_bytes(path, most=MOST_OCTETS), path)
 
 
-def stand_in(stored: bytes, path: str) -> Stand:
+def stand_in(stored: bytes, path: str) -> VoxelStand:
     """The stand in the content of a file; raises the errors of `read_stand`."""
     content = io.BytesIO(stored)
     try:
@@ -159,13 +159,13 @@ def stand_in(stored: bytes, path: str) -> Stand:
 
 def _stand(
     about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]], path: str
-) -> Stand:
+) -> VoxelStand:
     volume = _volume(about, packed, bounds)
     if "layers" not in about:  # a file of an early version has only the voxels
-        return Stand.of(volume)
+        return VoxelStand.of(volume)
     layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
     table = about.get("correlogram")
-    return Stand(volume, layers, None if table is None else correlogram_from(table, path))
+    return VoxelStand(volume, layers, None if table is None else correlogram_from(table, path))
 
 
 def _count(value: Any) -> int:

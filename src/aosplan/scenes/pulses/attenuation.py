@@ -31,20 +31,20 @@ STRENGTHS = (0.1, 0.2, 0.3, 0.4, 0.6)
 SCALES = (0.02, 50.0)
 
 
-class Sums(NamedTuple):
+class VoxelSums(NamedTuple):
     """Intercepted energy [pulses] and weight times path [m] of each voxel, both of the same shape."""
 
     intercepted: Singles
     path_m: Singles
 
 
-def total(parts: Sequence[Sums]) -> Sums:
+def total(parts: Sequence[VoxelSums]) -> VoxelSums:
     """The sum of the sums of several parts of the pulses."""
     intercepted, path_m = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
-    return Sums(intercepted, path_m)
+    return VoxelSums(intercepted, path_m)
 
 
-def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:
+def attenuation(sums: VoxelSums, strength: float, voxel_m: float) -> Singles:
     """λ [1/m] of each voxel, shrunk through the pyramid.
 
     Parameters
@@ -59,18 +59,18 @@ def attenuation(sums: Sums, strength: float, voxel_m: float) -> Singles:
     levels = [sums]
     edge_m = voxel_m
     while 2.0 * edge_m <= COARSEST_M * 1.001:
-        levels.append(Sums(*(_halved(each) for each in levels[-1])))
+        levels.append(VoxelSums(*(_halved(each) for each in levels[-1])))
         edge_m *= 2.0
     total_i, total_l = (float(each.sum(dtype=np.float64)) for each in sums)
     overall = total_i / total_l if total_l > 0.0 else 0.0
-    layers = Sums(*(each.sum(axis=(1, 2), keepdims=True) for each in levels[-1]))
+    layers = VoxelSums(*(each.sum(axis=(1, 2), keepdims=True) for each in levels[-1]))
     parent = _shrunk(layers, np.full(layers.path_m.shape, overall, np.float32), strength)
     for level in reversed(levels):
         parent = _shrunk(level, _grown(parent, level.path_m.shape), strength)
     return parent
 
 
-def _shrunk(sums: Sums, parent: Singles, strength: float) -> Singles:
+def _shrunk(sums: VoxelSums, parent: Singles, strength: float) -> Singles:
     """(I + a)/(L + a/λ), or 0 if the parent has no attenuation."""
     above = (sums.intercepted + np.float32(strength)) * parent
     rate: Singles = above / np.maximum(sums.path_m * parent + np.float32(strength), 1e-30)
@@ -101,7 +101,7 @@ def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
     return values
 
 
-def best_strength(halves: tuple[Sums, Sums], voxel_m: float) -> float:
+def best_strength(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> float:
     """The strength of the shrinkage with which each half of the pulses predicts the other best.
 
     The likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.

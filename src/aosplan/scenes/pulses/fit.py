@@ -117,7 +117,7 @@ class Beams(NamedTuple):
         return angles
 
 
-class Field(NamedTuple):
+class AttenuationField(NamedTuple):
     """Attenuation of a stand.
 
     Attributes
@@ -143,7 +143,7 @@ class Field(NamedTuple):
 
 def volume_from_pulses(
     files: Sequence[PointFile],
-    grid: trace.Grid,
+    grid: trace.VoxelGrid,
     origin_m: Floats,
     *,
     leaf_m: float | None = None,
@@ -217,11 +217,11 @@ def volume_from_pulses(
 
 def sound_beams(
     files: Sequence[PointFile],
-    grid: trace.Grid,
+    grid: trace.VoxelGrid,
     origin_m: Floats,
     trajectory: Trajectory | None = None,
     share: float = 1.0,
-) -> tuple[Beams, trace.Grid]:
+) -> tuple[Beams, trace.VoxelGrid]:
     """Clean and group the returns of some files, find the directions, and keep the pulses of the
     plot.
 
@@ -332,7 +332,7 @@ def directions(
     return to_sensor, sound, worst
 
 
-def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
+def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     """Attenuation of each voxel, its scale from cross-fitting, and the gap fractions.
 
     Raises
@@ -349,7 +349,7 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
     through = through_canopy(beams, grid)
     depths = np.zeros(len(beams.pulses))
     for k, part in enumerate(parts):
-        others = attenuation.Sums(*(each - own for each, own in zip(both, part, strict=True)))
+        others = attenuation.VoxelSums(*(each - own for each, own in zip(both, part, strict=True)))
         # Rounding may make a difference of sums negative.
         for each in others:
             np.maximum(each, 0.0, out=each)
@@ -365,7 +365,7 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
         )
     scales = {name: attenuation.scale_for(depths[through], gap) for name, gap in gaps.items()}
     lowest = int(grid.cut_m / grid.voxel_m + FACE)
-    return Field(
+    return AttenuationField(
         attenuation.attenuation(both, strength, grid.voxel_m),
         scales,
         gaps,
@@ -374,7 +374,7 @@ def fitted_field(beams: Beams, grid: trace.Grid) -> Field:
     )
 
 
-def through_canopy(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
+def through_canopy(beams: Beams, grid: trace.VoxelGrid) -> NDArray[np.bool_]:
     """Mask of the pulses that cross the whole canopy within the plot and have all returns.
 
     The canopy outside the plot is unknown.  If there are too few such pulses, the mask has all
@@ -388,7 +388,7 @@ def through_canopy(beams: Beams, grid: trace.Grid) -> NDArray[np.bool_]:
     return through if np.count_nonzero(through) >= FEWEST_THROUGH else whole
 
 
-def _sums(beams: Beams, grid: trace.Grid) -> attenuation.Sums:
+def _sums(beams: Beams, grid: trace.VoxelGrid) -> attenuation.VoxelSums:
     """Intercepted energy and weighted path length of each voxel."""
     shape = grid.shape
     returns = beams.returns
@@ -402,10 +402,10 @@ def _sums(beams: Beams, grid: trace.Grid) -> attenuation.Sums:
     cell = grid.cells(hits[0], hits[1], grid.heights_m(hits))
     hit = cell >= 0
     np.add.at(intercepted, cell[hit], beams.energy[members[hit]].astype(np.float32))
-    return attenuation.Sums(intercepted.reshape(shape), path_m.reshape(shape))
+    return attenuation.VoxelSums(intercepted.reshape(shape), path_m.reshape(shape))
 
 
-def optical_depths(rate: NDArray[np.float32], beams: Beams, grid: trace.Grid) -> Floats:
+def optical_depths(rate: NDArray[np.float32], beams: Beams, grid: trace.VoxelGrid) -> Floats:
     """Optical depth along the whole line of each pulse, down to the cut, shape (P,)."""
     paths = trace.paths_to_ground(beams.returns, beams.pulses, beams.to_sensor, grid)
     flat, depths = rate.ravel(), np.zeros(len(beams.pulses))

@@ -32,7 +32,7 @@ PIECES_AT_ONCE = 1 << 16
 """Number of lengths within voxels that are processed at once."""
 
 
-class Grid(NamedTuple):
+class VoxelGrid(NamedTuple):
     """Voxels above a ground.
 
     Attributes
@@ -129,7 +129,7 @@ class Lengths(NamedTuple):
     length_m: Floats
 
 
-def points_at_height(points: Floats, to_sensor: Floats, grid: Grid, height_m: float) -> Floats:
+def points_at_height(points: Floats, to_sensor: Floats, grid: VoxelGrid, height_m: float) -> Floats:
     """Points at a height above the ground on the lines from points to the sensor, shape (3, P)."""
     found = points.copy()
     upward = np.maximum(to_sensor[2], 0.05)
@@ -143,7 +143,7 @@ def paths_to_hits(
     pulses: Pulses,
     energy: Floats,
     to_sensor: Floats,
-    grid: Grid,
+    grid: VoxelGrid,
 ) -> Paths:
     """Paths from above the canopy through all returns, with the energy that remains on each piece.
 
@@ -175,14 +175,14 @@ def paths_to_hits(
     return _cut(owner, begin, end, left, grid)
 
 
-def paths_to_ground(returns: Returns, pulses: Pulses, to_sensor: Floats, grid: Grid) -> Paths:
+def paths_to_ground(returns: Returns, pulses: Pulses, to_sensor: Floats, grid: VoxelGrid) -> Paths:
     """Straight paths from above the canopy to the ground, with weight 1."""
     foot = points_at_height(returns.xyz_m[:, pulses.last], to_sensor, grid, 0.0)
     entry = _entries(foot, to_sensor, grid)
     return _cut(np.arange(len(pulses)), entry, foot, np.ones(len(pulses)), grid)
 
 
-def _entries(points: Floats, to_sensor: Floats, grid: Grid) -> Floats:
+def _entries(points: Floats, to_sensor: Floats, grid: VoxelGrid) -> Floats:
     """Points above the canopy on the lines to the sensor, or the points themselves if they are
     higher.
     """
@@ -191,7 +191,9 @@ def _entries(points: Floats, to_sensor: Floats, grid: Grid) -> Floats:
     return entries
 
 
-def _cut(owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, grid: Grid) -> Paths:
+def _cut(
+    owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, grid: VoxelGrid
+) -> Paths:
     """Cut legs into pieces of limited height, with heights above the ground at both ends."""
     count = np.ceil(np.abs(begin[2] - end[2]) / PIECE_M).astype(np.intp)
     np.maximum(count, 1, out=count)
@@ -215,7 +217,7 @@ def _cut(owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, gr
     return Paths(owner[leg], start, stop, stretch, weight[leg])
 
 
-def lengths_in_voxels(paths: Paths, grid: Grid) -> Iterator[Lengths]:
+def lengths_in_voxels(paths: Paths, grid: VoxelGrid) -> Iterator[Lengths]:
     """Yield the lengths of paths within voxels, for some pieces at a time.
 
     Lengths outside the volume are left out.
@@ -233,7 +235,7 @@ def lengths_in_voxels(paths: Paths, grid: Grid) -> Iterator[Lengths]:
         begin = stop
 
 
-def _lengths(start: Floats, end: Floats, stretch: Floats, grid: Grid) -> Lengths:
+def _lengths(start: Floats, end: Floats, stretch: Floats, grid: VoxelGrid) -> Lengths:
     pieces = start.shape[1]
     across = end - start
     keys = [np.arange(pieces, dtype=np.float64)]

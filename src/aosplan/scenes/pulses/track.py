@@ -38,7 +38,7 @@ DRAW_SEED = 1
 MOST_PULSES = 20_000
 
 
-class Track(NamedTuple):
+class SensorTrack(NamedTuple):
     """Motion of the sensor in one flight line: position at time `middle_s`, and velocity.
 
     `residual_deg` is the median angle between the pulses and the directions to the sensor.
@@ -57,7 +57,7 @@ class Track(NamedTuple):
         return places
 
 
-def fitted(returns: Returns, pulses: Pulses) -> Track | None:
+def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
     """The track of a flight line; None if it has too few pulses with several returns.
 
     Parameters
@@ -95,7 +95,7 @@ def fitted(returns: Returns, pulses: Pulses) -> Track | None:
         if moved < 1e-3:
             break
     heavy = length >= np.median(length)
-    return Track(
+    return SensorTrack(
         found[:3],
         found[3:] / spread_s,
         middle_s,

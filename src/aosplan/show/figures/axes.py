@@ -6,16 +6,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.show.figures.canvas import INCH_MM, Look, check_extra
+from aosplan.show.figures.canvas import INCH_MM, FigureStyle, check_extra
 from aosplan.show.figures.style import rules
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from aosplan.show.figures.draw import Kind, Shown
+    from aosplan.show.figures.draw import FigureData, FigureKind
 
 
-def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
+def plotted(kind: FigureKind, shown: FigureData, ax: Axes | None = None) -> Any:
     """Draw on axes.
 
     Parameters
@@ -48,7 +48,7 @@ def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
                 f"a figure of kind '{kind.name}' has several panels and does not fit into one axes",
                 "leave ax out",
             )
-        handles = draw_panel(ax, shown, Look().theme)
+        handles = draw_panel(ax, shown, FigureStyle().theme)
         if handles:
             ax.legend(handles=handles, fontsize="small")
         ax.set_title(shown.title, fontsize="medium")
@@ -56,7 +56,7 @@ def plotted(kind: Kind, shown: Shown, ax: Axes | None = None) -> Any:
     import matplotlib.pyplot as plt
     import numpy as np
 
-    look = Look()
+    look = FigureStyle()
     width = look.width_mm / INCH_MM
     settings: Any = rules(look.theme)
     with plt.rc_context(settings):

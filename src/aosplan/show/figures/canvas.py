@@ -15,7 +15,7 @@ from aosplan.xml_text import escaped
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from aosplan.show.figures.draw import Kind, Shown
+    from aosplan.show.figures.draw import FigureData, FigureKind
 
 EXTRA = "figures"
 
@@ -30,7 +30,7 @@ MOST_PIXELS = 100_000_000
 INCH_MM = 25.4
 
 
-class Look(NamedTuple):
+class FigureStyle(NamedTuple):
     """How a figure is drawn: colours, width, and pixels per inch for PNG."""
 
     theme: Theme = LIGHT
@@ -91,7 +91,7 @@ def check_extra() -> None:
         raise MissingExtraError("drawing figures", EXTRA)
 
 
-def drawn(kind: Kind, shown: Shown, look: Look) -> Figure:
+def drawn(kind: FigureKind, shown: FigureData, look: FigureStyle) -> Figure:
     """The figure as a Matplotlib object; `rendered` makes a file of it."""
     from matplotlib.figure import Figure
 
@@ -101,7 +101,9 @@ def drawn(kind: Kind, shown: Shown, look: Look) -> Figure:
     return figure
 
 
-def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> bytes:
+def rendered(
+    kind: FigureKind, shown: FigureData, form: str, look: FigureStyle | None = None
+) -> bytes:
     """A figure as a file.
 
     Parameters
@@ -121,7 +123,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
     check_extra()
     import matplotlib as mpl
 
-    look = look or Look()
+    look = look or FigureStyle()
     file = io.BytesIO()
     # A figure looks the same with any Matplotlib settings of the user.
     with mpl.rc_context(), warnings.catch_warnings():
@@ -135,7 +137,7 @@ def rendered(kind: Kind, shown: Shown, form: str, look: Look | None = None) -> b
     return _with_words(content, shown) if form == "svg" else content
 
 
-def _metadata(form: str, shown: Shown) -> dict[str, Any]:
+def _metadata(form: str, shown: FigureData) -> dict[str, Any]:
     """Metadata with the title and the description, without anything that differs between runs."""
     title, text = printable(shown.title), printable(shown.description())
     if form == "png":
@@ -146,7 +148,7 @@ def _metadata(form: str, shown: Shown) -> dict[str, Any]:
     return {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
-def _with_words(svg: bytes, shown: Shown) -> bytes:
+def _with_words(svg: bytes, shown: FigureData) -> bytes:
     """An SVG with a title and a description that screen readers read instead of the picture."""
     title, text = escaped(shown.title), escaped(shown.description())
     name = sha256(f"{title}\n{text}".encode()).hexdigest()[:8]  # several figures may be on one page

@@ -17,7 +17,7 @@ SHOWN = 4
 """Number of directions that get their own lines, evenly chosen."""
 
 
-class Correlations(NamedTuple):
+class CorrelogramFigure(NamedTuple):
     """A correlogram: ρ for each direction and lag (camera offset divided by altitude)."""
 
     scene: str
@@ -62,7 +62,7 @@ class Correlations(NamedTuple):
         return self._asdict()
 
 
-def correlations_of(found: LoadedScene) -> Correlations:
+def correlations_of(found: LoadedScene) -> CorrelogramFigure:
     """The correlogram of a scene, or that of its voxels.
 
     Raises
@@ -80,7 +80,7 @@ def correlations_of(found: LoadedScene) -> Correlations:
             f"scene '{found.scene.name}' has no correlogram, and no voxels to count one in",
             "give a point cloud, or what aosplan scene --save wrote of one",
         )
-    return Correlations(
+    return CorrelogramFigure(
         found.scene.title or found.scene.name,
         tuple(table.lags.tolist()),
         tuple(table.directions_deg.tolist()),
@@ -89,7 +89,7 @@ def correlations_of(found: LoadedScene) -> Correlations:
     )
 
 
-def draw(figure: Figure, shown: Correlations, theme: Theme) -> None:
+def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
     """Draw lines for some directions within the range of all, and a map of all directions."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
     columns = list(zip(*shown.rho, strict=True))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 
-class Density(NamedTuple):
+class DensityFigure(NamedTuple):
     """Densities of layers from bottom to top, and the share of the ground hidden above each bottom.
 
     `independent` is the hidden share if the layers were independent.  `measured` is that of the
@@ -67,7 +67,7 @@ class Density(NamedTuple):
         return self._asdict()
 
 
-def density_of(found: LoadedScene) -> Density:
+def density_of(found: LoadedScene) -> DensityFigure:
     """Densities of a scene: of the slices of its voxels if it has voxels, otherwise of its layers.
 
     Raises
@@ -101,7 +101,7 @@ def density_of(found: LoadedScene) -> Density:
         math.log1p(-share) if share < 1.0 else -math.inf for share in reversed(density)
     )
     independent = tuple(reversed([0.0 - math.expm1(log) for log in clear]))
-    return Density(
+    return DensityFigure(
         scene.title or scene.name,
         bottom,
         top,
@@ -123,13 +123,13 @@ def _hidden_pulses(volume: VoxelVolume | None) -> tuple[float, float, float] | N
     return 1.0 - opacity.gap_first, 1.0 - opacity.gap_weighted, 1.0 - opacity.gap_last
 
 
-def _slanted(shown: Density) -> str:
+def _slanted(shown: DensityFigure) -> str:
     assert shown.pulses_zenith_deg is not None  # opacity from pulses has their angles
     low, high = shown.pulses_zenith_deg
     return f"pulses {low:.0f}° to {high:.0f}° off the vertical"
 
 
-def draw(figure: Figure, shown: Density, theme: Theme) -> None:
+def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
     """Draw bars of densities, and beside them the share hidden from above, both over height."""
     left, right = figure.subplots(1, 2, sharey=True)
     heights = [top - bottom for bottom, top in zip(shown.bottom_m, shown.top_m, strict=True)]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from aosplan.show.figures.style import Theme
 
 
-class Shown(Protocol):
+class FigureData(Protocol):
     """The numbers of a figure."""
 
     @property
@@ -31,7 +31,7 @@ class Shown(Protocol):
         """Its numbers as plain values."""
 
 
-class Kind(NamedTuple):
+class FigureKind(NamedTuple):
     """A kind of figure: name, source of its numbers, module, and ratio of height to width."""
 
     name: str
@@ -40,7 +40,7 @@ class Kind(NamedTuple):
     module: str
     height: float
 
-    def draw(self, figure: Figure, shown: Shown, theme: Theme) -> None:
+    def draw(self, figure: Figure, shown: FigureData, theme: Theme) -> None:
         """Draw the numbers on a figure."""
         import_module(f"aosplan.show.figures.{self.module}").draw(figure, shown, theme)
 
@@ -48,23 +48,25 @@ class Kind(NamedTuple):
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind(
+        FigureKind(
             "visibility",
             "V̂ and V against N and b, and the chosen point",
             "plan",
             "visibility",
             0.82,
         ),
-        Kind("tradeoff", "baseline, extent and time of each N", "plan", "tradeoff", 0.82),
-        Kind("grid", "the waypoints on the ground, to scale", "plan", "grid", 1.0),
-        Kind("density", "density of occluders at each height", "scene", "density", 0.62),
-        Kind(
+        FigureKind("tradeoff", "baseline, extent and time of each N", "plan", "tradeoff", 0.82),
+        FigureKind("grid", "the waypoints on the ground, to scale", "plan", "grid", 1.0),
+        FigureKind("density", "density of occluders at each height", "scene", "density", 0.62),
+        FigureKind(
             "baseline-curve", "share of occluders at d̂ >= 1 by b/h", "scene", "coverage_curve", 0.62
         ),
-        Kind(
+        FigureKind(
             "correlogram", "correlation of views by lag and direction", "scene", "correlogram", 0.56
         ),
-        Kind("sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66),
+        FigureKind(
+            "sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66
+        ),
     )
 }
 """All kinds by name."""

@@ -41,7 +41,7 @@ NARROWEST = 0.6
 STEPS = (1, 2, 5)
 
 
-class Grid(NamedTuple):
+class GridFigure(NamedTuple):
     """Waypoints and shapes, in metres east and north of the origin.
 
     A polygon is a tuple of rings with the outer one first.  `footprint` is that of a photo at the
@@ -120,7 +120,7 @@ def _place(point: tuple[float, float]) -> str:
     )
 
 
-def grid_of(plan: Plan, area: Area | None = None) -> Grid:
+def grid_of(plan: Plan, area: Area | None = None) -> GridFigure:
     """The waypoints of a plan, and the shapes of its area.
 
     Parameters
@@ -144,7 +144,7 @@ def grid_of(plan: Plan, area: Area | None = None) -> Grid:
 
         (east,), (north,) = to_local(plan.origin, [route.takeoff[0]], [route.takeoff[1]])
         takeoff = (float(east), float(north))
-    return Grid(
+    return GridFigure(
         scene=plan.scene.title or plan.scene.name,
         samples=plan.solution.pattern.samples,
         heading_deg=plan.heading_deg % 360.0,
@@ -214,13 +214,13 @@ def numbered(flights: Sequence[tuple[int, int]], spacing_mm: float) -> list[int]
     return sorted({0, *range(0, count - step // 2, step), count - 1})
 
 
-def draw(figure: Figure, shown: Grid, theme: Theme) -> None:
+def draw(figure: Figure, shown: GridFigure, theme: Theme) -> None:
     """Draw the map with north up and metres along both axes."""
     legend_below(figure, draw_panel(figure.subplots(), shown, theme))
     entitle(figure, shown.title)
 
 
-def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
+def draw_panel(panel: Axes, shown: GridFigure, theme: Theme) -> list[Any]:
     """Draw the map on one panel; return the handles of its legend."""
     panel.set_aspect("equal")
     shapes = _shapes(shown, theme)
@@ -259,7 +259,9 @@ def draw_panel(panel: Axes, shown: Grid, theme: Theme) -> list[Any]:
 HOME: dict[str, Any] = {"ls": "", "marker": "P", "ms": 9, "zorder": 6}
 
 
-def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]]:
+def _shapes(
+    shown: GridFigure, theme: Theme
+) -> dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]]:
     """Shapes that are drawn below the waypoints, by name, with their appearance."""
     common = () if shown.common is None else ((shown.common,),)
     shapes: dict[str, tuple[tuple[Polygon, ...], dict[str, Any]]] = {
@@ -278,7 +280,7 @@ def _shapes(shown: Grid, theme: Theme) -> dict[str, tuple[tuple[Polygon, ...], d
     return {name: shape for name, shape in shapes.items() if shape[0]}
 
 
-def _ways(panel: Axes, shown: Grid, theme: Theme, spacing_mm: float) -> None:
+def _ways(panel: Axes, shown: GridFigure, theme: Theme, spacing_mm: float) -> None:
     """Draw the path of each flight, and its waypoints as far as there is room."""
     from matplotlib.patheffects import withStroke
 
@@ -340,7 +342,7 @@ def flight_colour(theme: Theme, flight: int) -> str:
     return theme.data[2 if flight % 2 else 0]
 
 
-def _spacing_m(shown: Grid) -> float:
+def _spacing_m(shown: GridFigure) -> float:
     """Smallest distance between consecutive waypoints, among the first few thousand."""
     count = min(len(shown.east_m), 2000)
     steps = (
@@ -350,7 +352,7 @@ def _spacing_m(shown: Grid) -> float:
     return min((step for step in steps if step > 0.0), default=0.0)
 
 
-def window(shown: Grid) -> tuple[tuple[float, float], tuple[float, float]]:
+def window(shown: GridFigure) -> tuple[tuple[float, float], tuple[float, float]]:
     """Lower and upper corner of everything that is drawn, with a margin."""
     rings = [shown.footprint, *(polygon[0] for polygon in (*shown.area, *shown.clear))]
     places = [point for ring in rings for point in ring]
@@ -388,7 +390,7 @@ def _scale_bar(panel: Axes, length_m: float, start: tuple[float, float], theme: 
     )
 
 
-def _legend(shown: Grid, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
+def _legend(shown: GridFigure, theme: Theme, shapes: dict[str, Any]) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

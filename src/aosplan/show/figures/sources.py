@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.result import Plan
-    from aosplan.show.figures.draw import Kind, Shown
+    from aosplan.show.figures.draw import FigureData, FigureKind
 
 
-def shown_of_plan(kind: Kind, plan: Plan) -> Shown:
+def shown_of_plan(kind: FigureKind, plan: Plan) -> FigureData:
     """The numbers of a figure of a plan."""
     if kind.name == "visibility":
         from aosplan.show.figures.visibility import visibility_of
@@ -26,13 +26,13 @@ def shown_of_plan(kind: Kind, plan: Plan) -> Shown:
 
 
 def shown_of_scene(
-    kind: Kind,
+    kind: FigureKind,
     loaded: LoadedScene,
     *,
     focal_height_m: float = 0.0,
     coverage: float = 0.98,
     altitude_m: float | None = None,
-) -> Shown:
+) -> FigureData:
     """The numbers of a figure of a scene.
 
     Parameters

@@ -72,7 +72,7 @@ SYMBOLS = {
 """Columns that have a symbol."""
 
 
-class Scatter(NamedTuple):
+class ScatterFigure(NamedTuple):
     """Two results against each other: one point for each cell that has rows, and the Pareto front.
 
     For a row on the front, no other row is at least as good in both results and better in one.
@@ -114,7 +114,7 @@ class Cell(NamedTuple):
     value: float | None
 
 
-class Map(NamedTuple):
+class MapFigure(NamedTuple):
     """A result over two columns: a cell for each pair of their values, None without scenarios."""
 
     x: str
@@ -186,7 +186,7 @@ def check_columns(
 
 def results_of(
     path: str, x: str | None = None, y: str | None = None, value: str | None = None
-) -> Scatter | Map:
+) -> ScatterFigure | MapFigure:
     """The numbers of a figure of a sweep's results.
 
     Parameters
@@ -211,7 +211,7 @@ def results_of(
 
 def frame_of(
     lazy: pl.LazyFrame, x: str | None = None, y: str | None = None, value: str | None = None
-) -> Scatter | Map:
+) -> ScatterFigure | MapFigure:
     """The numbers of a figure of a sweep's rows; parameters and errors are those of `results_of`."""
     check_columns(_collected(lazy.head(0)).columns, x, y, value)
     if value is None:
@@ -249,7 +249,7 @@ def _collected(lazy: Any) -> Any:
         raise RequestError(f"the results cannot be read: {str(error).splitlines()[0]}") from None
 
 
-def _scatter(lazy: Any, x: str, y: str) -> Scatter:
+def _scatter(lazy: Any, x: str, y: str) -> ScatterFigure:
     pl = polars()
     numbers = [
         pl.col(column).cast(pl.Float64, strict=False).alias(name)
@@ -274,7 +274,7 @@ def _scatter(lazy: Any, x: str, y: str) -> Scatter:
     # The point of a cell is the corner of its rows, because a mean would depend on their order.
     points = _collected(binned.group_by("i", "j").agg(pl.min("x", "y"))).select("x", "y").rows()
     front = _front(binned, x in MORE_IS_BETTER, y in MORE_IS_BETTER)
-    return Scatter(x, y, total, met, tuple(sorted(points)), tuple(front))
+    return ScatterFigure(x, y, total, met, tuple(sorted(points)), tuple(front))
 
 
 def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]:  # noqa: FBT001
@@ -292,7 +292,7 @@ def _front(binned: Any, more_x: bool, more_y: bool) -> list[tuple[float, float]]
     return [(along * signs[0], up * signs[1]) for along, up in front]
 
 
-def _map(lazy: Any, x: str, y: str, value: str) -> Map:
+def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
     pl = polars()
     for name in (x, y):
         count = _collected(lazy.select(pl.col(name).approx_n_unique())).item()
@@ -317,7 +317,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> Map:
     }
     if all(cell.value is None for cell in cells.values()):
         raise RequestError(f"no scenario has a number in '{value}': there is nothing to draw")
-    return Map(
+    return MapFigure(
         x,
         y,
         value,
@@ -362,7 +362,7 @@ def _shown(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
 
 
-def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
+def draw(figure: Figure, shown: ScatterFigure | MapFigure, theme: Theme) -> None:
     """Draw a scatter with its front, or a map."""
     handles = draw_panel(figure.subplots(), shown, theme)
     if handles:
@@ -370,9 +370,9 @@ def draw(figure: Figure, shown: Scatter | Map, theme: Theme) -> None:
     entitle(figure, shown.title[0].upper() + shown.title[1:])
 
 
-def draw_panel(panel: Axes, shown: Scatter | Map, theme: Theme) -> list[Any]:
+def draw_panel(panel: Axes, shown: ScatterFigure | MapFigure, theme: Theme) -> list[Any]:
     """Draw a scatter or a map on one panel; return the handles of its legend."""
-    if isinstance(shown, Scatter):
+    if isinstance(shown, ScatterFigure):
         _draw_scatter(panel, shown, theme)
         return []
     return _draw_map(panel, shown, theme)
@@ -383,7 +383,7 @@ def _spans(values: Sequence[float], factor: float) -> bool:
     return min(values) > 0.0 and max(values) > factor * min(values)
 
 
-def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
+def _draw_scatter(panel: Axes, shown: ScatterFigure, theme: Theme) -> None:
     panel.plot(
         *zip(*shown.points, strict=True),
         "o",
@@ -415,7 +415,7 @@ def _draw_scatter(panel: Axes, shown: Scatter, theme: Theme) -> None:
     panel.legend(loc="best")
 
 
-def _draw_map(panel: Axes, shown: Map, theme: Theme) -> list[Any]:
+def _draw_map(panel: Axes, shown: MapFigure, theme: Theme) -> list[Any]:
     import numpy as np
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D

@@ -30,7 +30,7 @@ class Point(NamedTuple):
     chosen: bool
 
 
-class Tradeoff(NamedTuple):
+class TradeoffFigure(NamedTuple):
     """Rows of all requested kinds of grid."""
 
     scene: str
@@ -69,7 +69,7 @@ class Tradeoff(NamedTuple):
         return self._asdict() | {"points": [point._asdict() for point in self.points]}
 
 
-def tradeoff_of(plan: Plan) -> Tradeoff:
+def tradeoff_of(plan: Plan) -> TradeoffFigure:
     """The rows of a plan's trade-off.
 
     Raises
@@ -79,7 +79,7 @@ def tradeoff_of(plan: Plan) -> Tradeoff:
     """
     rows = plan.tradeoff()
     assert plan.problem is not None  # without a problem there is no trade-off
-    return Tradeoff(
+    return TradeoffFigure(
         scene=plan.scene.title or plan.scene.name,
         altitude_m=plan.altitude_m,
         target=str(plan.problem.requirement),
@@ -115,7 +115,7 @@ LAST = {
 """The last panel for objectives that are maximised; for others it is time over extent."""
 
 
-def draw(figure: Figure, shown: Tradeoff, theme: Theme) -> None:
+def draw(figure: Figure, shown: TradeoffFigure, theme: Theme) -> None:
     """Draw baseline, extent and time over N, and time over extent."""
     axes = figure.subplots(2, 2)
     looks = _looks(shown, theme)
@@ -152,7 +152,7 @@ FRONT: dict[str, Any] = {"ls": "", "marker": "o", "ms": 4.5, "mew": 0.6, "zorder
 PLAN: dict[str, Any] = {"ls": "", "marker": "*", "ms": 13, "zorder": 5}
 
 
-def _looks(shown: Tradeoff, theme: Theme) -> dict[str, dict[str, Any]]:
+def _looks(shown: TradeoffFigure, theme: Theme) -> dict[str, dict[str, Any]]:
     """Colour and line style of each kind of grid."""
     grids = dict.fromkeys(point.grid for point in shown.points)
     return {
@@ -161,7 +161,7 @@ def _looks(shown: Tradeoff, theme: Theme) -> dict[str, dict[str, Any]]:
     }
 
 
-def _legend(looks: dict[str, dict[str, Any]], shown: Tradeoff, theme: Theme) -> list[Any]:
+def _legend(looks: dict[str, dict[str, Any]], shown: TradeoffFigure, theme: Theme) -> list[Any]:
     from matplotlib.lines import Line2D
 
     first = theme.data[0]

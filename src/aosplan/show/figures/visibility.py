@@ -29,7 +29,7 @@ POINTS = 24
 """Approximate number of points of a curve."""
 
 
-class Curve(NamedTuple):
+class VisibilityCurve(NamedTuple):
     """V̂ and V over `x`, which is samples or metres; `fixed` is the other of the two."""
 
     fixed: float
@@ -38,7 +38,7 @@ class Curve(NamedTuple):
     expected: tuple[float, ...]
 
 
-class Visibility(NamedTuple):
+class VisibilityFigure(NamedTuple):
     """Curves around a plan; the target is None if the plan maximises an objective.
 
     Each curve in `by_samples` has a fixed baseline, and each in `by_baseline` a fixed number of
@@ -58,8 +58,8 @@ class Visibility(NamedTuple):
     target: float | None
     target_quantity: str
     independent_m: float | None
-    by_samples: tuple[Curve, ...]
-    by_baseline: tuple[Curve, ...]
+    by_samples: tuple[VisibilityCurve, ...]
+    by_baseline: tuple[VisibilityCurve, ...]
     bounds: tuple[str, ...]
 
     @property
@@ -90,13 +90,13 @@ class Visibility(NamedTuple):
         }
 
 
-def _stations(curve: Curve, form: str) -> str:
+def _stations(curve: VisibilityCurve, form: str) -> str:
     """A few points of a curve as text."""
     places = sorted({0, len(curve.x) // 4, len(curve.x) // 2, len(curve.x) - 1})
     return ", ".join(form.format(curve.x[at], curve.normalized[at]) for at in places)
 
 
-def visibility_of(plan: Plan) -> Visibility:
+def visibility_of(plan: Plan) -> VisibilityFigure:
     """The curves around a plan, computed with its model.
 
     Raises
@@ -114,7 +114,7 @@ def visibility_of(plan: Plan) -> Visibility:
     widest = 1.5 * base
     if independent / solution.pattern.nearest < 3.0 * base:
         widest = max(widest, 1.25 * independent / solution.pattern.nearest)
-    return Visibility(
+    return VisibilityFigure(
         scene=plan.scene.title or plan.scene.name,
         model=plan.model,
         altitude_m=plan.altitude_m,
@@ -135,7 +135,7 @@ def visibility_of(plan: Plan) -> Visibility:
 
 def by_samples(
     problem: Problem, most: int, base: float, own: int, points: int = POINTS
-) -> Iterator[Curve]:
+) -> Iterator[VisibilityCurve]:
     """Yield curves with up to `most` samples, including `own`; the first has the baseline `base`
     [m].
     """
@@ -153,7 +153,7 @@ def by_samples(
             if _fits(problem, p.longer_side * baseline)
         ]
         if len(found) > 1:
-            yield Curve(
+            yield VisibilityCurve(
                 baseline,
                 tuple(float(p.samples) for p, _ in found),
                 tuple(prediction.normalized for _, prediction in found),
@@ -163,7 +163,7 @@ def by_samples(
 
 def by_baseline(
     problem: Problem, samples: int, widest: float, own: float, points: int = POINTS
-) -> Iterator[Curve]:
+) -> Iterator[VisibilityCurve]:
     """Yield curves with baselines up to `widest` [m], including `own`; the first has `samples`."""
     baselines = sorted({widest * k / points for k in range(1, points + 1)} | {own})
     drawn = set()
@@ -178,7 +178,7 @@ def by_baseline(
             if _fits(problem, pattern.longer_side * b)
         ]
         if found:
-            yield Curve(
+            yield VisibilityCurve(
                 float(pattern.samples),
                 tuple(b for b, _ in found),
                 tuple(prediction.normalized for _, prediction in found),
@@ -191,7 +191,7 @@ def _fits(problem: Problem, extent_m: float) -> bool:
     return extent_m <= problem.model.widest_aperture_m * (1.0 + 1e-9)
 
 
-def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
+def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
     """Draw two columns, over N and over b, with V̂ above V."""
     axes = figure.subplots(2, 2, sharex="col", sharey="row")
     quantities = (
@@ -272,7 +272,9 @@ def draw(figure: Figure, shown: Visibility, theme: Theme) -> None:
     )
 
 
-def _lines(panel: Axes, curves: Sequence[Curve], name: str, form: str, theme: Theme) -> None:
+def _lines(
+    panel: Axes, curves: Sequence[VisibilityCurve], name: str, form: str, theme: Theme
+) -> None:
     for place, curve in enumerate(curves):
         panel.plot(
             curve.x,

@@ -11,34 +11,34 @@ if TYPE_CHECKING:
     from aosplan.solver.solution import Solution
 
 
-class Bound(NamedTuple):
+class AxisBound(NamedTuple):
     """A limit of the quantity along an axis, and the reason."""
 
     value: float
     text: str
 
 
-def baseline_bounds(problem: Problem, pattern: Sites) -> list[Bound]:
+def baseline_bounds(problem: Problem, pattern: Sites) -> list[AxisBound]:
     """Baselines beyond which there is no gain, or which are limits."""
     model, bounds = problem.model, problem.bounds
     found = [
-        Bound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
+        AxisBound(model.independent_baseline_m / pattern.nearest, "neighbours share no occluder"),
     ]
     if pattern.longer_side > 0.0:
-        found.append(Bound(model.widest_aperture_m / pattern.longer_side, "the plot ends"))
+        found.append(AxisBound(model.widest_aperture_m / pattern.longer_side, "the plot ends"))
         if bounds.max_aperture_m is not None:
-            found.append(Bound(bounds.max_aperture_m / pattern.longer_side, "--max-aperture"))
+            found.append(AxisBound(bounds.max_aperture_m / pattern.longer_side, "--max-aperture"))
     if bounds.baseline_m is not None:
-        found.append(Bound(bounds.baseline_m, "--baseline"))
+        found.append(AxisBound(bounds.baseline_m, "--baseline"))
     return [bound for bound in found if math.isfinite(bound.value)]
 
 
-def sample_bounds(problem: Problem, solution: Solution) -> list[Bound]:
+def sample_bounds(problem: Problem, solution: Solution) -> list[AxisBound]:
     """Numbers of samples that are required or are limits."""
     bounds, required = problem.bounds, solution.samples_required
-    found = [] if required is None else [Bound(required, "fewest that meet the target")]
+    found = [] if required is None else [AxisBound(required, "fewest that meet the target")]
     if bounds.max_samples is not None:
-        found.append(Bound(bounds.max_samples, "--max-samples"))
+        found.append(AxisBound(bounds.max_samples, "--max-samples"))
     if bounds.samples is not None:
-        found.append(Bound(bounds.samples, "--samples"))
+        found.append(AxisBound(bounds.samples, "--samples"))
     return found

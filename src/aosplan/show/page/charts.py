@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.show.figures.visibility import POINTS, Curve, by_baseline, by_samples
-from aosplan.show.page.axis_bounds import Bound, baseline_bounds, sample_bounds
+from aosplan.show.figures.visibility import POINTS, VisibilityCurve, by_baseline, by_samples
+from aosplan.show.page.axis_bounds import AxisBound, baseline_bounds, sample_bounds
 from aosplan.show.page.number_text import spacing
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ APART = 13.0
 """Vertical distance between labels."""
 
 
-class Line(NamedTuple):
+class ChartLine(NamedTuple):
     """A straight line across the frame, and its label with position and alignment."""
 
     place: float
@@ -81,8 +81,8 @@ class Chart(NamedTuple):
     normalized: str
     expected: str
     chosen: tuple[float, float, float]
-    bounds: list[Line]
-    levels: list[Line]
+    bounds: list[ChartLine]
+    levels: list[ChartLine]
     rows: list[tuple[float, float, float]]
 
 
@@ -135,9 +135,9 @@ def _chart(
     plan: Plan,
     names: tuple[str, str, str],
     axis: str,
-    curve: Curve,
+    curve: VisibilityCurve,
     planned: float,
-    bounds: Sequence[Bound],
+    bounds: Sequence[AxisBound],
 ) -> Chart:
     name, title, column = names
     prediction = plan.solution.prediction
@@ -173,7 +173,9 @@ def _chart(
     )
 
 
-def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: float) -> list[Line]:
+def _bound_lines(
+    bounds: Sequence[AxisBound], x: Callable[[float], float], high: float
+) -> list[ChartLine]:
     """Limits within the frame; limits at the same place share a line and a label."""
     places: dict[float, list[str]] = {}
     for bound in bounds:
@@ -183,11 +185,11 @@ def _bound_lines(bounds: Sequence[Bound], x: Callable[[float], float], high: flo
     for place, texts in sorted(places.items()):
         leftwards = place > 0.5 * (LEFT + RIGHT)
         label = place - 5.0 if leftwards else place + 5.0
-        lines.append(Line(place, ", ".join(texts), label, "end" if leftwards else "start"))
+        lines.append(ChartLine(place, ", ".join(texts), label, "end" if leftwards else "start"))
     return lines
 
 
-def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
+def _levels(plan: Plan, y: Callable[[float], float]) -> list[ChartLine]:
     """Visibility of one photo and of infinitely many, and the target if the plan has one."""
     from aosplan.solver.solution import BEST
 
@@ -195,10 +197,10 @@ def _levels(plan: Plan, y: Callable[[float], float]) -> list[Line]:
     shares = [(prediction.maximum, "infinitely many"), (prediction.minimum, "one photo")]
     if plan.inputs.objective not in BEST:
         shares.append((float(requirement.target), f"target {requirement.symbol}"))
-    lines: list[Line] = []
+    lines: list[ChartLine] = []
     for share, text in sorted(shares, reverse=True):
         label = max(y(share), lines[-1].label + APART if lines else TOP)
-        lines.append(Line(y(share), text, label, "start"))
+        lines.append(ChartLine(y(share), text, label, "start"))
     return lines
 
 

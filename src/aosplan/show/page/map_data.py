@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
     from aosplan.mission.mission import Waypoints
     from aosplan.planning.result import Plan
-    from aosplan.show.figures.grid import Grid, Polygon
+    from aosplan.show.figures.grid import GridFigure, Polygon
 
 
-class Column(NamedTuple):
+class PackedColumn(NamedTuple):
     """A column of all waypoints: name, packing, and text.
 
     `packing` is ``f8`` for floats of eight bytes and ``u1`` for booleans of one byte, both
@@ -27,24 +27,24 @@ class Column(NamedTuple):
     text: str
 
 
-def columns_of(waypoints: Waypoints) -> list[Column]:
+def columns_of(waypoints: Waypoints) -> list[PackedColumn]:
     """The columns of waypoints at full precision."""
     return [_column(name, values) for name, values in waypoints.columns().items()]
 
 
-def _column(name: str, values: Sequence[Any]) -> Column:
+def _column(name: str, values: Sequence[Any]) -> PackedColumn:
     first = values[0]
     if all(value == first for value in values):
-        return Column(name, "same", repr(first).lower())
+        return PackedColumn(name, "same", repr(first).lower())
     if isinstance(first, bool):
-        return Column(name, "u1", b64encode(bytes(values)).decode())
+        return PackedColumn(name, "u1", b64encode(bytes(values)).decode())
     packed = array("d", values)
     if sys.byteorder == "big":
         packed.byteswap()
-    return Column(name, "f8", b64encode(packed.tobytes()).decode())
+    return PackedColumn(name, "f8", b64encode(packed.tobytes()).decode())
 
 
-def scenery_of(plan: Plan, grid: Grid) -> dict[str, Any]:
+def scenery_of(plan: Plan, grid: GridFigure) -> dict[str, Any]:
     """Everything around the waypoints of a plan, in metres east and north, as plain values.
 
     The size of the grid is given if there is a single grid, that is neither for an area nor for a

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from aosplan.errors import MissingExtraError
 
 if TYPE_CHECKING:
-    from aosplan.maps.detection_map import DetectionMap, Success
+    from aosplan.maps.detection_map import DetectionMap, SearchSuccess
     from aosplan.planning.result import Plan
 
 EXTRA = "report"
@@ -52,7 +52,7 @@ def report_page(
     *,
     seed: int | None = SEED,
     detection_map: DetectionMap | None = None,
-    success: Success | None = None,
+    success: SearchSuccess | None = None,
 ) -> bytes:
     """The page of a plan in UTF-8; the bytes depend only on the plan and the seed.
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.maps.coverage_map import CoverageMap
-    from aosplan.maps.detection_map import DetectionMap, Success
+    from aosplan.maps.detection_map import DetectionMap, SearchSuccess
 
 WIDTH = 640.0
 """Width of the map; its height depends on the ground."""
@@ -58,7 +58,7 @@ class SearchMap(NamedTuple):
     swatches: list[tuple[float, str]]
 
 
-def search_map(found: DetectionMap | None, success: Success | None) -> SearchMap | None:
+def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> SearchMap | None:
     """The picture of a detection map; None without a map."""
     if found is None:
         return None

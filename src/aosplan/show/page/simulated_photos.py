@@ -15,7 +15,7 @@ MOST_VIEWS = 500
 """Largest number of photos that are simulated, which takes a few seconds."""
 
 
-class Views(NamedTuple):
+class SimulatedPhotos(NamedTuple):
     """Pictures of a simulation as data URLs, or the reason why there are none.
 
     Attributes
@@ -49,12 +49,12 @@ class Views(NamedTuple):
     view: str = ""
 
 
-def views_of(plan: Plan, seed: int | None) -> Views:
+def views_of(plan: Plan, seed: int | None) -> SimulatedPhotos:
     """Simulate a plan over one volume of the forest that corresponds to its scene."""
     if seed is None:
-        return Views(None, "left out on request")
+        return SimulatedPhotos(None, "left out on request")
     if plan.solution.pattern.samples > MOST_VIEWS:
-        return Views(
+        return SimulatedPhotos(
             seed,
             f"left out: {plan.solution.pattern.samples} photos, and more than {MOST_VIEWS} are too "
             "many to simulate quickly; use aosplan simulate",
@@ -65,9 +65,11 @@ def views_of(plan: Plan, seed: int | None) -> Views:
     try:
         settings, experiment, predicted = posed(plan, Settings(seed=seed, view=_view(plan)))
     except RequestError as error:
-        return Views(seed, f"left out: {error.message}")
+        return SimulatedPhotos(seed, f"left out: {error.message}")
     if experiment is None:
-        return Views(seed, "left out: no occluder is above the focal plane, so nothing is hidden")
+        return SimulatedPhotos(
+            seed, "left out: no occluder is above the focal plane, so nothing is hidden"
+        )
     every, one = experiment.images()
     seen = panels(every, one, plan.solution.pattern.samples)
     single, integral, endless = (
@@ -75,7 +77,7 @@ def views_of(plan: Plan, seed: int | None) -> Views:
         for image in (seen.single, seen.integral, seen.endless)
     )
     rows, columns = seen.share.shape
-    return Views(
+    return SimulatedPhotos(
         seed,
         "",
         single,

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from aosplan.planning.result import Plan
-    from aosplan.show.figures.grid import Grid, Polygon
+    from aosplan.show.figures.grid import GridFigure, Polygon
 
 MOST_SITES = 5000
 """Largest number of waypoints of a static map; with more, the page says that there is none."""
@@ -64,7 +64,7 @@ class StaticMap(NamedTuple):
     rows: list[list[str]]
 
 
-def static_map_of(plan: Plan, grid: Grid) -> StaticMap | None:
+def static_map_of(plan: Plan, grid: GridFigure) -> StaticMap | None:
     """The map of a plan and its grid without a script; None for more than `MOST_SITES` waypoints."""
     ways = plan.waypoints
     if len(ways) > MOST_SITES:

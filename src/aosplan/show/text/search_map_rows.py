@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from aosplan.maps.detection_map import DetectionMap, Success
+    from aosplan.maps.detection_map import DetectionMap, SearchSuccess
 
 
-def sentences(found: DetectionMap, success: Success | None) -> list[str]:
+def sentences(found: DetectionMap, success: SearchSuccess | None) -> list[str]:
     """Results of a detection map in sentences."""
     document = found.document(success)
     ground = "area" if found.ground == "area" else "ground that the photos show"

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from aosplan.areas.survey import Survey
     from aosplan.grid.patterns import Sites
-    from aosplan.maps.detection_map import DetectionMap, Success
+    from aosplan.maps.detection_map import DetectionMap, SearchSuccess
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
     from aosplan.planning.sensitivity import Change
@@ -95,7 +95,7 @@ def print_plan(
     plan: Plan,
     written: Sequence[str],
     found: DetectionMap | None = None,
-    success: Success | None = None,
+    success: SearchSuccess | None = None,
 ) -> None:
     """Print the summary of a plan, its detection map if there is one, its grid, and the next steps."""
     table = _pairs([*_plan_rows(plan), *_map_rows(found, success)])
@@ -197,7 +197,9 @@ def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "", "by contrast " + ", ".join(curve)
 
 
-def _map_rows(found: DetectionMap | None, success: Success | None) -> Iterable[tuple[str, str]]:
+def _map_rows(
+    found: DetectionMap | None, success: SearchSuccess | None
+) -> Iterable[tuple[str, str]]:
     """Rows with the results of a detection map."""
     if found is None:
         return

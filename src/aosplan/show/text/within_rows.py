@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.planning.within_answer import Answer, Row
+    from aosplan.planning.within_answer import WithinResult, WithinRow
 
 OBJECTIVES = {
     "detection": "{:.1%} found",
@@ -21,7 +21,7 @@ OBJECTIVES = {
 """How the objectives are written in the table."""
 
 
-def within_rows(answer: Answer) -> Iterator[tuple[str, str]]:
+def within_rows(answer: WithinResult) -> Iterator[tuple[str, str]]:
     """Yield heading and text of each row."""
     for index, row in enumerate(answer.rows):
         first, second = row_text(row, answer.asked.optimize)
@@ -30,7 +30,7 @@ def within_rows(answer: Answer) -> Iterator[tuple[str, str]]:
             yield "", second
 
 
-def row_text(row: Row, objective: str) -> tuple[str, str]:
+def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
     """The value of the best plan within a time, and how it is flown."""
     start = f"{row.minutes:.4g} min: "
     if row.timed is None or row.value is None:

@@ -23,7 +23,7 @@ class _Layout(NamedTuple):
     legs: tuple[tuple[float, int], ...]
 
 
-class Layouts(NamedTuple):
+class GridColumns(NamedTuple):
     """Grids by scenario: samples, rows, columns, extents in baselines, and the legs of each.
 
     `places` has the index of each scenario's legs.
@@ -47,7 +47,7 @@ def _layout(grid: str, samples: int) -> _Layout:
     return _Layout(pattern, tuple(lengths.items()))
 
 
-def layouts(wanted: Any, grid: Any) -> Layouts:
+def layouts(wanted: Any, grid: Any) -> GridColumns:
     """The smallest grids with the given numbers of samples; each distinct grid is computed once."""
     kinds, kind_places = np.unique(grid.astype(str), return_inverse=True)
     counts, count_places = np.unique(wanted, return_inverse=True)
@@ -65,7 +65,7 @@ def layouts(wanted: Any, grid: Any) -> Layouts:
         table = np.array([function(layout.pattern) for layout in found], dtype=dtype)
         return np.asarray(table[places]).reshape(shape)
 
-    return Layouts(
+    return GridColumns(
         column(lambda pattern: pattern.samples, np.int64),
         column(lambda pattern: pattern.rows, np.int64),
         column(lambda pattern: pattern.columns, np.int64),
@@ -76,7 +76,7 @@ def layouts(wanted: Any, grid: Any) -> Layouts:
     )
 
 
-def flights(layout: Layouts, baseline: Any, timing: tuple[Any, Any, Any]) -> tuple[Any, Any]:
+def flights(layout: GridColumns, baseline: Any, timing: tuple[Any, Any, Any]) -> tuple[Any, Any]:
     """Length of each path [m], and its time with a stop at every site [s].
 
     `timing` is the speed, the acceleration and the hold.

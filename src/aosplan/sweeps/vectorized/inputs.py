@@ -357,7 +357,7 @@ def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
     )
 
 
-class Target(NamedTuple):
+class TargetColumns(NamedTuple):
     """The targets.
 
     `most` is the largest acceptable shortfall 1 - V̂, including the solver's tolerance.  `fewest`
@@ -370,19 +370,19 @@ class Target(NamedTuple):
     fewest: Any
 
 
-def target_columns(given: Columns, scene: SceneColumns) -> Target:
+def target_columns(given: Columns, scene: SceneColumns) -> TargetColumns:
     """The targets of a block, computed as exactly as by `aosplan.solver.problem.Requirement`."""
     if "visibility" not in given:
         shares = column(given, "vhat")
         counted = by_value(_counted, np.float64, shares)
         fewest = counted[..., 2].astype(np.int64)
-        return Target("V̂", counted[..., 0], counted[..., 1] * (1.0 + TOLERANCE), fewest)
+        return TargetColumns("V̂", counted[..., 0], counted[..., 1] * (1.0 + TOLERANCE), fewest)
     shares = given["visibility"]
     asked = by_value(lambda share: _values(_exact(share)), np.float64, shares)
     allowed = asked[..., 1] * (1.0 + TOLERANCE)
     p, t = scene.density, scene.transparency
     fewest = _fewest_by_density(shares, allowed, p, t)
-    return Target("V", asked[..., 0], (allowed / p - p) / t, fewest)
+    return TargetColumns("V", asked[..., 0], (allowed / p - p) / t, fewest)
 
 
 @lru_cache(maxsize=100_000)

@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.sweeps.status import RowStatuses
-    from aosplan.sweeps.vectorized.inputs import Target
+    from aosplan.sweeps.vectorized.inputs import TargetColumns
 
     Counts = NDArray[np.int64]
     Floats = NDArray[np.float64]
 
 
-class Asked(NamedTuple):
+class RequirementColumns(NamedTuple):
     """The requirements of scenarios, as columns that broadcast to a block's shape; None: no limit.
 
     `sound` is true if there is something to solve.  `ground_m` is the largest extent of the grid
@@ -40,7 +40,7 @@ class Asked(NamedTuple):
 
     sound: Any
     grid: Any
-    target: Target
+    target: TargetColumns
     density: Any
     transparency: Any
     unit_m: Any
@@ -61,7 +61,7 @@ class Asked(NamedTuple):
         return predicted.normalized if self.target.symbol == "V̂" else predicted.expected
 
 
-class Answer(NamedTuple):
+class SolvedSamples(NamedTuple):
     """Samples, baselines and shortfalls; not valid for scenarios that were refused or deferred.
 
     `required` is nan if no number of samples is enough.
@@ -73,7 +73,7 @@ class Answer(NamedTuple):
     required: Any
 
 
-def answer(asked: Asked, statuses: RowStatuses) -> Answer:
+def answer(asked: RequirementColumns, statuses: RowStatuses) -> SolvedSamples:
     """The answers for some requirements; those that cannot be met are refused as by the solver."""
     symbol, value, _, fewest = asked.target
     if not asked.fixed:
@@ -86,7 +86,7 @@ def answer(asked: Asked, statuses: RowStatuses) -> Answer:
     shortfall = 1.0 / samples
     if asked.fixed:
         reached = (fewest > 0) & (fewest <= MOST_SITES)
-        return Answer(samples, baseline, shortfall, np.where(reached, fewest, np.nan))
+        return SolvedSamples(samples, baseline, shortfall, np.where(reached, fewest, np.nan))
     if asked.samples is not None:
         _refuse_missed(asked, asked.sound & (samples < fewest), shortfall, baseline, statuses)
     elif asked.max_samples is not None:
@@ -106,11 +106,11 @@ def answer(asked: Asked, statuses: RowStatuses) -> Answer:
             best,
             asked.unit_m,
         )
-    return Answer(samples, baseline, shortfall, fewest)
+    return SolvedSamples(samples, baseline, shortfall, fewest)
 
 
 def _defer_bound(
-    asked: Asked, samples: Any, sides: Any, baseline_m: Any, statuses: RowStatuses
+    asked: RequirementColumns, samples: Any, sides: Any, baseline_m: Any, statuses: RowStatuses
 ) -> None:
     """Defer scenarios whose neighbours share occluders, or whose grid exceeds a limit."""
     several = asked.sound & (samples > 1)
@@ -123,7 +123,7 @@ def _defer_bound(
         statuses.defer(several & (np.maximum(*sides) * baseline_m > asked.max_aperture_m))
 
 
-def _refuse_hopeless(asked: Asked, statuses: RowStatuses) -> None:
+def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
     """Refuse targets that no number of samples reaches, or that need more than one plan may have."""
     symbol, value, _, fewest = asked.target
     t, p = asked.transparency, asked.density
@@ -181,7 +181,7 @@ def _largest(grid: str, most: Any) -> tuple[Any, Any]:
 
 
 def _refuse_missed(
-    asked: Asked, missed: Any, shortfall: Any, widest_m: Any, statuses: RowStatuses
+    asked: RequirementColumns, missed: Any, shortfall: Any, widest_m: Any, statuses: RowStatuses
 ) -> None:
     symbol, value, _, _ = asked.target
     statuses.refuse(

@@ -37,7 +37,7 @@ from aosplan.sweeps.vectorized.inputs import (
     timing_columns,
     understood,
 )
-from aosplan.sweeps.vectorized.samples import Answer, Asked, answer
+from aosplan.sweeps.vectorized.samples import RequirementColumns, SolvedSamples, answer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,13 +45,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from aosplan.sweeps.block import Block
-    from aosplan.sweeps.vectorized.flights import Layouts
+    from aosplan.sweeps.vectorized.flights import GridColumns
     from aosplan.sweeps.vectorized.inputs import CameraColumns, SceneColumns
 
     Columns = Mapping[str, NDArray[Any]]
 
 
-class Solved(NamedTuple):
+class SolvedColumns(NamedTuple):
     """Results of a block by name, each broadcasting to its shape, and the status of each scenario.
 
     The results of scenarios that were refused or deferred are not valid.
@@ -80,7 +80,7 @@ class _Rule(NamedTuple):
 
 def solve_columns(
     block: Block, folder: str = "", results: Sequence[str] = RESULTS
-) -> Solved | None:
+) -> SolvedColumns | None:
     """Solve the scenarios of a block as columns; None if its options do not allow it.
 
     Parameters
@@ -119,7 +119,7 @@ def solve_columns(
         grid = np.where(np.isin(grid.astype(str), GRIDS), grid, "trimmed").astype(object)
         target = target_columns(given, scene)
         found = answer(
-            Asked(
+            RequirementColumns(
                 sound,
                 grid,
                 target,
@@ -147,7 +147,7 @@ def solve_columns(
         if cleared:
             for name in NOT_OF_CLEAR_VIEWS:
                 columns[name] = np.where(scene.clear, np.nan, columns[name])
-    return Solved(columns, statuses)
+    return SolvedColumns(columns, statuses)
 
 
 def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, Any]:
@@ -220,11 +220,11 @@ def _of_plans(samples: Any, statuses: RowStatuses) -> Any:
     return np.where(sound.any(axis=shared, keepdims=True), samples, 1)
 
 
-def _with_clear_views(given: Columns, clear: Any, found: Answer) -> Answer:
+def _with_clear_views(given: Columns, clear: Any, found: SolvedSamples) -> SolvedSamples:
     """Answers with one sample, or the requested number, for scenarios in which nothing is hidden."""
     wanted = given.get("samples", np.int64(1))
     samples = np.where(clear, wanted, found.samples)
-    return Answer(
+    return SolvedSamples(
         samples,
         np.where(clear, given.get("baseline", np.float64(0.0)), found.baseline_m),
         np.where(clear, np.nan, found.shortfall),
@@ -233,8 +233,8 @@ def _with_clear_views(given: Columns, clear: Any, found: Answer) -> Answer:
 
 
 def _results(
-    layout: Layouts,
-    found: Answer,
+    layout: GridColumns,
+    found: SolvedSamples,
     rule: _Rule,
     scene: SceneColumns,
     camera: CameraColumns,
