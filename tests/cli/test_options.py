@@ -207,6 +207,14 @@ EFFECTS = {
         lambda r, d: len(r["waypoints"]) == 143 and r["samples"] == 10,  # 142 legs of 2.8 m
     ),
     "area": (FIELD, lambda r, d: r.get("area", {}).get("covered_share") == 1.0),
+    "around": (
+        ["--around", str(AREAS / "spots.geojson")],
+        lambda r, d: 620 < r.get("area", {}).get("area_m2", 0) < 640,
+    ),
+    "around_radius": (
+        ["--around", str(AREAS / "spots.geojson"), "--around-radius", "5"],
+        lambda r, d: 155 < r.get("area", {}).get("area_m2", 0) < 160,
+    ),
     "clear": (
         [*FIELD, "--clear", str(AREAS / "meadow.kml")],
         lambda r, d: "area" in r and 0.3 < r["area"]["clear_m2"] / r["area"]["area_m2"] < 0.5,

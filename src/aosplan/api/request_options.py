@@ -71,6 +71,8 @@ class RequestOptions(TypedDict, total=False):
     heading: float | str
     line_length: float | None
     area: str | os.PathLike[str] | None
+    around: str | os.PathLike[str] | None
+    around_radius: float | None
     clear: str | os.PathLike[str] | None
     no_fly: str | os.PathLike[str] | None
     buffer: float | None

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import shapely
 
+from aosplan.areas.around_points import read_surroundings
 from aosplan.areas.boundary_file import Outline, listed, read_outline
 from aosplan.areas.crossings import cross_often
 from aosplan.errors import RequestError
@@ -114,7 +115,12 @@ class Area(NamedTuple):
 
 @quiet
 def read_area(
-    path: str, *, clear: str | None = None, no_fly: str | None = None, buffer_m: float = 0.0
+    path: str,
+    *,
+    around_m: float | None = None,
+    clear: str | None = None,
+    no_fly: str | None = None,
+    buffer_m: float = 0.0,
 ) -> Area:
     """Read an area from files: its boundary, parts without canopy, and no-fly zones.
 
@@ -122,6 +128,9 @@ def read_area(
     ----------
     path
         GeoJSON, KML or KMZ file with polygons, of which the union is used.
+    around_m
+        If given, the file has points instead, and the area is all that is within this distance of
+        one of them.
     clear
         File with parts that have no canopy; only their intersection with the area is used.
     no_fly
@@ -134,7 +143,7 @@ def read_area(
     RequestError
         If a file is not valid, a boundary crosses itself, or the area is too large.
     """
-    outline = read_outline(path)
+    outline = read_outline(path) if around_m is None else read_surroundings(path, around_m)
     origin = _middle(outline)
     united, slivers = _without_slivers(_united(outline, origin), outline)
     whole, moved = _simplified(united, outward=True)

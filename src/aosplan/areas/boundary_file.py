@@ -57,18 +57,28 @@ DEEPEST = 60
 """Greatest number of nested elements in a KML file."""
 
 
+class Point(NamedTuple):
+    """A point of a file: its place there, the position as read, and the coordinate reference system."""
+
+    place: str
+    position: Any
+    crs: str
+
+
 class Outline(NamedTuple):
     """Polygons of a file; each is a list with an outer ring and the rings of its holes.
 
     A ring has shape (n, 2) with longitude and latitude [deg]; the last position equals the first.
     `places` has the place of each polygon in the file, for messages.  `ignored` counts objects
-    without an area by their kind.  `notices` are warnings about the file.
+    without an area by their kind.  `points` has the points among
+    them, each as it is read and not checked.  `notices` are warnings about the file.
     """
 
     path: str
     polygons: list[list[NDArray[np.float64]]]
     places: list[str]
     ignored: Counter[str]
+    points: list[Point]
     notices: list[Message]
 
 
@@ -82,11 +92,7 @@ def read_outline(path: str) -> Outline:
         few positions, or has coordinates that are not longitude and latitude; the message names
         the place.
     """
-    outline = Outline(path, [], [], Counter(), [])
-    if path != "-" and is_vector_file(path, read_start(path, 2000)):
-        _read_vectors(path, outline)
-    else:
-        _read_document(read_bytes(path), outline)
+    outline = read_shapes(path)
     if not outline.polygons:
         found = listed(outline.ignored)
         raise RequestError(
@@ -95,6 +101,22 @@ def read_outline(path: str) -> Outline:
         )
     if sum(len(ring) for rings in outline.polygons for ring in rings) > MOST_POSITIONS:
         raise _too_many(path)
+    return outline
+
+
+def read_shapes(path: str) -> Outline:
+    """Read the polygons and points of a file, which may have none.
+
+    Raises
+    ------
+    RequestError
+        As of `read_outline`.
+    """
+    outline = Outline(path, [], [], Counter(), [], [])
+    if path != "-" and is_vector_file(path, read_start(path, 2000)):
+        _read_vectors(path, outline)
+    else:
+        _read_document(read_bytes(path), outline)
     return outline
 
 
@@ -194,7 +216,10 @@ def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
 
 
 def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tuple[str, Any, str]]:
-    """Coordinates of every polygon of a GeoJSON object, with place and coordinate reference system."""
+    """Coordinates of every polygon of a GeoJSON object, with place and coordinate reference system.
+
+    Points are added to the outline.
+    """
     kind = node.get("type") if isinstance(node, dict) else None
     dot = f"{place}." if place else ""
     if isinstance(node, dict):
@@ -219,6 +244,14 @@ def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tup
             yield f"{dot}coordinates.{index}", part, crs
     elif kind in ("Point", "MultiPoint", "LineString", "MultiLineString"):
         outline.ignored[kind] += 1
+        found = node.get("coordinates")
+        if kind == "Point":
+            outline.points.append(Point(f"{dot}coordinates", found, crs))
+        elif kind == "MultiPoint" and isinstance(found, list):
+            outline.points.extend(
+                Point(f"{dot}coordinates.{index}", position, crs)
+                for index, position in enumerate(found)
+            )
     else:
         raise RequestError(
             f"'{outline.path}': {place or 'the file'} has type {shown(kind)}, "
@@ -232,20 +265,45 @@ def _ring(positions: Any, place: str, change: Reprojection | None) -> NDArray[np
     if not isinstance(positions, list):
         raise RequestError(f"{place} is not a list of positions")
     for index, position in enumerate(positions):
-        if (
-            not isinstance(position, list)
-            or len(position) < 2
-            or type(position[0]) not in (int, float)
-            or type(position[1]) not in (int, float)
-        ):
-            raise RequestError(
-                f"{place}.{index}: {shown(position)} is not a longitude and a latitude"
-            )
+        check_position(position, f"{place}.{index}")
     ring = np.array([position[:2] for position in positions], dtype=np.float64)
     ring = ring.reshape(-1, 2)
     if change is not None and np.isfinite(ring).all():
         ring = change.degrees(ring, place)
     return checked_ring(ring, place)
+
+
+def check_position(position: Any, place: str) -> None:
+    """Check that a position begins with two numbers.
+
+    Raises
+    ------
+    RequestError
+        If it does not.
+    """
+    if (
+        not isinstance(position, list)
+        or len(position) < 2
+        or type(position[0]) not in (int, float)
+        or type(position[1]) not in (int, float)
+    ):
+        raise RequestError(f"{place}: {shown(position)} is not a longitude and a latitude")
+
+
+def check_globe(ring: NDArray[np.float64], place: str) -> None:
+    """Check that positions, shape (n, 2), are longitudes and latitudes.
+
+    Raises
+    ------
+    RequestError
+        If one is not; the message names the first.
+    """
+    finite = np.isfinite(ring).all(axis=1)
+    inside = finite & (np.abs(ring[:, 0]) <= 180.0) & (np.abs(ring[:, 1]) <= 90.0)
+    if not inside.all():
+        index = int(np.argmin(inside))
+        longitude, latitude = ring[index].tolist()
+        raise _off_the_globe(longitude, latitude, f"{place}.{index}")
 
 
 def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
@@ -258,12 +316,7 @@ def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
     """
     if len(ring) == 0:
         raise RequestError(f"{place} is empty")
-    finite = np.isfinite(ring).all(axis=1)
-    inside = finite & (np.abs(ring[:, 0]) <= 180.0) & (np.abs(ring[:, 1]) <= 90.0)
-    if not inside.all():
-        index = int(np.argmin(inside))
-        longitude, latitude = ring[index].tolist()
-        raise _off_the_globe(longitude, latitude, f"{place}.{index}")
+    check_globe(ring, place)
     if np.abs(ring[0] - ring[-1]).max() <= ALMOST_CLOSED_DEG:
         ring[-1] = ring[0]
     if not np.array_equal(ring[0], ring[-1]):
@@ -336,7 +389,7 @@ class _KmlReader:
             raise RequestError(f"'{self.outline.path}' is nested too deeply")
         if tag == "Polygon":
             self.shells, self.holes = [], []
-        elif tag == "coordinates" and "Polygon" in self.path:
+        elif tag == "coordinates" and ("Polygon" in self.path or self.path[-2:-1] == ["Point"]):
             self.text = []
         elif tag in ("Point", "LineString"):
             self.outline.ignored[tag] += 1
@@ -347,7 +400,12 @@ class _KmlReader:
 
     def _end(self, _name: str) -> None:
         tag = self.path.pop()
-        if tag == "coordinates" and self.text is not None:
+        if tag == "coordinates" and self.text is not None and self.path[-1:] == ["Point"]:
+            place = f"point {len(self.outline.points) + 1}"
+            position = list("".join(self.text).strip().split(","))
+            self.outline.points.append(Point(place, position, ""))
+            self.text = None
+        elif tag == "coordinates" and self.text is not None:
             rings = self.holes if "innerBoundaryIs" in self.path else self.shells
             rings.append(self._ring("".join(self.text)))
             self.text = None

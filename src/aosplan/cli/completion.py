@@ -87,6 +87,7 @@ TABLE = (".csv", ".parquet", ".jsonl")
 VALUES = {
     "altitude_frame": Values(_of("mission.mission", "FRAMES")),
     "area": Values(endings=AREA),
+    "around": Values(endings=AREA),
     "autopilot": Values(_of("planning.option_parsers", "AUTOPILOTS")),
     "camera": Values(_cameras, REQUEST),
     "camera_control": Values(_of("planning.option_parsers", "CAMERA_CONTROLS")),

@@ -48,7 +48,7 @@ def cheaper_way(
     str or None
         None if nothing takes less than `CHEAPER` of the time.
     """
-    if request.area is None or loaded.kind == "cloud":
+    if not request.over_area or loaded.kind == "cloud":
         return None
     from aosplan.planning.within import WithinSearch
 

@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 ALTERNATIVES = (
     (("altitude",), ("gsd",), ("target_size", "target_pixels")),
     (("vhat",), ("visibility",)),
-    (("origin",), ("area", "clear", "no_fly", "buffer", "max_sites")),
+    (
+        ("origin",),
+        ("area", "clear", "no_fly", "buffer", "max_sites"),
+        ("around", "around_radius", "clear", "no_fly", "buffer", "max_sites"),
+    ),
     (
         ("scene", *READING),
         ("density", "volume_height", "volume_base"),
@@ -111,7 +115,7 @@ NEEDS = (
     Need(("wind_speed",), ("wind_from",), "--wind-from", "give --wind-from too"),
     Need(
         ("takeoff", "terrain"),
-        ("origin", "area"),
+        ("origin", "area", "around"),
         "--origin LAT,LON",
         "give --origin LAT,LON too",
         waits=True,
@@ -123,7 +127,13 @@ NEEDS = (
         "give --terrain too",
         waits=True,
     ),
-    Need(("clear", "no_fly", "buffer", "max_sites"), ("area",), "--area", "give --area FILE too"),
+    Need(
+        ("clear", "no_fly", "buffer", "max_sites"),
+        ("area", "around"),
+        "--area",
+        "give --area FILE too",
+    ),
+    Need(("around_radius",), ("around",), "--around", "give --around FILE too"),
     Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
 )
 """Options that mean something only together with another one."""
@@ -282,8 +292,10 @@ def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
             needed.append("signature")
     if not is_search(values):
         needed += LANE_OPTIONS.get(values["grid"], ())
-    if values["area"] is not None:
+    if is_over_area(values):
         needed.append("max_sites")
+    if values["around"] is not None:
+        needed.append("around_radius")
     if values["no_fly"] is not None:
         needed.append("buffer")
     if values["trigger"] == "distance":
@@ -298,10 +310,15 @@ def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def is_over_area(values: Mapping[str, Any]) -> bool:
+    """Whether the plan covers an area, or areas around points, and not one place."""
+    return values["area"] is not None or values["around"] is not None
+
+
 def check_grid(values: Mapping[str, Any]) -> None:
     """Refuse options that do not fit the kind of grid, or the number of its samples."""
     grid, samples, most = values["grid"], values["samples"], values["max_samples"]
-    over_area, pitch = values["area"] is not None, values["lane_pitch"]
+    over_area, pitch = is_over_area(values), values["lane_pitch"]
     if samples and most and samples > most:
         raise RequestError(refusals.samples_beyond_bound(samples, most))
     if grid == "spiral" and values["trigger"] == "distance":

@@ -40,6 +40,7 @@ DEFAULTS: dict[str, Any] = {
     "heading": 0.0,
     "buffer": 5.0,
     "max_sites": 10_000,
+    "around_radius": 10.0,
     "speed": 5.0,
     "acceleration": 2.0,
     "climb": 3.0,
@@ -215,6 +216,10 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
     ),
     "Area": (
         ("area", q.word, "text", "FILE", "Area to cover (GeoJSON, KML, KMZ), instead of --origin."),
+        ("around", q.word, "text", "FILE",
+         "Points to look at closely (GeoJSON, KML, KMZ), instead of --area."),
+        ("around_radius", parse.positive, "number", "M",
+         "Radius of the area to cover around each point.  [default]"),
         ("clear", q.word, "text", "FILE",
          "Parts of the area without canopy, which one photo is enough for."),
         ("no_fly", q.word, "text", "FILE", "Zones that sites and legs must avoid."),

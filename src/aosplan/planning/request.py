@@ -23,6 +23,7 @@ from aosplan.planning.option_relations import (
     default_target,
     dependent_defaults,
     fitting,
+    is_over_area,
     is_search,
     left_open,
 )
@@ -108,6 +109,8 @@ class PlanRequest:
     heading: float | str = cast("str", None)
     line_length: float | None = None
     area: str | None = None
+    around: str | None = None
+    around_radius: float | None = None
     clear: str | None = None
     no_fly: str | None = None
     buffer: float | None = None
@@ -175,7 +178,12 @@ class PlanRequest:
     @property
     def has_place(self) -> bool:
         """Whether the plan lies somewhere on earth."""
-        return self.origin is not None or self.area is not None
+        return self.origin is not None or self.over_area
+
+    @property
+    def over_area(self) -> bool:
+        """Whether the plan covers an area, or areas around points."""
+        return is_over_area(vars(self))
 
     @property
     def heading_deg(self) -> float:

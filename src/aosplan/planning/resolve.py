@@ -287,12 +287,14 @@ def altitude_of(request: PlanRequest, camera: Camera) -> float:
 
 def _area_of(request: PlanRequest, folder: str) -> Area | None:
     """The area of a request, if it has one; its files are looked for in `folder` first."""
-    if request.area is None:
+    path = request.area or request.around
+    if path is None:
         return None
     from aosplan.areas.area import read_area
 
     return read_area(
-        located(request.area, folder),
+        located(path, folder),
+        around_m=None if request.around is None else _filled(request.around_radius),
         clear=request.clear and located(request.clear, folder),
         no_fly=request.no_fly and located(request.no_fly, folder),
         buffer_m=request.buffer or 0.0,

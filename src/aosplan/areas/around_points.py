@@ -1,0 +1,81 @@
+"""Areas around points: discs of one radius, as polygons that contain them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from aosplan.areas.boundary_file import (
+    Outline,
+    Point,
+    check_globe,
+    check_position,
+    read_shapes,
+)
+from aosplan.areas.reprojection import reprojection
+from aosplan.errors import RequestError
+from aosplan.geodesy import to_wgs84
+
+CORNERS = 32
+"""Corners of the polygon around a disc; its area is 0.3 % larger than that of the disc."""
+
+MOST_POINTS = 1000
+
+
+def read_surroundings(path: str, radius_m: float) -> Outline:
+    """Read the points of a file, and return a polygon around each.
+
+    Parameters
+    ----------
+    path
+        GeoJSON, KML or KMZ file with points.  Its lines and polygons are left out.
+    radius_m
+        Distance from a point up to which its surroundings belong to the area.
+
+    Raises
+    ------
+    RequestError
+        If the file is not valid, has no points, or has more than `MOST_POINTS`.
+    """
+    found = read_shapes(path)
+    if not found.points:
+        raise RequestError(f"'{path}' holds no point", "give an area of polygons as --area")
+    if len(found.points) > MOST_POINTS:
+        raise RequestError(
+            f"'{path}' has {len(found.points)} points, more than {MOST_POINTS}",
+            "keep those with the largest contrast",
+        )
+    ignored = found.ignored.copy()
+    for kind in ("Point", "MultiPoint"):
+        ignored.pop(kind, None)
+    if found.polygons:
+        ignored["Polygon"] += len(found.polygons)
+    angle = 2.0 * math.pi * np.arange(CORNERS + 1) / CORNERS
+    angle[-1] = 0.0  # the ring is closed
+    corner_m = radius_m / math.cos(math.pi / CORNERS)
+    polygons = []
+    for point in found.points:
+        longitude, latitude = _place_of(point, path)
+        east_m, north_m = corner_m * np.sin(angle), corner_m * np.cos(angle)
+        place = to_wgs84((latitude, longitude), east_m.tolist(), north_m.tolist())
+        polygons.append([np.column_stack(place[::-1])])
+    places = [point.place for point in found.points]
+    return found._replace(polygons=polygons, places=places, ignored=ignored)
+
+
+def _place_of(point: Point, path: str) -> tuple[float, float]:
+    """Longitude and latitude [deg] of a point, checked."""
+    place, position = f"'{path}': {point.place}", point.position
+    if isinstance(position, list) and all(isinstance(part, str) for part in position):
+        try:  # KML has text
+            position = [float(part) for part in position]
+        except ValueError:
+            position = point.position
+    check_position(position, place)
+    at = np.array([position[:2]], dtype=np.float64)
+    change = reprojection(point.crs, path) if point.crs else None
+    if change is not None and np.isfinite(at).all():
+        at = change.degrees(at, place)
+    check_globe(at, place)
+    return float(at[0, 0]), float(at[0, 1])
