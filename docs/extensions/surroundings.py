@@ -9,7 +9,7 @@ from aosplan import errors
 
 SOURCE = Path(aosplan.__file__).parent
 
-ELSEWHERE = {"heading": "at another heading this grid would show more"}
+ELSEWHERE = {"heading": "at --heading …, V̂ of this grid would be higher"}
 """What warnings say whose text is made in another place than they are."""
 
 

@@ -44,7 +44,7 @@ SCALED = 0.003
 MOST_SKEW_DEG = 1.0
 """Largest deviation from 90° between a projection's axes on the ground; beyond it, scaling fails."""
 
-ASK = "say it with --units, such as m, ft or us-ft, or us-ft,m for x and y in feet and z in metres"
+ASK = "give --units, such as m, ft or us-ft, or us-ft,m for x and y in feet and z in metres"
 """Hint for a scene file that does not state its units."""
 
 
@@ -133,7 +133,7 @@ def units_of(crs: CRS, what: str) -> Units:
         if not polar:
             raise RequestError(
                 f"the axes of {what} run {' and '.join(axis.direction for axis in across)}",
-                "reproject it to a system that counts to the east and north, such as UTM",
+                "reproject it to a system with axes to the east and north, such as UTM",
             )
     return Units(
         float(across[0].unit_conversion_factor) if across else None, vertical_unit_m(crs, what)
@@ -156,7 +156,7 @@ def crs_of_wkt(text: str, what: str) -> CRS:
     except CRSError:
         raise RequestError(
             f"the coordinate reference system of {what} cannot be read",
-            "give it one that can: gdal_edit.py -a_srs EPSG:CODE FILE",
+            "write a valid one: gdal_edit.py -a_srs EPSG:CODE FILE",
         ) from None
 
 
@@ -213,8 +213,9 @@ def vertical_unit_m(crs: CRS, what: str) -> float | None:
     for axis in crs.axis_info:
         if axis.direction == "down":
             raise RequestError(
-                f"{what} has depths, which count downwards, by its coordinate reference system",
-                "give it heights, which count upwards",
+                f"{what} has depths (positive downwards) according to its coordinate "
+                "reference system",
+                "convert them to heights (positive upwards)",
             )
         if axis.direction == "up":
             return float(axis.unit_conversion_factor)

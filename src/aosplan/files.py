@@ -330,9 +330,9 @@ def check_output(path: str, *, force: bool) -> None:
         raise RequestError(f"output {path!r} has a zero byte in its name")
     folder = os.path.dirname(path) or "."
     if os.path.isdir(path):
-        raise RequestError(f"output '{path}' is a folder", "name a file in it")
+        raise RequestError(f"output '{path}' is a folder", "give the name of a file in it")
     if not os.path.isdir(folder):
-        raise RequestError(f"output '{path}': there is no folder '{folder}'", "make it first")
+        raise RequestError(f"output '{path}': there is no folder '{folder}'", "create it first")
     if os.path.exists(path) and not os.path.isfile(path):
         raise RequestError(f"output '{path}' is not a regular file", "- writes to stdout")
     if os.path.lexists(path) and not force:

@@ -47,8 +47,8 @@ def to_wgs84(
     distance = [math.hypot(e, n) for e, n in zip(east_m, north_m, strict=True)]
     if max(distance, default=0.0) > FARTHEST_M:
         raise RequestError(
-            f"the grid reaches {max(distance) / 1000.0:.4g} km from its origin, more than the "
-            f"{FARTHEST_M / 1000.0:g} km that are placed on earth",
+            f"the grid reaches {max(distance) / 1000.0:.4g} km from its origin, more "
+            f"than the {FARTHEST_M / 1000.0:g} km for which coordinates are computed",
             "leave --origin out, or plan a smaller grid",
         )
     count = len(distance)

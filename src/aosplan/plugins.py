@@ -38,6 +38,6 @@ def _loaded(group: str, *names: str) -> list[tuple[str, Any]]:
         except Exception as error:  # noqa: BLE001 (whatever the code of others raises)
             raise RequestError(
                 f"'{entry.name}' of {group} ({entry.value}) cannot be loaded: {error}",
-                "its distribution is installed, but broken: install it anew, or remove it",
+                "its distribution is broken: reinstall it, or remove it",
             ) from None
     return values

@@ -199,7 +199,7 @@ def test_a_track_that_comes_back_is_an_outline_and_another_is_not(written):
     area = read_area(written(gpx(walked), "walk.gpx"))
     assert "track_closed" in [code for code, _ in area.notices]
     assert area.whole.area == pytest.approx(read_area(written(polygon())).whole.area, rel=1e-3)
-    with pytest.raises(RequestError, match="holds no polygon"):
+    with pytest.raises(RequestError, match="contains no polygon"):
         read_outline(written(gpx(RING[:3]), "way.gpx"))
 
 

@@ -411,4 +411,4 @@ def test_options_have_their_effect(document, default, name):
 def test_options_of_point_clouds_are_refused_for_other_scenes(command, flag, value):
     refused = command("plan", "--altitude", "40", flag, value)
     check_refusal(*refused)
-    assert f"{flag} goes with a point cloud" in refused[2]
+    assert f"{flag} needs a point cloud" in refused[2]

@@ -130,7 +130,7 @@ def test_the_table_tells_of_the_area(command):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([*FIELD, "--origin", "48,14"], "--origin and --area say the same thing twice"),
+        ([*FIELD, "--origin", "48,14"], "--origin and --area have the same meaning"),
         (["--clear", "x.kml"], "--clear without --area"),
         (["--no-fly", "x.kml"], "--no-fly without --area"),
         (["--max-sites", "5"], "--max-sites without --area"),

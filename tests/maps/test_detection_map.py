@@ -198,7 +198,7 @@ def test_success_is_detection_times_the_prior_that_is_there(tmp_path, over_field
     [
         (np.full((2, 2), -1.0), {}, "which is not a probability"),
         (np.zeros((2, 2)), {}, "zero everywhere"),
-        (np.ones((2, 2)), {"crs": None}, "names no coordinate system"),
+        (np.ones((2, 2)), {"crs": None}, "has no coordinate system"),
         (np.ones((2, 2)), {"count": 2}, "has 2 bands"),
     ],
 )

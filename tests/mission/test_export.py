@@ -324,7 +324,7 @@ def test_an_unknown_format_is_refused(path, name, words):
 def test_a_page_is_a_report():
     with pytest.raises(RequestError) as caught:
         choose("plan.html")
-    assert caught.value.hint == "a page of the plan: --report plan.html"
+    assert caught.value.hint == "for a page about the plan, give --report plan.html"
 
 
 def test_an_unknown_ending_lists_the_known_ones():

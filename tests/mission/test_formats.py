@@ -91,7 +91,7 @@ def test_a_terrain_frame_leaves_the_ground_to_the_autopilot(name):
 
 
 def test_wpml_has_no_terrain_frame():
-    with pytest.raises(RequestError, match="no height above the ground"):
+    with pytest.raises(RequestError, match="not support heights above terrain"):
         written(grid(altitude_frame="terrain"), "kmz")
 
 
@@ -281,7 +281,7 @@ def test_files_of_an_earlier_longer_mission_are_named(tmp_path, capsys):
     (tmp_path / "grid-3.waypoints").write_text("old")
     arguments = [argument for argument in LONG if argument != "--quiet"]
     assert run([*arguments, "--out", str(tmp_path / "grid.waypoints")]) == 0
-    assert "grid-3.waypoints is not of this mission" in capsys.readouterr().err
+    assert "grid-3.waypoints is not part of this mission" in capsys.readouterr().err
 
 
 def test_two_outputs_never_share_a_numbered_file(tmp_path, capsys):

@@ -80,7 +80,7 @@ def test_a_drone_that_takes_fewer_waypoints_rules():
 
 
 def test_several_files_do_not_fit_into_stdout():
-    with pytest.raises(RequestError, match="needs 2 Litchi CSV files, and stdout takes one"):
+    with pytest.raises(RequestError, match="needs 2 Litchi CSV files, but stdout takes only one"):
         files([grid(100)], formats()["litchi"], "-")
 
 

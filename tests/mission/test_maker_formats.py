@@ -50,8 +50,8 @@ def test_a_drone_that_flies_another_format_is_refused(name):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"trigger": "distance"}, "has no photos by distance"),
-        ({"altitude_frame": "terrain"}, "no height above the ground"),
+        ({"trigger": "distance"}, "does not support photos by distance"),
+        ({"altitude_frame": "terrain"}, "not support heights above terrain"),
     ],
 )
 def test_distance_photos_and_terrain_frames_are_refused(name, values, words):

@@ -38,7 +38,7 @@ def test_the_reference_point_of_the_takeoff_is_said_where_it_is_written(name):
 @pytest.mark.parametrize("name", ["csv", "geojson"])
 def test_the_column_of_the_ground_has_its_datum(name):
     mission = grid(ground_m=SLOPE, height_datum="EGM96 height", **PLACE)
-    assert "ground_m counts from EGM96 height" in said(name, mission)
+    assert "ground_m is relative to EGM96 height" in said(name, mission)
     assert not said(name, grid())
 
 

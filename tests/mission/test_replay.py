@@ -186,7 +186,7 @@ def check_refusal(name, values, refused):
         or (form.asks_drone and name not in flown)
         or values["trigger"] not in form.triggers
         or (values.get("altitude_frame") == "terrain" and "ground" not in form.altitudes)
-        or refused.message == "PX4 takes no heights above the terrain"
+        or refused.message == "PX4 does not accept heights above terrain"
         or re.match("speed .* m/s: |.* has no number for the drone", refused.message)
     ), (name, refused.message)
 

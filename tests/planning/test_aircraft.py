@@ -39,7 +39,7 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
         ({"drone": "dji-m3t", "autopilot": "px4"}, "which DJI's own autopilot flies"),
         (
             {"autopilot": "px4", "altitude_frame": "terrain"},
-            "refuses missions with heights above terrain",
+            "does not accept heights above terrain",
         ),
         (
             {"drone": "px4-multicopter", "altitude_frame": "terrain", "camera": "sony-a6000-16mm"},
@@ -48,7 +48,7 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
         ({"camera_control": "outputs"}, "without PX4"),
         ({"autopilot": "ardupilot", "camera_control": "mavlink"}, "without PX4"),
         ({"autopilot": "ardupilot", "hold": 0}, "whole seconds"),
-        ({"autopilot": "px4", "hold": 0}, "flies through"),
+        ({"autopilot": "px4", "hold": 0}, "does not stop"),
         ({"drone": "dji-m350", "payload": "dji-h20t", "camera": "dji-p1-35mm"}, "another payload"),
         ({"payload": "dji-h20", "camera": "dji-h20t-thermal"}, "another payload"),
     ],

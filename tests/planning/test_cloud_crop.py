@@ -102,7 +102,7 @@ def test_scene_and_plan_read_the_crop(tile, folder, command):
     )
     around = document(*plan)
     said = {each["code"]: each["message"] for each in around["warnings"]}
-    assert "around the plan are used" in said["cropped_to_plan"]
+    assert "only a part of the point cloud is used" in said["cropped_to_plan"]
     everything = document(*plan, "--crop", "all")
     assert "cropped_to_plan" not in {each["code"] for each in everything["warnings"]}
     footprint = around["camera"]["footprint_m"]

@@ -51,7 +51,7 @@ def test_words_of_a_search():
     assert words.startswith(f"of 100 people lying there, about {hundred} would be found at one ")
     several = plan(PlanRequest(altitude=40, find="2x3", false_alarms=0.5, **OWN))
     assert "100 targets of 2 x 3 m lying there" in detection_text(several)
-    assert "at 0.5 false alarms a hectare" in detection_text(several)
+    assert "at 0.5 false alarms per hectare" in detection_text(several)
 
 
 def test_warnings_of_few_photos_and_of_targets_below_a_pixel():
@@ -87,7 +87,7 @@ def test_bare_ground_shows_everyone():
     [
         ({"signature": "colour"}, "--signature without --find"),
         ({"find": "person", "contrast": 2.0}, "--contrast without --canopy-offset"),
-        ({"find": "person", "signature": "colour", **OWN}, "say the same thing twice"),
+        ({"find": "person", "signature": "colour", **OWN}, "have the same meaning"),
         ({"find": "dog"}, "is not person and not WxL"),
         ({"find": "99x100"}, "is not between"),
         ({"find": "person", **OWN, "contrast": 0.0}, "cannot be found"),

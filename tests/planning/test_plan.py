@@ -73,7 +73,7 @@ def number_after(text, words):
 @pytest.mark.parametrize("grid", GRIDS)
 def test_the_baseline_that_is_said_to_leave_common_ground_does(grid):
     result = planned(samples=60, baseline=40, grid=grid)
-    largest = number_after(message(result, "no_common_ground"), "is below ")
+    largest = number_after(message(result, "no_common_ground"), "baseline below ")
     assert min(planned(samples=60, baseline=0.999 * largest, grid=grid).common_footprint_m) > 0
     assert min(planned(samples=60, baseline=1.001 * largest, grid=grid).common_footprint_m) < 0
 

@@ -308,7 +308,7 @@ def test_lane_options_go_with_lanes(grid, name):
     error = refusal(altitude=40, grid=grid, **{name: 3})
     assert BY_NAME[name].flag in error.message
     assert f"--grid {grid}" in error.message
-    assert error.hint == "they go with --grid lanes"
+    assert error.hint == "they are for --grid lanes"
 
 
 def test_lanes_are_no_closer_than_samples_along_them():
@@ -385,12 +385,12 @@ def test_a_complete_request_can_be_overridden_by_a_preset(kept):
 
 
 def test_flags_contradict_each_other_even_over_a_file():
-    with pytest.raises(RequestError, match="say the same thing twice"):
+    with pytest.raises(RequestError, match="have the same meaning"):
         request_from({"altitude": 40}, overrides={"altitude": 50, "gsd": 0.05})
 
 
 def test_a_file_that_contradicts_itself_is_refused():
-    with pytest.raises(RequestError, match="say the same thing twice"):
+    with pytest.raises(RequestError, match="have the same meaning"):
         request_from({"altitude": 40, "gsd": 0.05})
 
 

@@ -155,7 +155,7 @@ def test_an_unknown_rate_of_photos_is_assumed_aloud():
     ("values", "message"),
     [
         ({"altitude": "40..80"}, "is a range"),
-        ({"altitude": "80..40", "within": 5}, "does not rise"),
+        ({"altitude": "80..40", "within": 5}, "is not an increasing range"),
         ({"altitude": 40, "trigger": "best"}, "without --within"),
         ({"altitude": 40, "within": 5, "grid": "spiral"}, "spirals are not searched"),
         ({"altitude": 40, "within": 5, "resume_at": 3}, "--resume-at with --within"),

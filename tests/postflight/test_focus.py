@@ -256,7 +256,7 @@ def test_a_single_height_is_that_of_the_plane(command, folder):
         (["--focus", "0..1e300"], "farther"),
         (["--focus", "3", "--focal-height", "2"], "both"),
         (["--focus", "auto", "--align", "x"], "--align 'x'"),
-        (["--align", "yaw"], "go with --focus"),
+        (["--align", "yaw"], "need --focus"),
         (["--focus", "auto", "--views", "1-3"], "at least 4 views"),
         (["--focus", "auto", "--focus-figure", "c.txt"], "c.txt"),
     ],

@@ -67,7 +67,7 @@ def test_damaged_positions_are_none(tmp_path, gps):
 def test_no_folder_and_no_photo_are_errors(tmp_path):
     with pytest.raises(RequestError, match="no such file"):
         read_photos(str(tmp_path / "none"))
-    with pytest.raises(RequestError, match="0 photos looked at"):
+    with pytest.raises(RequestError, match="0 photos were read"):
         read_photos(str(tmp_path))
 
 

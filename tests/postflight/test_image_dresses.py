@@ -56,7 +56,7 @@ def test_16_bits_of_a_png_keep_their_bits_or_are_refused(tmp_path, monkeypatch):
         file.write(np.moveaxis(VALUES, 2, 0))
     assert np.array_equal(bands(path)[0], VALUES)
     monkeypatch.setitem(__import__("sys").modules, "rasterio", None)
-    with pytest.raises(RequestError, match="16 bits a colour"):
+    with pytest.raises(RequestError, match="16 bits per colour"):
         read_picture(str(path))
 
 
@@ -113,4 +113,4 @@ def test_names_that_lead_out_of_the_folder_are_refused(command, folder, name):
     Image.new("L", (64, 48), 100).save(folder / "b.png")
     status, _, err = command(*recording(folder, ["a.png", name], held=["a.png"]))
     assert status == 2
-    assert "leads out of the folder" in err
+    assert "is outside the folder" in err

@@ -227,7 +227,7 @@ def test_take_off_among_the_views_is_noticed(command, folder):
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        ([], "nothing to do"),
+        ([], "no output is requested"),
         (["--out", "i.jpg"], "i.jpg"),
         (["--out", "no/i.png"], "no"),
         (["--out", "i.png", "--focal-height", "40"], "below the focal plane"),
@@ -248,7 +248,7 @@ def test_take_off_among_the_views_is_noticed(command, folder):
         (["--out", "i.png", "--pitch", "0"], "pitch"),
         (["--out", "i.png", "--pitch", "-1"], "pitch"),
         (["--out", "i.png", "--aperture", "x"], "aperture"),
-        (["--out", "i.png", "--aperture", "1", "--views", "1"], "no view is within 1 m"),
+        (["--out", "i.png", "--aperture", "1", "--views", "1"], "no view is in an aperture of 1 m"),
         (["--out", "i.png", "--views", "0"], "'0' is not within 1 to 9"),
         (["--out", "i.png", "--views", "5-3"], "5-3"),
         (["--out", "i.png", "--views", "10"], "10"),
@@ -306,7 +306,7 @@ CHANGES = {
     "exactly the names": lambda d: d["camera"].pop("cx"),
     "width": lambda d: d["camera"].update(width=1.5),
     "its camera 100 x 120": lambda d: d["camera"].update(width=100),
-    "image '../000.tif' leads out of the folder": lambda d: d["images"][0].update(
+    "image '../000.tif' is outside the folder": lambda d: d["images"][0].update(
         imagefile="../000.tif"
     ),
     "zero": lambda d: d["images"][0].update(imagefile="\0"),
@@ -321,7 +321,7 @@ def test_wrong_poses_are_refused(command, recorded, folder, part):
 
 
 BEYOND_A_SCHEMA = {"not a rotation", "rotation", "not a finite number", "farther", "given twice",
-                   "its camera 100 x 120", "image '../000.tif' leads out of the folder", "zero"}  # fmt: skip
+                   "its camera 100 x 120", "image '../000.tif' is outside the folder", "zero"}  # fmt: skip
 
 
 @pytest.mark.parametrize("part", CHANGES)

@@ -192,7 +192,7 @@ def test_a_plan_gives_what_the_photos_lack(command, folder):
     given += ["--camera", "c.json", "--extent=-3,-3,3,3"]
     status, _, err = command("photos", *given, "--out", "x.png", "--json")
     assert status == 0
-    assert "taken to look straight down" in err
+    assert "assumed to look straight down" in err
     plan = {
         "altitude_m": 30.0,
         "request": {"camera": "c.json", "heading": 40.0, "origin": list(ORIGIN)},
@@ -223,7 +223,7 @@ def test_a_tiff_of_photos_lies_in_its_place(command, folder):
 
 def test_poses_without_images_say_what_is_missing(command, folder):
     (folder / "poses.json").write_text("{}")
-    assert "folder of their images is missing" in command("poses.json", "--out", "x.png")[2]
+    assert "folder of the images is missing" in command("poses.json", "--out", "x.png")[2]
     assert "no folder 'none'" in command("none", "--out", "x.png")[2]
     (folder / "empty").mkdir()
     assert "no photo with a position" in command("empty", "--out", "x.png")[2]

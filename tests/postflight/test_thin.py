@@ -273,7 +273,7 @@ def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
         ([], "--samples N is needed"),
         (["--samples=0"], "--samples '0' is not a whole number"),
         (["--samples=505"], "504 positions are fewer"),
-        (["--samples=5", "--heading=best"], "the views are where they are"),
+        (["--samples=5", "--heading=best"], "views that are already recorded"),
         (["--samples=5", "--best=most"], "--best 'most'"),
         (["--samples=5", "--density=0", "--occluder-size=1", "--volume-height=9"], "one photo"),
         (["--samples=5", "--out=-", "--json"], "both write to stdout"),

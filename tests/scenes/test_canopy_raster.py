@@ -169,7 +169,7 @@ def test_a_raster_plans_by_its_voxels_and_again_from_its_request(raster):
     path = raster(trees() * (np.indices((40, 60)).sum(axis=0) % 7 < 3))
     result = plan(PlanRequest(altitude=60, scene=path, vhat=0.3))
     assert result.model == "measured"
-    assert "crowns are solid from 0.5" in result.document()["scene"]["assumed"]
+    assert "crowns are assumed to be solid from 0.5" in result.document()["scene"]["assumed"]
     request = result.request.document()
     assert (request["voxel"], request["min_height"], request["crown_base"]) == (0.5, 2.0, 0.5)
     assert plan(PlanRequest(**request)).document() == result.document()
@@ -195,7 +195,7 @@ def refusal(path, **given):
         ({"transform": None, "crs": None}, "no georeference"),
         ({"crs": "EPSG:4326"}, "geographic"),
         ({"transform": Affine(0.4, 0.3, 0.0, 0.3, -0.4, 0.0)}, "rotated"),
-        ({"transform": Affine(1e7, 0.0, 0.0, 0.0, -1e7, 0.0)}, "more than a stand can"),
+        ({"transform": Affine(1e7, 0.0, 0.0, 0.0, -1e7, 0.0)}, "too large for a stand"),
         ({"unit": "cubit"}, "heights in 'cubit'"),
     ],
 )
@@ -207,8 +207,8 @@ def test_a_raster_that_is_no_plot_in_metres_is_named(raster, change, said):
     ("heights", "said"),
     [
         (np.full((3, 4), 612.5), "reaches 612.5"),
-        (np.full((3, 4), np.nan), "holds no heights"),
-        (np.full((3, 4), np.inf), "holds no heights"),
+        (np.full((3, 4), np.nan), "contains no heights"),
+        (np.full((3, 4), np.inf), "contains no heights"),
         (np.zeros((3, 4, 5)), "3 bands"),
         (np.zeros((4, 5), np.complex64), "complex64"),
     ],
@@ -290,9 +290,9 @@ def test_without_the_extra_it_is_named(raster, monkeypatch):
 
 def test_options_of_other_scenes_are_refused(raster):
     path = raster(trees())
-    with pytest.raises(RequestError, match="--ground goes with a point cloud"):
+    with pytest.raises(RequestError, match="--ground needs a point cloud"):
         plan(PlanRequest(altitude=60, scene=path, ground="class"))
-    with pytest.raises(RequestError, match="--crown-base goes with a canopy height raster"):
+    with pytest.raises(RequestError, match="--crown-base needs a canopy height raster"):
         plan(PlanRequest(altitude=60, scene="savanna", crown_base=0.5))
 
 

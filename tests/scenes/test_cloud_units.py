@@ -229,7 +229,7 @@ def test_tiles_of_different_systems_are_refused(tmp_path):
     ellipsoid = write_cloud(tmp_path / "f.laz", *stand(), crs="EPSG:32633+5773")
     with pytest.raises(Exception, match="different coordinate reference systems"):
         read_voxels([one, other])
-    with pytest.raises(Exception, match="count from different levels"):
+    with pytest.raises(Exception, match="different vertical datums"):
         read_voxels([higher, ellipsoid])
     assert codes(read_voxels([one, alike, higher])) == []
     assert codes(read_voxels([one, silent])) == ["units_assumed", "crs_assumed"]

@@ -280,7 +280,7 @@ def test_a_round_plot_is_said_with_the_density_within(tmp_path):
     assert codes(disc) == ["partial_plot"]
     message = disc.warnings[0][1]
     covered = float(re.search(r"cover (\d+)%", message)[1]) / 100
-    within = float(re.search(r"is ([\d.]+) where", message)[1])
+    within = float(re.search(r"but ([\d.]+) where", message)[1])
     assert covered == pytest.approx(np.pi / 4, abs=0.04)
     assert within == pytest.approx(square.column_occupancy, rel=0.05)
     assert disc.column_occupancy == pytest.approx(np.pi / 4 * square.column_occupancy, rel=0.05)

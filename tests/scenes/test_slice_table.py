@@ -56,7 +56,7 @@ def test_a_table_plans(table):
     [
         ("", "no header line", "bottom_m,top_m"),
         (HEADER, "a header and no slices", ""),
-        ("2,4,0.02,0.3\n", "no column bottom_m", "has to name"),
+        ("2,4,0.02,0.3\n", "no column bottom_m", "must have the columns"),
         (GOOD.replace(",", ";"), "by semicolons", "commas"),
         (GOOD.replace(",", "\t"), "by tabs", "commas"),
         (GOOD.replace("0.02", "dense"), "line 2, density 'dense'", ""),
@@ -68,7 +68,7 @@ def test_a_table_plans(table):
         (GOOD.replace("2,4,", "-2,4,"), "line 2, bottom_m '-2'", ""),
         (GOOD.replace("6.5", "6,5"), "line 3 has 5 cells, and the header 4", "decimals by points"),
         (GOOD.replace("4,6.5", "3,6.5"), "layer 1: bottom_m 3 is below", ""),
-        (GOOD.replace("top_m", "top_ft"), "no column top_m", "'top_ft' comes near"),
+        (GOOD.replace("top_m", "top_ft"), "no column top_m", "'top_ft' is similar"),
         (GOOD.replace("density", "density_percent"), "no column density", "density_percent"),
         (GOOD.replace("top_m", "bottom_m"), "two columns bottom_m", ""),
         (GOOD + '"2,4', "is not valid CSV", ""),
@@ -92,7 +92,7 @@ def test_a_table_without_end_is_refused(table, monkeypatch):
 
 
 def test_options_of_clouds_are_refused(table):
-    with pytest.raises(RequestError, match="--voxel goes with a point cloud"):
+    with pytest.raises(RequestError, match="--voxel needs a point cloud"):
         plan(PlanRequest(altitude=40, scene=table(GOOD), voxel=0.5))
 
 

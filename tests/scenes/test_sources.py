@@ -86,7 +86,7 @@ def test_tiles_are_looked_for_beside_the_request(tiles, monkeypatch, tmp_path):
     assert resolved("tiles", folder=folder).volume is not None
     assert resolved("tiles/*.laz", folder=folder).volume is not None
     assert "unknown scene" in refusal("tiles").message
-    assert "holds no" in refusal("tiles/*.laz").message
+    assert "contains no" in refusal("tiles/*.laz").message
 
 
 def test_the_command_takes_several_files(tiles, capsys):
@@ -102,7 +102,7 @@ def test_a_preset_goes_before_a_folder_of_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "savanna").mkdir()
     assert resolved("savanna").kind == "uniform"
-    assert "holds no" in refusal("./savanna").message
+    assert "contains no" in refusal("./savanna").message
 
 
 def test_a_file_with_marks_in_its_name_is_itself(tmp_path):
@@ -114,8 +114,8 @@ def test_a_file_with_marks_in_its_name_is_itself(tmp_path):
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (("tiles/none*.laz",), "'tiles/none*.laz' holds no"),
-        (("tiles/*.txt",), "'tiles/*.txt' holds no"),
+        (("tiles/none*.laz",), "'tiles/none*.laz' contains no"),
+        (("tiles/*.txt",), "'tiles/*.txt' contains no"),
         (("tiles/0.laz", "tiles/0.laz"), "'tiles/0.laz' is given twice"),
         (("tiles/0.laz", "tiles"), "'tiles/0.laz' is given twice"),
         (("tiles/0.laz", "savanna"), "'savanna' is not a point cloud"),
@@ -233,7 +233,7 @@ def test_its_request_plans_again(saved):
 
 @pytest.mark.parametrize("given", [{"view": "perspective"}, {"focal_height": 1.0}])
 def test_what_a_correlogram_does_not_know_is_refused(saved, given):
-    with pytest.raises(RequestError, match="holds a correlogram") as caught:
+    with pytest.raises(RequestError, match="contains only a correlogram") as caught:
         planned(saved["toml"], **given)
     assert ".npz" in caught.value.hint
 
@@ -314,9 +314,9 @@ SCENE = {
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"lags": [0.2, 0.1]}, "lags do not rise"),
-        ({"lags": [0.0, 0.1]}, "lags do not rise"),
-        ({"lags": []}, "lags do not rise"),
+        ({"lags": [0.2, 0.1]}, "lags are not positive and increasing"),
+        ({"lags": [0.0, 0.1]}, "lags are not positive and increasing"),
+        ({"lags": []}, "lags are not positive and increasing"),
         ({"directions_deg": [0.0, 80.0]}, "half circle"),
         ({"directions_deg": []}, "half circle"),
         ({"rho": [[0.5, 0.2]]}, "rho is of shape (1, 2), not (2, 2)"),
@@ -372,7 +372,9 @@ def test_a_plot_too_small_for_the_aperture_is_said(saved, kind):
     if kind == "npz":  # a correlogram ends at its last lag, which may be smaller
         assert "small_plot" not in codes(within)
     assert "small_plot" in codes(beyond)
-    assert "twice the shear" in {w.code: w.message for w in beyond.warnings}["small_plot"]
+    assert (
+        "too small for this aperture" in {w.code: w.message for w in beyond.warnings}["small_plot"]
+    )
 
 
 def test_views_that_see_almost_nothing_are_said(tmp_path):

@@ -151,7 +151,7 @@ def test_a_map_of_a_sweep_has_its_values_and_its_hatch(figure_of):
     assert (box.x0, box.y0, box.x1, box.y1) == (1.0, 1.0, 2.0, 2.0)
     assert [points(line).tolist() for line in panel.lines] == [[[1.5, 0.5]]]
     words = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert words == ["none can be met", "some cannot be met"]
+    assert words == ["no feasible scenario", "some infeasible scenarios"]
 
 
 def test_a_scatter_of_a_sweep_has_its_points_and_its_front(figure_of):

@@ -105,8 +105,8 @@ def test_a_map_says_what_cannot_be_met_and_what_is_missing(tmp_path):
     with rc_context():
         figure = drawn(KINDS["sweep"], found, FigureStyle())
     words = {text.get_text() for text in figure.legends[0].get_texts()}
-    assert words == {"none can be met", "some cannot be met", "no scenario"}
-    assert "cells where none can be met: 1" in found.description()
+    assert words == {"no feasible scenario", "some infeasible scenarios", "no scenario"}
+    assert "cells without a feasible scenario: 1" in found.description()
 
 
 def test_many_rows_become_few_points(tmp_path):
@@ -158,7 +158,7 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
         ("plot sweep r.txt", "does not have one of the extensions .csv, .parquet, .jsonl"),
         ("plot sweep r.csv --x sample", "the results have no column 'sample'"),
         ("plot sweep r.csv --value samples", "--value without --x and --y"),
-        ("plot sweep r.csv --altitude 40", "--altitude does not go with the results of a sweep"),
+        ("plot sweep r.csv --altitude 40", "--altitude cannot be used with the results of a sweep"),
         ("plot sweep r.csv --x scene --y samples", "nothing to draw"),
         (
             "plot sweep r.csv --x scene --y samples --value scene",
@@ -167,12 +167,12 @@ def test_a_sweep_draws_itself_as_plot_draws_its_results(campaign, tmp_path, caps
         ("plot sweep other.csv --x a --y b", "has no column 'status'"),
         ("plot sweep broken.parquet", "the results cannot be read"),
         ("plot sweep empty.csv", "the results cannot be read"),
-        ("plot grid --altitude 40 --x samples", "--x, --y and --value go with sweep"),
+        ("plot grid --altitude 40 --x samples", "--x, --y and --value are for sweep"),
         (
             "sweep c.toml --out o.csv --plot o.gif",
             "does not have one of the extensions .png, .svg, .pdf",
         ),
-        ("sweep c.toml --out o.csv --plot-x altitude", "go with --plot"),
+        ("sweep c.toml --out o.csv --plot-x altitude", "need --plot"),
         (
             "sweep c.toml --out o.csv --plot o.svg --plot-y nowhere",
             "--plot-y: the results have no column",

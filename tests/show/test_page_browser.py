@@ -316,7 +316,7 @@ def test_the_table_shows_all_waypoints_page_by_page(pages, opened):
         assert head == list(rows[0])
         cells = table.locator("tbody tr").nth(99).locator("th, td").all_inner_texts()
         assert [json.loads(cell) for cell in cells] == list(rows[99].values())
-        page.get_by_role("button", name="On", exact=True).click()
+        page.get_by_role("button", name="Next", exact=True).click()
         assert table.locator("tbody th").first.inner_text() == "100"
         assert table.locator("tbody th").first.get_attribute("scope") == "row"
 

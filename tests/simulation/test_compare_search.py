@@ -47,7 +47,7 @@ def test_the_same_seed_finds_the_same_and_another_does_not():
 
 
 def test_what_cannot_be_searched_is_refused():
-    with pytest.raises(RequestError, match="looks for nothing"):
+    with pytest.raises(RequestError, match="has no target to find"):
         compare_search(plan(PlanRequest(altitude=30, **SCENE)))
     planned = plan(PlanRequest(**SCENE, **FLOWN, **OWN))
     with pytest.raises(RequestError, match="voxels of a point cloud"):
@@ -70,4 +70,4 @@ def test_the_command_prints_the_search(command, monkeypatch):
     assert np.isfinite(search["standard_error"])
     status, _, err = command("simulate", *options, *flown, *own, "--forest", "noise")
     assert status == 2
-    assert "no ground to find anything" in err
+    assert "no ground for targets" in err

@@ -69,7 +69,7 @@ def test_every_option_has_an_effect(command):
     status, out, err = command(*fine, "--max-targets", "2000000")
     assert json.loads(out)["targets"] <= 2_000_000 < free["targets"]
     assert status == 0
-    assert err.startswith("warning: the standard errors are above 0.002")
+    assert err.startswith("warning: the standard errors are still above 0.002")
 
 
 def test_the_table_says_what_is_planned_predicted_and_seen(command):

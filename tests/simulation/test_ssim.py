@@ -92,7 +92,7 @@ def test_what_is_not_covered_does_not_matter():
 def test_without_a_covered_window_there_is_nothing_to_compare():
     with pytest.raises(RequestError, match="11 x 11 pixels"):
         similarity(noisy(1), noisy(2), np.eye(70, dtype=bool)[:60])
-    with pytest.raises(RequestError, match="one value alone"):
+    with pytest.raises(RequestError, match="the same value"):
         similarity(noisy(1), np.ones((60, 70, 1)), np.ones((60, 70), bool))
 
 

@@ -126,7 +126,7 @@ def test_a_refusal_without_a_remedy_has_none_among_apertures(grid):
     for problem in problems(10, 100, grid=grid, objective="samples", aperture=True):
         if enumerate_samples(problem, problem.bounds.max_samples) is not None:
             continue
-        if refused(problem).hint == "ask for less":
+        if refused(problem).hint == "give a lower target":
             free = problem._replace(bounds=Bounds(max_samples=problem.bounds.max_samples))
             assert enumerate_samples(free, problem.bounds.max_samples) is None
 
@@ -157,7 +157,7 @@ def test_the_wider_baseline_that_a_refusal_names_does_with_the_samples_it_names(
         model = PAPER._replace(unit_baseline_m=unit)
         bounds = Bounds(baseline_m=baseline * unit / 3.5, max_samples=50)
         error = refused(Problem(model, vhat("0.98"), bounds=bounds))
-        wide, samples = numbers(rf"--baseline {NUMBER} on, where {NUMBER} samples do", error.hint)
+        wide, samples = numbers(rf"--baseline {NUMBER} on, .* {NUMBER} samples are", error.hint)
         found = solve(Problem(model, vhat("0.98"), bounds=Bounds(baseline_m=wide, max_samples=50)))
         assert found.pattern.samples == samples
 

@@ -119,4 +119,4 @@ def test_files_of_scenarios_are_named_in_full(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     path.write_text("[sweep]\naltitude = 40\nscene = ['here.toml']\n")
     assert sweep(path, "--out", tmp_path / "r.csv", "--scheduler", "head:8786") == 2
-    assert_error(capsys, "here.toml", "current folder", "full name")
+    assert_error(capsys, "here.toml", "current folder", "full path")

@@ -222,7 +222,7 @@ def test_what_no_sweep_wrote_is_left_alone(campaign, tmp_path, capsys, force):
 @pytest.mark.parametrize(
     ("out", "arguments", "words"),
     [
-        ("r.csv/", [], ["holds Parquet"]),
+        ("r.csv/", [], ["contains Parquet files"]),
         ("none/r/", [], ["no folder", "none"]),
         ("campaign.toml/", [], ["is a file"]),
         ("r/", ["--best", "samples"], ["--best", "best.parquet"]),

@@ -78,7 +78,7 @@ TABLES = [
     (b"altitude;vhat\n40;0,9\n", ["separated by semicolons", "points in numbers"]),
     (b"altitude\tvhat\n40\t0.9\n", ["separated by tabs"]),
     (b'altitude,vhat\n40,"0,9"\n', ["column 'vhat'", "'0,9'", "(row 1)"]),
-    (b"altitude,vhat,altitude\n40,0.9,50\n", ["column 'altitude' is there twice"]),
+    (b"altitude,vhat,altitude\n40,0.9,50\n", ["two columns 'altitude'"]),
     (b"altitude, vhat\n40, 0.9\n", ["column ' vhat'", "did you mean vhat?"]),
     (b"Altitude\n40\n", ["column 'Altitude'", "did you mean altitude?"]),
     (b"altitude,max-samples\n40,9\n", ["'max-samples'", "did you mean max_samples?"]),

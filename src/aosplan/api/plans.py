@@ -72,7 +72,7 @@ class Plan(Summarized, result.Plan):
         """
         if self.waypoints.latitude is None:
             raise RequestError(
-                "a plan without a location has no geometry on earth",
+                "a plan without a location has no geographic coordinates",
                 "give origin=(LAT, LON) or area=FILE, or use plan.waypoints.east_m and north_m",
             )
         import json
@@ -201,7 +201,7 @@ class Tradeoff(Summarized, _Rows):
                 f"{row.baseline_m:.2f} m apart, {duration(row.time_s)}, "
                 f"V̂ = {percent(row.prediction.normalized)}"
             )
-        return f"{len(self.rows)} rows, {len(front)} that no other is better than", facts
+        return f"{len(self.rows)} rows, {len(front)} of them on the Pareto front", facts
 
     def plot(self) -> Any:
         """Draw baseline, extent and time over the number of photos; returns an array of four axes."""

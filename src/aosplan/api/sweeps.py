@@ -137,7 +137,9 @@ def sweep(
     else:
         swept, folder = crossing_of(scenarios), os.getcwd()
     if per and best is None:
-        raise RequestError("per without best", "best='COLUMN' says which row is the best")
+        raise RequestError(
+            "per without best", "give best='COLUMN', the column that decides which row is kept"
+        )
     names = columns if columns is None or isinstance(columns, str) else ",".join(columns)
     results = chosen_results(names, finds="find" in swept.names)
     asked = Asked(swept, results, folder, where, best, tuple(per))

@@ -182,7 +182,7 @@ def read_area(
 def _check_overlay(whole: Any, shape: Any, path: str) -> None:
     if cross_often([whole, shape], MOST_CROSSINGS):
         raise RequestError(
-            f"the outlines of '{path}' cross the area's too often", "simplify them first"
+            f"the outlines of '{path}' cross those of the area too often", "simplify them first"
         )
 
 
@@ -291,9 +291,9 @@ def _check_reach(points: NDArray[np.float64], outline: Outline, most_m: float) -
     farthest = np.hypot(*points.T).max()
     if farthest > most_m:
         raise RequestError(
-            f"area '{outline.path}' reaches {farthest / 1000.0:.4g} km from its middle, more than "
-            f"the {FARTHEST_M / 1000.0:g} km that one plan may",
-            "longitude comes first, then latitude; a large area takes several plans",
+            f"area '{outline.path}' reaches {farthest / 1000.0:.4g} km from its "
+            f"middle, more than the {FARTHEST_M / 1000.0:g} km that a plan can cover",
+            "longitude comes first, then latitude; divide a large area into several plans",
         )
 
 
@@ -332,13 +332,13 @@ def _united(outline: Outline, origin: tuple[float, float]) -> Any:
         if sound is None:
             raise RequestError(
                 f"'{outline.path}': {place}: {_reason(polygon, origin)}",
-                "mend the outline where it was drawn, or draw it as several polygons",
+                "correct the outline in the program that drew it, or draw it as several polygons",
             )
         polygons.append(sound)
     if len(polygons) > 1 and cross_often(polygons, MOST_CROSSINGS):
         raise RequestError(
             f"'{outline.path}': its {len(polygons)} polygons cross each other too often",
-            "unite them first, or keep those that are meant",
+            "merge them first, or keep only those that you need",
         )
     united = shapely.union_all(polygons)
     if not united.area > 0.5 * THINNEST_M * united.length:
@@ -397,7 +397,7 @@ def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
     raise RequestError(
         f"an outline of {shapely.get_num_coordinates(shape)} vertices has more than "
         f"{MOST_VERTICES} left when it is simplified to {TOLERANCES_M[-1]:g} m",
-        "draw it with fewer",
+        "draw it with fewer vertices",
     )
 
 

@@ -96,7 +96,7 @@ def read_outline(path: str) -> Outline:
     if not outline.polygons:
         found = listed(outline.ignored)
         raise RequestError(
-            f"'{path}' holds no polygon" + (f", only {found}, without area" if found else ""),
+            f"'{path}' contains no polygon" + (f", only {found}, without area" if found else ""),
             "draw the area as a polygon",
         )
     if sum(len(ring) for rings in outline.polygons for ring in rings) > MOST_POSITIONS:
@@ -204,13 +204,14 @@ def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
         own = crs
     if not isinstance(own, str) or not own.strip():
         raise RequestError(
-            f"'{path}': {place}crs {shown(crs)} cannot be read, so it is not WGS 84 for certain",
+            f"'{path}': {place}crs {shown(crs)} cannot be read, so the coordinates may "
+            "not be WGS 84",
             "ogr2ogr -t_srs EPSG:4326 area.geojson FILE",
         )
     if above and above != own and not (is_wgs84(above) and is_wgs84(own)):
         raise RequestError(
-            f"'{path}': {place}crs is {shown(own)}, and {shown(above)} around it",
-            "keep the one that is right",
+            f"'{path}': {place}crs is {shown(own)}, but {shown(above)} in the object around it",
+            "keep the correct one",
         )
     return own.strip()
 
@@ -254,8 +255,8 @@ def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tup
             )
     else:
         raise RequestError(
-            f"'{outline.path}': {place or 'the file'} has type {shown(kind)}, "
-            "which GeoJSON does not know",
+            f"'{outline.path}': {place or 'the file'} has type {shown(kind)}, which is "
+            "not a type of GeoJSON",
             "an area is a Polygon, a MultiPolygon, or a Feature or collection of them",
         )
 
@@ -321,11 +322,11 @@ def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
         ring[-1] = ring[0]
     if not np.array_equal(ring[0], ring[-1]):
         raise RequestError(
-            f"{place} is not closed: it ends at {_text(ring[-1])}, and began at {_text(ring[0])}",
-            "the first position of a ring comes again at its end",
+            f"{place} is not closed: it ends at {_text(ring[-1])}, but begins at {_text(ring[0])}",
+            "repeat the first position at the end of the ring",
         )
     if len(ring) < 4:
-        raise RequestError(f"{place} has {len(ring)} positions, and a closed ring at least 4")
+        raise RequestError(f"{place} has {len(ring)} positions, but a closed ring has at least 4")
     return ring
 
 
@@ -376,8 +377,8 @@ class _KmlReader:
 
     def _doctype(self, *_: Any) -> None:
         raise RequestError(
-            f"'{self.outline.path}' has a document type, which may hide entities",
-            "remove its <!DOCTYPE …> line: KML has none",
+            f"'{self.outline.path}' has a document type (<!DOCTYPE …>), which is not accepted",
+            "remove the <!DOCTYPE …> line; KML does not need it",
         )
 
     def _start(self, name: str, _attributes: dict[str, str]) -> None:
@@ -433,7 +434,7 @@ class _KmlReader:
             if len(height) > 1:
                 raise RequestError(
                     f"{self._place}: {shown(item)} is not a longitude and a latitude",
-                    "coordinates are lon,lat or lon,lat,alt, without blanks after the commas",
+                    "coordinates are lon,lat or lon,lat,alt, without spaces after the commas",
                 )
             pairs.append((longitude, latitude))
         return checked_ring(np.array(pairs).reshape(-1, 2), self._place)
@@ -452,7 +453,7 @@ def archive_member(content: bytes, path: str, choose: Callable[[list[str], str],
         raise RequestError(f"'{path}' is a broken KMZ archive")
     (directory,) = struct.unpack_from("<I", content, end + 12)
     if directory > MOST_DIRECTORY_BYTES:
-        raise RequestError(f"'{path}' has more members than a KMZ archive should")
+        raise RequestError(f"'{path}' has too many files for a KMZ archive")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             name = choose(archive.namelist(), path)
@@ -476,7 +477,8 @@ def _document_name(names: list[str], path: str) -> str:
     ]
     if not documents:
         raise RequestError(
-            f"'{path}' is an archive without a KML document", "unpack files of other formats"
+            f"'{path}' is an archive without a KML document",
+            "if it contains files of another format, unpack it",
         )
     # The root document is at the top level; documents in folders are referenced by it.
     top = [name for name in documents if "/" not in name and "\\" not in name]
@@ -484,11 +486,11 @@ def _document_name(names: list[str], path: str) -> str:
     chosen = usual or top or documents
     if len(chosen) > 1:
         raise RequestError(
-            f"'{path}' holds {len(chosen)} KML documents: {', '.join(map(shown, chosen[:3]))}",
-            "unpack it, and name the one that is meant",
+            f"'{path}' contains {len(chosen)} KML documents: {', '.join(map(shown, chosen[:3]))}",
+            "unpack it, and give one of them",
         )
     name = chosen[0]
     parts = name.replace("\\", "/").split("/")
     if name.startswith(("/", "\\")) or ".." in parts or (":" in parts[0] and len(parts) > 1):
-        raise RequestError(f"'{path}': member {shown(name)} points out of the archive")
+        raise RequestError(f"'{path}': the path of member {shown(name)} is outside the archive")
     return name

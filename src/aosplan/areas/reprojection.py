@@ -44,7 +44,7 @@ class Reprojection(NamedTuple):
             raise RequestError(
                 f"{place}: crs {shown(self.name)} is not WGS 84, but the coordinates look like "
                 "degrees",
-                "state the coordinate reference system that they have",
+                "give the coordinate reference system of the coordinates",
             )
         found = np.column_stack(self.transformer.transform(points[:, 0], points[:, 1]))
         if not np.isfinite(found).all():

@@ -239,9 +239,9 @@ def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float
             footprint_m[1] / (window.rows * pattern.row_pitch),
         ) * pattern.longer_side  # fmt: skip
         raise InfeasibleError(
-            f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small for an area: "
-            f"the {pattern.samples} sites around a point lie in {x:.4g} x {y:.4g} m, and it has "
-            "to be in all their images",
+            f"images of {footprint_m[0]:.4g} x {footprint_m[1]:.4g} m are too small "
+            f"for an area: a point must be in the images of all {pattern.samples} "
+            f"sites around it, which cover {x:.4g} x {y:.4g} m",
             f"--max-aperture {math.floor(most * 100.0) / 100.0:g} makes the grid fit, perhaps with a "
             "lower target; or use a wider camera",
         )
@@ -270,7 +270,7 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
             f"the area needs {about}{sites} sites, more than the {bound}",
             f"give --max-sites {sites}, a smaller area, or --clear FILE for its open parts"
             if sites <= MOST_SITES
-            else f"one plan may have {MOST_SITES}: cover it in parts, or from higher up",
+            else f"a plan has at most {MOST_SITES} sites: divide the area, or fly higher",
         )
 
 
@@ -342,7 +342,7 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2
     fewest = "" if survey.fewest_looks is None else f", at worst from {survey.fewest_looks}"
-    enclosed = f" and shut in {survey.sites_enclosed}" if survey.sites_enclosed else ""
+    enclosed = f" and enclose {survey.sites_enclosed}" if survey.sites_enclosed else ""
     return [
         Message(
             "coverage_lost",

@@ -101,7 +101,7 @@ def _polygons(
             )
         elif path.lower().endswith(".gpx") and _comes_back(part):
             ring = shapely.get_coordinates(part)
-            message = f"'{path}': {place}, a track or route, was closed and taken for an outline"
+            message = f"'{path}': {place}, a track or route, was closed and is used as an outline"
             yield [np.concatenate([ring, ring[:1]])], place, Message("track_closed", message)
         else:
             yield None, part.geom_type, None

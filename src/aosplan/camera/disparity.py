@@ -134,7 +134,7 @@ def coverage_baseline(
     if height <= 0.0:
         raise InfeasibleError(
             uncovered(coverage),
-            "occluders at height 0 never blur away: use a smaller --coverage, such as 0.98",
+            "no baseline blurs occluders at height 0: use a smaller --coverage, such as 0.98",
         )
     unit = _unit_baseline_m(slab, height, altitude_m, focal_length_px)
     return CoverageBaseline(unit, height, slab.occluder_size_m)
@@ -142,7 +142,7 @@ def coverage_baseline(
 
 def uncovered(coverage: float) -> str:
     """Error message for a coverage that includes occluders on the focal plane."""
-    return f"coverage {coverage:g} asks for every occluder, and some stand on the focal plane"
+    return f"coverage {coverage:g} includes every occluder, but some are on the focal plane"
 
 
 def _unit_baseline_m(

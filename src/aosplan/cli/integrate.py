@@ -85,12 +85,10 @@ def run(
     choice = view_subset_of(pitch, aperture, views)
     reference = None if compare is None else read_view_subset(compare, "--compare")
     if not (out or anomalies or hot_spots) and reference is None:
-        raise RequestError(
-            "nothing to do with the integral image", "--out integral.png, or --compare all"
-        )
+        raise RequestError("no output is requested", "give --out integral.png, or --compare all")
     heights, focal_height = _heights(focus, focal_height, focal_surface)
     if focus is None and (align is not None or focus_figure is not None):
-        raise RequestError("--align and --focus-figure go with --focus", "--focus auto")
+        raise RequestError("--align and --focus-figure need --focus", "--focus auto")
     if focus_figure is not None:
         check_figure(focus_figure)
     looks = IntegralDisplay(
@@ -188,11 +186,11 @@ def _heights(
     found = read_heights(focus)
     if isinstance(found, float):
         if focal_height is not None:
-            raise RequestError("--focus H and --focal-height both give the height", "leave one out")
+            raise RequestError("--focus H and --focal-height both set the height", "leave one out")
         return None, repr(found)
     if surface is not None:
         raise RequestError(
-            f"--focus {focus} looks for a plane, and --focal-surface gives the surface",
+            f"--focus {focus} searches for a plane, which contradicts --focal-surface",
             "--focal-height M raises the surface",
         )
     return "auto" if found is None else found, focal_height

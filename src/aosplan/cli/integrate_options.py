@@ -15,8 +15,9 @@ def integrate_options() -> list[Any]:
     return [
         file_argument(
             "photos",
-            "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x 4 matrices as the "
-            "AOS project has it, a COLMAP folder, or OpenDroneMap's shots.geojson.",
+            "Folder of photos with positions in EXIF or XMP; or poses: JSON with 3 x "
+            "4 matrices in the format of the AOS project, a COLMAP folder, or "
+            "OpenDroneMap's shots.geojson.",
         ),
         file_argument(
             "images", "Folder of the images, if the first argument gives poses.", required=False
@@ -27,14 +28,19 @@ def integrate_options() -> list[Any]:
         text_option(
             "--focal-surface",
             "DEM",
-            "GeoTIFF of ground heights: focus on the ground wherever it is high.",
+            "GeoTIFF of ground heights, to focus on the ground at all heights.",
             plane,
         ),
-        text_option("--slope", "X,Y", "Rise of the plane by east and north: 5%,-3%.", plane),
+        text_option(
+            "--slope",
+            "X,Y",
+            "Slope of the plane to the east and to the north, such as 5%,-3%.",
+            plane,
+        ),
         text_option(
             "--stack",
             "HEIGHTS",
-            "Several planes, 0..20:2: --out a.tif (pages) or a.gif (film).",
+            "Several planes, such as 0..20:2, with --out a.tif (pages) or a.gif (animation).",
             plane,
         ),
         text_option(
@@ -50,7 +56,10 @@ def integrate_options() -> list[Any]:
             plane,
         ),
         text_option(
-            "--focus-figure", "PATH", "Draw the agreement by height: .png, .svg, .pdf.", "Output"
+            "--focus-figure",
+            "PATH",
+            "Draw the agreement against the height: .png, .svg, .pdf.",
+            "Output",
         ),
         text_option(
             "--up",
@@ -62,14 +71,14 @@ def integrate_options() -> list[Any]:
         text_option(
             "--extent",
             "BOX",
-            "XMIN,YMIN,XMAX,YMAX on the plane; all: what any view sees; centre: what the "
-            "middle view sees [centre].",
+            "XMIN,YMIN,XMAX,YMAX on the plane; all: the ground of all views; centre: "
+            "the ground of the middle view [centre].",
             plane,
         ),
         text_option(
             "--camera",
             "NAME",
-            "Camera, if the poses have none or instead of the photos': name or file.",
+            "Camera (name or file), if the poses have none, or instead of that of the photos.",
             lens,
         ),
         text_option("--fov", "DEG", "Horizontal field of view, instead of a camera.", lens),
@@ -82,13 +91,14 @@ def integrate_options() -> list[Any]:
         text_option(
             "--plan",
             "FILE",
-            "Plan that gives what the photos lack: camera, altitude, heading  [plan.json among the photos].",
+            "Plan, for values that the photos do not have: camera, altitude, heading  "
+            "[plan.json in the folder].",
             lens,
         ),
         text_option(
-            "--altitude", "M", "Mean height above the ground, if the photos give none.", lens
+            "--altitude", "M", "Mean height above the ground, if the photos do not have it.", lens
         ),
-        text_option("--heading", "DEG", "Direction of the top of photos that give no yaw.", lens),
+        text_option("--heading", "DEG", "Direction of the top of photos without a yaw.", lens),
         text_option(
             "--views",
             "LIST",
@@ -116,7 +126,10 @@ def integrate_options() -> list[Any]:
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write .png (8 bits), .tif (float32, in its place) or .npz (with coverage).  Repeatable.",
+            help=(
+                "Write .png (8 bits), .tif (float32, georeferenced) or .npz (with "
+                "coverage).  Repeatable."
+            ),
             rich_help_panel="Output",
         ),
         flag_option(

@@ -35,7 +35,9 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
 
     for path in out:
         if path.lower().endswith(".gif") and not stacked:
-            raise RequestError(f"--out '{path}' is a film of several heights", "--stack 0..20:2")
+            raise RequestError(
+                f"--out '{path}' is an animation, which needs several heights", "--stack 0..20:2"
+            )
         if not path.lower().endswith((*ENDINGS, ".gif")):
             raise RequestError(
                 f"--out '{path}' does not end in {', '.join(ENDINGS)}",
@@ -45,7 +47,7 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
         ending = os.path.splitext(path)[1].lower()
         if ending not in (".geojson", ".json", ".svg", ".pdf", *ENDINGS):
             raise RequestError(
-                f"output '{path}' has an unknown ending",
+                f"output '{path}' has an unknown extension",
                 "--anomalies .tif or .png, --hot-spots .geojson, --focus-figure .png, .svg or .pdf",
             )
     every = [*out, *others]

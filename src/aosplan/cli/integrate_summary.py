@@ -98,8 +98,9 @@ def doubts_of(found: Focus) -> list[dict[str, str]]:
         said.append(
             (
                 "focus_at_end",
-                "the views agree best at an end of the heights that were looked at, "
-                f"{found.ground.place:.4g} m: the ground may lie beyond; --focus H1..H2",
+                f"the views agree best at {found.ground.place:.4g} m, which is an end of "
+                "the searched heights: the ground may be outside; give other heights with "
+                "--focus H1..H2",
             )
         )
     if found.aligned and found.aligned < len(found.correction.shifts_m):

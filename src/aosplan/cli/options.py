@@ -120,7 +120,7 @@ def _help_all(hidden: int) -> TyperOption:
         is_eager=True,
         expose_value=False,
         callback=_show_all,
-        help=f"Show the other {hidden} options of a plan, too.",
+        help=f"Show also the other {hidden} options of a plan.",
     )
 
 

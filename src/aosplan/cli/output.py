@@ -55,7 +55,7 @@ def chosen_outputs(
     """
     if name is not None and len(outputs) != 1:
         raise RequestError(
-            f"--format {name} goes with one --out", "write NAME:PATH if there are several"
+            f"--format {name} needs a single --out", "write NAME:PATH if there are several"
         )
     if not outputs:
         return []
@@ -120,7 +120,9 @@ def write_outputs(
         needed = files(flown, form, path)
         for name in needed:
             if name in contents:
-                raise RequestError(f"output '{name}' would be written twice", "name them apart")
+                raise RequestError(
+                    f"output '{name}' would be written twice", "give them different names"
+                )
         contents |= needed
         hints += notes(flown, form)
         if len(needed) > 1:
@@ -139,7 +141,7 @@ def _leftovers(path: str, count: int) -> list[str]:
     """Hint about numbered files that an earlier, longer mission of the same name has left."""
     stem, suffix = os.path.splitext(path)
     after = f"{stem}-{count + 1}{suffix}"
-    return [f"{after} is not of this mission" for _ in range(os.path.lexists(after))]
+    return [f"{after} is not part of this mission" for _ in range(os.path.lexists(after))]
 
 
 PATIENCE_S = 1.0

@@ -60,7 +60,7 @@ def run(
     if chosen.source == "results":
         shown = _of_results(file, flags, x, y, value)
     elif any((x, y, value)):
-        raise RequestError(f"--x, --y and --value go with sweep, not with {chosen.name}")
+        raise RequestError(f"--x, --y and --value are for sweep, not for {chosen.name}")
     elif chosen.source == "scene":
         shown = _of_scene(chosen, file, flags, quiet=quiet)
     else:
@@ -138,10 +138,10 @@ def _of_scene(
         given, folder = read_request(file) | given, os.path.dirname(file)
     elif file is not None:
         if "scene" in given:
-            raise RequestError(f"'{file}' and --scene {given['scene']}", "name one scene")
+            raise RequestError(f"'{file}' and --scene {given['scene']}", "give one scene")
         given["scene"] = file
     if not given:
-        raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
+        raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
     # A request needs an altitude, which these figures do not use.
     ways = ("altitude", "gsd", "target_size")
     high = any(name in given for name in ways)
@@ -172,9 +172,11 @@ def _of_results(
 
     given = next((name for name, found in flags.items() if found is not None), None)
     if given is not None:
-        raise RequestError(f"--{given.replace('_', '-')} does not go with the results of a sweep")
+        raise RequestError(
+            f"--{given.replace('_', '-')} cannot be used with the results of a sweep"
+        )
     if file is None:
-        raise RequestError("no results are given", "name what aosplan sweep --out wrote")
+        raise RequestError("no results are given", "give the file that aosplan sweep --out wrote")
     return results_of(file, x, y, value)
 
 
@@ -201,8 +203,8 @@ COMMAND = command(
         file_argument("kind", "; ".join(f"{k.name}: {k.summary}" for k in KINDS.values()) + "."),
         file_argument(
             "file",
-            "Request file or earlier result; for density, baseline-curve and correlogram a scene "
-            "does as well; for sweep its results.",
+            "Request file or earlier result; for density, baseline-curve and "
+            "correlogram also a scene; for sweep the results of a sweep.",
             required=False,
         ),
         *request_options(),

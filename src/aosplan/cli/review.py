@@ -142,7 +142,7 @@ def _show(found: Review, written: Sequence[str]) -> None:
         print_predictions(columns)
     next_step = "Next: --out topup.waypoints writes a mission for the missing sites."
     if found.topup is None:
-        next_step = "Nothing remains to be flown: there is no mission to write."
+        next_step = "No photos are missing, so no mission is written."
     if written:
         next_step = wrote(written)
     show(one_line(""), one_line(next_step))
@@ -189,16 +189,17 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
     known = coverage.document()
     yield (
         "Area",
-        f"{known['area_m2'] / 1e4:.3g} ha; a place is in {known['flown_photos']:.3g} photos, "
-        f"{known['planned_photos']:.3g} were planned",
+        f"{known['area_m2'] / 1e4:.3g} ha; a place is in "
+        f"{known['flown_photos']:.3g} photos on average "
+        f"({known['planned_photos']:.3g} planned)",
     )
     if known["gap_share"] == 0.0:
-        yield "Gaps", "none: every place is as was planned"
+        yield "Gaps", "none: every place is seen as planned"
         return
     why = (
-        "seen from fewer sites than was planned"
+        "seen from fewer sites than planned"
         if known["rule"] == "photos"
-        else "detection falls short of the plan's by more than 5 %"
+        else "the probability of detection is more than 5 % below the plan"
     )
     yield (
         "Gaps",
@@ -223,7 +224,7 @@ COMMAND = command(
         ),
         file_argument(
             "plan",
-            "The plan: what `aosplan plan --json` printed, or its request; flags override it.",
+            "The plan: what `aosplan plan --json` printed, or its request; options override it.",
             required=False,
         ),
         text_option(
@@ -239,7 +240,10 @@ COMMAND = command(
             type=str,
             multiple=True,
             metavar="COV.tif",
-            help="Write what an area's places show: .tif, the gaps .geojson, a picture .svg.  Repeatable.",
+            help=(
+                "Write the coverage of an area: a raster (.tif), the gaps (.geojson) or a "
+                "picture (.svg).  Repeatable."
+            ),
             rich_help_panel="Output",
         ),
     ],

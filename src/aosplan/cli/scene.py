@@ -35,7 +35,7 @@ def run(
     check_apart(saved)
     first, more = (scene[0], scene[1:]) if scene else (None, [])
     if first is None and not any(flags.values()):
-        raise RequestError("no scene is given", "name a point cloud, a scene file or a preset")
+        raise RequestError("no scene is given", "give a point cloud, a scene file or a preset")
     # A request needs an altitude, on which the statistics do not depend.
     request = request_from({"altitude": 1.0}, overrides={"scene": first, **flags})
     with progress_bar(quiet=quiet) as bar:

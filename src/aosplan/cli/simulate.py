@@ -50,7 +50,7 @@ def run(
     chosen = _settings(wanted, seed, precision, forest, max_targets)
     if wanted.find is not None and chosen.forest == "noise":
         raise RequestError(
-            "--forest noise has no ground to find anything on", "leave out --find, or --forest"
+            "--forest noise has no ground for targets", "leave out --find, or --forest"
         )
     outputs = _outputs(picture, occlusion_map, force=force)
     with progress_bar(quiet=quiet) as bar:
@@ -165,9 +165,9 @@ def _say_imprecise(simulation: Simulation) -> None:
         [
             Message(
                 "imprecise",
-                f"the standard errors are above {simulation.settings.precision:g} after "
-                f"{simulation.targets} targets, the most of this simulation; --max-targets allows "
-                "more",
+                f"the standard errors are still above {simulation.settings.precision:g} "
+                f"after {simulation.targets} targets, the limit of this simulation; give a "
+                "larger --max-targets",
             )
         ]
     )
@@ -185,7 +185,7 @@ COMMAND = command(
     parameters=[
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            "Request file (TOML or JSON), or an earlier result; options override it.",
             required=False,
         ),
         *request_options(),

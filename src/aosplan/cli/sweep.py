@@ -89,7 +89,9 @@ def run(
             "--scheduler and --workers contradict each other", "a cluster has its own workers"
         )
     if per and best is None:
-        raise RequestError("--per without --best", "--best COLUMN says which row is the best")
+        raise RequestError(
+            "--per without --best", "give --best COLUMN, which decides which row is kept"
+        )
     scenarios = read_scenarios(file)
     own = find_defaults(defaults)
     if own is not None:
@@ -114,7 +116,7 @@ def run(
     if plot is not None:
         _check_plot(plot, sweep.names, plot_x, plot_y, plot_value, force=force)
     elif any((plot_x, plot_y, plot_value)):
-        raise RequestError("--plot-x, --plot-y and --plot-value go with --plot")
+        raise RequestError("--plot-x, --plot-y and --plot-value need --plot")
     common: dict[str, Any] = {
         "resume": resume,
         "force": force,
@@ -144,7 +146,7 @@ def _check_out(out: str, best: str | None, *, resume: bool, force: bool) -> None
         check_folder(out, resume=resume, force=force)
         if best is not None:
             raise RequestError(
-                "--best keeps rows of the whole sweep, and a folder has a file for each part",
+                "--best keeps rows of the whole sweep, but a folder has a file for each part",
                 "give one file: --out best.parquet",
             )
     elif os.path.splitext(out)[1].lower() not in SUFFIXES:
@@ -259,7 +261,7 @@ COMMAND = command(
     parameters=[
         file_argument(
             "file",
-            "TOML with a table [sweep] of options, or a CSV or Parquet with a row a scenario.",
+            "TOML with a table [sweep] of options, or a CSV or Parquet with one scenario per row.",
         ),
         text_option(
             "--out",
@@ -323,7 +325,7 @@ COMMAND = command(
         flag_option(
             "--resume", "Continue an interrupted sweep, or repair the parts of a folder.", "Options"
         ),
-        flag_option("--yes", f"Begin even more than {MOST_SCENARIOS} scenarios.", "Options"),
+        flag_option("--yes", f"Allow more than {MOST_SCENARIOS} scenarios.", "Options"),
         flag_option("--force", "Overwrite an existing file, and discard an interrupted sweep."),
         flag_option("--quiet", "Print no progress bar, no table and no message."),
         json_option(),
@@ -337,7 +339,7 @@ def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> V
         for option, value in (("--seed", seed), ("--precision", precision)):
             if value is not None:
                 raise RequestError(
-                    f"{option} without --simulate", "--simulate N says of how many rows"
+                    f"{option} without --simulate", "give --simulate N, the number of rows"
                 )
         return None
     from aosplan.simulation.compare import Settings

@@ -77,7 +77,12 @@ def run(
         )
         if found.detection is not None:
             every, kept = found.detection
-            show(one_line(f"Found: {kept:.0%} of the targets, of all views {every:.0%}"))
+            show(
+                one_line(
+                    f"Probability of detection: {kept:.0%} with the kept views, {every:.0%} "
+                    "with all views"
+                )
+            )
         show(one_line(""), one_line(f"Wrote {out}" if out else "Next: --out kept.csv"))
 
 
@@ -97,7 +102,7 @@ COMMAND = command(
         ),
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            "Request file (TOML or JSON), or an earlier result; options override it.",
             required=False,
         ),
         text_option("--samples", "N", "Number of views to keep."),

@@ -122,7 +122,7 @@ COMMAND = command(
     parameters=[
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; flags override it.",
+            "Request file (TOML or JSON), or an earlier result; options override it.",
             required=False,
         ),
         *request_options(),

@@ -48,7 +48,7 @@ def run(
     else:
         for name, value in (("--spacing", spacing), ("--heading", heading)):
             if value is not None:
-                raise RequestError(f"{name} goes with --positions")
+                raise RequestError(f"{name} needs --positions")
         if dhat is None:
             raise RequestError("--dhat X is needed", "d̂ = 1 is the optimal baseline")
         unit = q.at_least_zero(dhat, "--dhat")
@@ -90,7 +90,7 @@ def _density(
         )
     if density is not None:
         if height_ratio is not None:
-            raise RequestError("--height-ratio goes with --slice-density")
+            raise RequestError("--height-ratio needs --slice-density")
         p = q.share(density, "--density")
         return p, 1.0 - p
     if height_ratio is None:
@@ -170,7 +170,8 @@ def _options() -> list[Any]:
         text_option(
             "--heading",
             "DEG",
-            "Direction of the flight lines, clockwise from true north; occluders are squares along it.  [0]",
+            "Direction of the flight lines, clockwise from true north; occluders are "
+            "squares parallel to it.  [0]",
         ),
         json_option(),
     ]

@@ -125,9 +125,9 @@ class Timing(NamedTuple):
         fastest = along + math.sqrt(left) if left > 0.0 else 0.0
         if fastest <= 0.0 or math.hypot(*self.wind) >= self.airspeed_mps:
             raise InfeasibleError(
-                f"wind of {math.hypot(*self.wind):.4g} m/s leaves no speed to a drone that flies "
-                f"{self.airspeed_mps:.4g} m/s through the air",
-                "wait for less wind, or give the --airspeed that the drone has",
+                f"wind of {math.hypot(*self.wind):.4g} m/s is too strong for a drone with "
+                f"an airspeed of {self.airspeed_mps:.4g} m/s",
+                "wait for less wind, or give the --airspeed of the drone",
             )
         return min(self.speed_mps, fastest)
 

@@ -81,7 +81,7 @@ class Terrain:
         except (RasterioError, RasterioIOError):
             raise RequestError(
                 f"terrain '{path}' is not a GeoTIFF that can be read",
-                "a raster of ground heights is meant",
+                "give a raster of ground heights",
             ) from None
         try:
             with decoding("terrain", path):
@@ -131,7 +131,7 @@ class Terrain:
             self._raster.units[0],
             stated,
             f"terrain '{self.path}'",
-            "say it with --terrain-units: m, ft or us-ft",
+            "give --terrain-units: m, ft or us-ft",
         )
 
     def _pixel_m(self, crs: CRS) -> float:
@@ -188,8 +188,10 @@ class Terrain:
         lat: NDArray[Any],
         lon: NDArray[Any],
         where: NDArray[Any],
-        hint: str = "use one that covers the sites, the ways between them and the take-off, "
-        "without holes",
+        hint: str = (
+            "use a file without holes that covers the sites, the paths between them "
+            "and the take-off"
+        ),
     ) -> None:
         first = int(where.argmax())
         raise RequestError(

@@ -268,12 +268,12 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 def check_size(samples: int, wanted: str = "the grid has") -> None:
     """Refuse a plan with more waypoints than fit in memory."""
     if samples > MOST_SITES:
-        raise RequestError(too_many_sites(wanted, samples), "ask for less, or for fewer samples")
+        raise RequestError(too_many_sites(wanted, samples), "give a lower target, or fewer samples")
 
 
 def too_many_sites(wanted: str, samples: int) -> str:
     """Error message for more sites than one plan may have."""
-    return f"{wanted} {samples} samples, more than the {MOST_SITES} that one plan may have"
+    return f"{wanted} {samples} samples, but a plan has at most {MOST_SITES}"
 
 
 @lru_cache(maxsize=512)

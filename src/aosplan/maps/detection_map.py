@@ -128,8 +128,9 @@ class DetectionMap(NamedTuple):
         if self.canopy is not None and self.canopy.known_share < KNOWN_SHARE:
             yield Message(
                 "canopy_unknown",
-                f"the canopy above {1.0 - self.canopy.known_share:.0%} of the mapped ground is not in "
-                "the scene, which ends before: there the scene's mean counts",
+                "the scene does not contain the canopy above "
+                f"{1.0 - self.canopy.known_share:.0%} of the mapped ground; the mean of "
+                "the scene is used there",
             )
 
 
@@ -187,7 +188,7 @@ def detection_map(plan: PlanData) -> DetectionMap:
         If it has no location or no target.
     """
     if plan.detection is None:
-        raise RequestError("a detection map needs something to look for", "give --find person")
+        raise RequestError("a detection map needs a target", "give --find person")
     if plan.origin is None:
         raise RequestError(
             "a detection map needs a location", "give --origin LAT,LON or --area FILE"

@@ -80,18 +80,18 @@ def _values(raster: Any, path: str) -> Floats:
     """The values of a raster divided by their sum."""
     if raster.crs is None:
         raise RequestError(
-            f"raster {path} names no coordinate system: nothing tells where it lies",
-            "write it with one, as gdal_translate -a_srs does",
+            f"raster {path} has no coordinate system, so its position is unknown",
+            "add one, for example with gdal_translate -a_srs",
         )
     if raster.count != 1:
         raise RequestError(
-            f"raster {path} has {raster.count} bands; a prior has one",
-            "take the band out with gdal_translate -b",
+            f"raster {path} has {raster.count} bands, but a prior has only one",
+            "select the band with gdal_translate -b",
         )
     if raster.width * raster.height > MOST_PIXELS:
         raise RequestError(
             f"raster {path} has {raster.width} x {raster.height} pixels: too many to read",
-            "cut the search area out, or take larger pixels",
+            "crop it to the search area, or use larger pixels",
         )
     values = raster.read(1, masked=True).astype(np.float64).filled(0.0)
     values = np.nan_to_num(values, nan=0.0)
@@ -99,7 +99,9 @@ def _values(raster: Any, path: str) -> Floats:
     if least < 0.0 or not np.isfinite(total):
         raise RequestError(f"raster {path} holds {least:g}, which is not a probability")
     if total == 0.0:
-        raise RequestError(f"raster {path} is zero everywhere: it expects the target nowhere")
+        raise RequestError(
+            f"raster {path} is zero everywhere, so the target is not expected at any place"
+        )
     shares: Floats = values / total
     return shares
 

@@ -86,7 +86,9 @@ def choose(path: str, name: str | None = None) -> tuple[Format, str]:
             return _format_of(added), path
     if path == "-":
         raise RequestError("output '-' (stdout) has no extension", "give its --format, or NAME:-")
-    hint = f"a page of the plan: --report {path}" if suffix == ".html" else _listing(known)
+    hint = (
+        f"for a page about the plan, give --report {path}" if suffix == ".html" else _listing(known)
+    )
     raise RequestError(f"output '{path}': no format has the extension '{suffix}'", hint)
 
 
@@ -113,7 +115,7 @@ def render(mission: Mission, chosen: Format) -> bytes:
             f"{chosen.title} is not for {whose}",
             f"it takes {' or '.join(f'{form.title} ({form.written_as})' for form in own)}"
             if own
-            else "no format here is for it: write KML, GeoJSON or CSV",
+            else "no mission format supports it: write KML, GeoJSON or CSV",
         )
     write: Callable[[Mission], bytes] = _module(chosen.name).render
     return write(mission)
@@ -144,8 +146,8 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
         return {path: render(pieces[0], chosen)}
     if path == "-":
         raise RequestError(
-            f"the mission needs {len(pieces)} {chosen.title} files, and stdout takes one",
-            "write to a file: its name is numbered",
+            f"the mission needs {len(pieces)} {chosen.title} files, but stdout takes only one",
+            "write to a file; the files are then numbered",
         )
     stem, suffix = os.path.splitext(path)
     return {

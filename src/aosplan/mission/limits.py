@@ -47,21 +47,22 @@ def check_flown(mission: Mission, chosen: Format) -> None:
     if chosen.asks_drone and settings.drone is None:
         raise RequestError(
             f"{chosen.title} needs to know the drone",
-            "give its --drone NAME; aosplan drones --json lists what each one flies",
+            "give --drone NAME; aosplan drones --json lists the formats of each drone",
         )
     if chosen.asks_drone and chosen.name not in flown:
         raise RequestError(
             f"the drone {settings.drone} does not fly {chosen.title}",
-            f"it flies {' and '.join(flown)}" if flown else "no format is known that it flies",
+            f"it flies {' and '.join(flown)}" if flown else "no format for this drone is known",
         )
     if settings.trigger not in chosen.triggers:
         raise RequestError(
-            f"{chosen.title} has no photos by {settings.trigger}: the drone stops for each one",
+            f"{chosen.title} does not support photos by {settings.trigger}: the drone "
+            "stops for each photo",
             f"give --trigger {chosen.triggers[0]}",
         )
     if settings.altitude_frame == "terrain" and "ground" not in chosen.altitudes:
         raise RequestError(
-            f"{chosen.title} holds no height above the ground over trees",
+            f"{chosen.title} does not support heights above terrain",
             "plan heights above the take-off",
         )
 
@@ -103,7 +104,7 @@ def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> l
         if all(size(piece) <= most for piece in pieces):
             return pieces
     raise RequestError(
-        f"one line takes more than the {most} {limits.unit} that a file of {chosen.title} holds",
+        f"one line needs more than the {most} {limits.unit} that a file of {chosen.title} can have",
         "give a larger --terrain-tolerance, or --trigger stop",
     )
 
@@ -130,7 +131,7 @@ def _check_settings(
         _check([settings.hold_s], limits.hold_s, "hold", "s", chosen, "give a shorter --hold")
     if limits.height_m != (None, None):
         heights = [point.height_m for point in path]
-        hint = "its heights count from the take-off"
+        hint = "its heights are above the take-off"
         _check([min(heights), max(heights)], limits.height_m, "height", "m", chosen, hint)
 
 
@@ -162,7 +163,7 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
         )
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(
-                f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} takes "
-                f"legs of {shortest:g} to {longest:g} m",
+                f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} "
+                f"allows legs of {shortest:g} to {longest:g} m",
                 "give another --baseline, or write another format",
             )

@@ -78,7 +78,7 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     frame = TERRAIN if settings.altitude_frame == "terrain" else RELATIVE
     if own_yaw and frame == TERRAIN:
         raise RequestError(
-            "PX4 takes no heights above the terrain", "plan with --altitude-frame takeoff"
+            "PX4 does not accept heights above terrain", "plan with --altitude-frame takeoff"
         )
     if settings.trigger == "stop":
         check_hold(autopilot, settings.hold_s)

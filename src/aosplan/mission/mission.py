@@ -68,7 +68,7 @@ class Waypoints(Sequence[Waypoint]):
         """
         if self.latitude is None or self.longitude is None:
             raise RequestError(
-                "waypoints without a location have no geometry on earth",
+                "waypoints without a location have no geographic coordinates",
                 "give the plan origin=(LAT, LON) or area=FILE, or use east_m and north_m",
             )
         columns = self.columns()
@@ -267,14 +267,16 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(
-            f"--hold {hold_s:g} s: ArduPilot holds whole seconds, and flies through waypoints with "
-            "a hold of 0",
-            f"--hold {max(1, math.ceil(hold_s))}, or --trigger distance for photos in passing",
+            f"--hold {hold_s:g} s: ArduPilot holds for whole seconds, and does not "
+            "stop at waypoints with a hold of 0",
+            f"give --hold {max(1, math.ceil(hold_s))}, or --trigger distance for "
+            "photos while flying",
         )
     if autopilot == "px4" and hold_s < PX4_LEAST_HOLD_S:
         raise RequestError(
-            f"--hold {hold_s:g} s: PX4 flies through waypoints with a hold of 0",
-            f"--hold {PX4_LEAST_HOLD_S:g} or longer, or --trigger distance for photos in passing",
+            f"--hold {hold_s:g} s: PX4 does not stop at waypoints with a hold of 0",
+            f"give --hold {PX4_LEAST_HOLD_S:g} or longer, or --trigger distance for "
+            "photos while flying",
         )
 
 

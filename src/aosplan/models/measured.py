@@ -206,7 +206,8 @@ class MeasuredModel:
         found = columns * rows if min(columns, rows) > 0 else 0
         if self.edges == "interior" and not found:
             raise RequestError(
-                "--edges interior: from every place of the plot some ray of this grid leaves it",
+                "--edges interior: from every place of the plot, some ray of this grid "
+                "leaves the plot",
                 "measure a larger plot, keep the aperture smaller, or give --edges wrapped",
             )
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:

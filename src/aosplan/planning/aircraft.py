@@ -83,13 +83,13 @@ def decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
         )
         if values["altitude_frame"] == "terrain":
             raise RequestError(
-                "--altitude-frame terrain with PX4, which refuses missions with heights above terrain",
-                "give --altitude-frame takeoff, with --terrain DEM.tif for ground that is not level",
+                "--altitude-frame terrain with PX4, which does not accept heights above terrain",
+                "give --altitude-frame takeoff, with --terrain DEM.tif on sloping ground",
             )
     elif control is not None:
         raise RequestError(
             f"--camera-control {control} without PX4",
-            "give --autopilot px4, or leave it out: the other autopilots decide it by their settings",
+            "give --autopilot px4, or leave it out: other autopilots use their own parameters",
         )
     if values["trigger"] == "stop":
         check_hold(autopilot, values["hold"])

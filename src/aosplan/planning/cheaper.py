@@ -71,9 +71,10 @@ def cheaper_way(
     flights = "" if found.flights == 1 else f" in {found.flights} flights"
     return (
         f"--trigger {way.trigger} {grid} --lane-pitch {_below(way.lane_pitch)} "
-        f"--samples {shape.samples} --baseline {_below(way.baseline)} reaches the target in "
-        f"{math.ceil(found.time_s / 60.0)} min{flights} with {found.sites:,} photos; --within MIN "
-        "chooses the best for the time that there is"
+        f"--samples {shape.samples} --baseline {_below(way.baseline)} reaches the "
+        f"target in {math.ceil(found.time_s / 60.0)} min{flights} with "
+        f"{found.sites:,} photos; --within MIN chooses the best plan for the "
+        "available time"
     )
 
 

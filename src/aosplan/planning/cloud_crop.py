@@ -45,10 +45,10 @@ def asked_crop(text: str, folder: str) -> Crop | None:
         return Crop((west, south, east, north), "degrees")
     hint = "give W,S,E,N in the cloud's coordinates or in degrees, a GeoJSON file, or all"
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
-        raise RequestError(f"--crop {text} has no four numbers", hint)
+        raise RequestError(f"--crop {text} does not have four numbers", hint)
     west, south, east, north = numbers
     if west >= east or south >= north:
-        raise RequestError(f"--crop {text} encloses nothing", hint)
+        raise RequestError(f"--crop {text} is empty", hint)
     return Crop((west, south, east, north))
 
 

@@ -68,7 +68,7 @@ def _measured(
 
     model, plan = problem.model, (solution.pattern, solution.baseline_m)
     if not isinstance(model, MeasuredModel):
-        return "the saved scene holds no parts of the plot to compare", None
+        return "the saved scene contains no parts of the plot to compare", None
     if model.view == "perspective":
         errors = of_apertures(model.hidden_at_places(*plan))
     else:
@@ -118,7 +118,7 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
     loaded = inputs.loaded
     if loaded.volume is None:
         if loaded.kind == "cloud":
-            return "the saved scene holds no parts of the plot to compare"
+            return "the saved scene contains no parts of the plot to compare"
         return "the scene is given by its numbers, which are taken as exact"
 
     from aosplan.models.uncertainty import of_parts, quarters
@@ -140,4 +140,8 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
             )
     except RequestError as error:
         return f"a quarter of the plot cannot be predicted: {error.message}"
-    return of_parts(predictions) if predictions else "the plot is too small to be quartered"
+    return (
+        of_parts(predictions)
+        if predictions
+        else "the plot is too small to be divided into quarters"
+    )

@@ -141,8 +141,8 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
     find, volume = find_of(inputs), inputs.loaded.volume
     if volume is None:
         raise RequestError(
-            "--find needs the voxels of the stand, and this scene has statistics alone",
-            "give the point cloud, or what scene --save NAME.npz wrote; or --model layered",
+            "--find needs the voxels of the stand, but this scene has only statistics",
+            "give the point cloud, a file of scene --save NAME.npz, or --model layered",
         )
     return count_detection(
         volume,
@@ -174,15 +174,16 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
     if detection.signature.crown_share > MOST_CROWN_SHARE:
         yield Message(
             "detection_crown_clutter",
-            f"{detection.signature.crown_share:.0%} of the clutter are at the scale of crowns: the "
-            "probability of detection may be off by 0.1, and depends on that share",
+            f"crowns are {detection.signature.crown_share:.0%} of the clutter: the "
+            "probability of detection depends on this share and may be off by 0.1",
         )
     if detection.standard_error is None:
         yield Message(
             "detection_independent_occluders",
-            "the probability of detection takes occluders for independent of each other; below "
-            "generated stands with crowns as dense, about half as many targets were found: take it "
-            "for an upper bound, or give the point cloud of a stand",
+            "the probability of detection assumes independent occluders, so it is an "
+            "upper bound: below generated stands with crowns of the same density, "
+            "about half as many targets were found; give the point cloud of a stand "
+            "for a better prediction",
         )
     if inputs.hold_error_m > 0.0 or inputs.rays not in (None, "nadir"):
         yield Message(
@@ -201,8 +202,9 @@ def detection_text(plan: PlanData) -> str:
     alarms = detection.false_alarms
     rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
     return (
-        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} would be found at {rate} "
-        f"a hectare; {_count(detection.unseen)} are nearly unseen"
+        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} "
+        f"would be found at {rate} per hectare; {_count(detection.unseen)} are "
+        "nearly unseen"
     )
 
 

@@ -107,7 +107,7 @@ def height_document(plan: PlanData) -> dict[str, Any]:
         "clearance_m": plan.altitude_m + plan.inputs.focal_height_m - plan.scene.canopy_top_m,
     }
     if route.datum is None:
-        return document | {"ground": "taken to be level, as high as the take-off"}
+        return document | {"ground": "assumed to be level, at the height of the take-off"}
     return document | {
         "ground": "from the terrain file",
         "waypoints.ground_m": f"above {route.datum}",

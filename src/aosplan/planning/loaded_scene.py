@@ -96,8 +96,8 @@ def load_scene(
     unexpected = [file for file in (*(() if clouds else (name,)), *more) if not _is_cloud(file)]
     if more and unexpected:
         raise RequestError(
-            f"'{unexpected[0]}' is not a point cloud, and only the files of a point cloud go together",
-            "name one scene, or .las and .laz files",
+            f"'{unexpected[0]}' is not a point cloud, and only point clouds can be combined",
+            "give one scene, or several .las and .laz files",
         )
     if clouds:
         files = (*clouds, *more)
@@ -194,7 +194,7 @@ def cloud_files(name: str) -> tuple[str, ...]:
         return (name,) if _is_cloud(name) else ()
     files = tuple(sorted(file for file in found if _is_cloud(file)))
     if not files:
-        raise RequestError(f"'{name}' holds no .las or .laz file", "name the files of one stand")
+        raise RequestError(f"'{name}' contains no .las or .laz file", "give the files of one stand")
     return files
 
 
@@ -204,8 +204,8 @@ def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
         if getattr(request, option) is not None:
             kind = "canopy height raster" if option == "crown_base" else "point cloud"
             raise RequestError(
-                f"--{option.replace('_', '-')} goes with a {kind}, and scene '{request.scene}' "
-                "is none"
+                f"--{option.replace('_', '-')} needs a {kind}, but scene '{request.scene}' "
+                "is something else"
             )
 
 
@@ -238,7 +238,7 @@ def _cloud(
         for option in ("leaf_size", "trajectory"):
             if getattr(request, option) is not None:
                 raise RequestError(
-                    f"--{option.replace('_', '-')} goes with opacity from pulses, not with "
+                    f"--{option.replace('_', '-')} is for opacity from pulses, not for "
                     "--opacity voxels"
                 )
     if request.leaf_size is not None:

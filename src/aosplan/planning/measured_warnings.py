@@ -48,10 +48,11 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
         shear_m = 0.5 * extent_m / problem.model.widest_aperture_m
         yield Message(
             "small_plot",
-            f"the plot is smaller than twice the shear of this aperture: {extent_m:.4g} m at "
-            f"{inputs.altitude_m:.4g} m move the canopy's top by {shear_m:.2g} of the plot, and beyond a "
-            "half its wrapped copies count twice; keep the aperture within "
-            f"{problem.model.widest_aperture_m:.4g} m, or measure a larger plot",
+            f"the plot is too small for this aperture: {extent_m:.4g} m at an altitude "
+            f"of {inputs.altitude_m:.4g} m shift the top of the canopy by "
+            f"{shear_m:.2g} of the plot, and beyond one half the same trees count "
+            f"twice; use an aperture of at most {problem.model.widest_aperture_m:.4g} "
+            "m, or measure a larger plot",
         )
     if not compares_headings and (word := other_heading(Alternative(problem, solution))):
         yield Message("heading", word)
@@ -69,17 +70,19 @@ def _edges(solved: SolvedPlan, problem: Problem) -> Iterator[Message]:
     if inside is None:
         yield Message(
             "edges_wrapped",
-            "from every place of the plot some ray of this grid leaves it, so the plot is taken to repeat "
-            "itself: a rim that was clipped thin counts as much as the stand; measure a larger plot, or "
-            "keep the aperture smaller",
+            "from every place of the plot, some ray of this grid leaves the plot, so "
+            "the plot is repeated periodically, including edges with few points; "
+            "measure a larger plot, or use a smaller aperture",
         )
     elif abs(inside.normalized - solution.prediction.normalized) > EDGES_MATTER or (
         abs(inside.expected - solution.prediction.expected) > EDGES_MATTER
     ):
         yield Message(
             "edges_wrapped",
-            "rays of this grid leave the plot, which is taken to repeat itself, and its rim differs from its "
-            f"middle: the places whose rays stay on the plot have V̂ = {inside.normalized:.3g} and V = "
-            f"{inside.expected:.3g}, against {solution.prediction.normalized:.3g} and "
-            f"{solution.prediction.expected:.3g}; --edges interior plans with those alone",
+            "rays of this grid leave the plot, which is repeated periodically, and "
+            "its edges differ from its middle: targets whose rays stay on the plot "
+            f"have V̂ = {inside.normalized:.3g} and V = {inside.expected:.3g}, all "
+            f"targets have {solution.prediction.normalized:.3g} and "
+            f"{solution.prediction.expected:.3g}; --edges interior uses only the "
+            "former",
         )

@@ -93,7 +93,8 @@ def altitude(value: Any, name: str) -> float | str:
     lowest, highest = length(low, name), length(high, name)
     if not lowest < highest:
         raise RequestError(
-            f"{name} {q.shown(value)} does not rise", "give a range such as 40..80, or one height"
+            f"{name} {q.shown(value)} is not an increasing range",
+            "give a range such as 40..80, or one height",
         )
     return f"{lowest!r}..{highest!r}"
 
@@ -196,7 +197,7 @@ def radiance(value: Any, name: str) -> float:
     if abs(found) > LARGEST_CONTRAST:
         raise RequestError(
             f"{name} {q.shown(value)} is beyond {LARGEST_CONTRAST:g}",
-            "it counts in units of the spread between occluders, not in degrees or grey values",
+            "its unit is the standard deviation between occluders, not degrees or grey values",
         )
     return found
 
@@ -213,5 +214,5 @@ def false_alarms(value: Any, name: str) -> float:
     """False alarms a hectare."""
     found = q.positive(value, name)
     if not 1e-6 <= found <= 100.0:
-        raise RequestError(f"{name} {q.shown(value)} a hectare is not between 1e-06 and 100")
+        raise RequestError(f"{name} {q.shown(value)} per hectare is not between 1e-06 and 100")
     return found

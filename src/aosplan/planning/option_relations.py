@@ -221,9 +221,9 @@ OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
 """Options that describe a signature by numbers, all of them together."""
 
 NOT_SEARCHED = {
-    "resume_at": "a resumed mission has its sites already",
-    "line_length": "the length of a line is chosen",
-    "sensitivity": "it holds for a grid that is chosen",
+    "resume_at": "a resumed mission already has its sites",
+    "line_length": "a search chooses the length of a line itself",
+    "sensitivity": "the sensitivity is that of a given grid",
 }
 """Options that do not go with a search, and why."""
 
@@ -234,7 +234,7 @@ def check_alternatives(values: Mapping[str, Any]) -> None:
         leading = [names[0] for names in alternatives if values[names[0]] is not None]
         if len(leading) > 1:
             flags = " and ".join(BY_NAME[name].flag for name in leading)
-            raise RequestError(f"{flags} say the same thing twice", "keep one of them")
+            raise RequestError(f"{flags} have the same meaning", "keep one of them")
         for names in alternatives:
             if leading and names[0] == leading[0]:
                 unexpected = given_flags(values, sorted(_foreign(alternatives, names)))
@@ -267,14 +267,14 @@ def check_partners(values: Mapping[str, Any]) -> None:
     own = given_flags(values, OWN_SIGNATURE)
     if own and values["signature"] is not None:
         raise RequestError(
-            f"--signature and {' and '.join(own)} say the same thing twice", "keep one of them"
+            f"--signature and {' and '.join(own)} have the same meaning", "keep one of them"
         )
     if own and len(own) < len(OWN_SIGNATURE):
         missing = [BY_NAME[name].flag for name in OWN_SIGNATURE if values[name] is None]
         raise RequestError(
             f"{' and '.join(own)} without {' and '.join(missing)}",
-            "a signature has a contrast, an offset of the canopy and a share of whole crowns; "
-            "or take --signature " + ", ".join(SIGNATURES),
+            ("give --contrast, --canopy-offset and --crown-share together, or --signature ")
+            + ", ".join(SIGNATURES),
         )
 
 
@@ -338,7 +338,7 @@ def check_grid(values: Mapping[str, Any]) -> None:
         unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
     if unexpected:
         raise RequestError(
-            f"{' and '.join(unexpected)} with --grid {grid}", "they go with --grid lanes"
+            f"{' and '.join(unexpected)} with --grid {grid}", "they are for --grid lanes"
         )
     if values["heading"] == "auto" and not over_area:
         raise RequestError("--heading auto needs --area", "give a number of degrees")
@@ -347,7 +347,7 @@ def check_grid(values: Mapping[str, Any]) -> None:
     if grid == "spiral" and over_area:
         raise RequestError("--grid spiral cannot be repeated over an --area", "use lanes")
     if values["line_length"] is not None and grid != "line":
-        raise RequestError(f"--line-length with --grid {grid}", "it goes with --grid line")
+        raise RequestError(f"--line-length with --grid {grid}", "it is for --grid line")
 
 
 def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:

@@ -95,7 +95,7 @@ _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
 _PANELS: dict[str, tuple[_Row, ...]] = {
     "Altitude": (
         ("altitude", parse.altitude, "number", "M|RANGE",
-         "Height above the synthetic focal plane; 40..80 with --within."),
+         "Height above the focal plane; with --within also a range such as 40..80."),
         ("gsd", parse.length, "number", "M",
          "Required ground sampling distance, instead of an altitude."),
         ("target_size", parse.length, "number", "M",
@@ -115,10 +115,11 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("signature", q.one_of(SIGNATURES), "text", "NAME",
          f"Assumed signature, for --find: {', '.join(SIGNATURES)}.  [default]"),
         ("contrast", parse.contrast, "number", "C",
-         "Target minus ground, in spreads of the canopy."),
-        ("canopy_offset", parse.radiance, "number", "M", "Canopy minus ground, in the same unit."),
+         "Radiance of the target minus the ground's, in standard deviations of the canopy."),
+        ("canopy_offset", parse.radiance, "number", "M",
+         "Mean radiance of the canopy minus the ground's, in the same unit."),
         ("crown_share", q.share, "share", "X",
-         "Share of the canopy's variance at the scale of crowns."),
+         "Share of the canopy's variance that lies between crowns."),
         ("false_alarms", parse.false_alarms, "number", "N",
          "False alarms per hectare, for --find.  [default]"),
     ),
@@ -144,7 +145,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("ground", q.one_of(parse.GROUND), "text", "HOW",
          f"How to find the ground of a point cloud: {', '.join(parse.GROUND)}.  [default]"),
         ("min_height", parse.height, "number", "M",
-         "Points of a cloud that are lower above ground are left out.  [default]"),
+         "Height above ground below which points of a cloud are ignored.  [default]"),
         ("units", parse.length_units, "text", "UNIT",
          "Unit of a point cloud's coordinates or a canopy raster's heights, instead of the unit "
          "in the file: m, ft, us-ft; us-ft,m if z has another unit."),
@@ -180,7 +181,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("view", q.one_of(parse.VIEWS), "text", "KIND",
          f"View of the measured model: {' or '.join(parse.VIEWS)}.  [telecentric]"),
         ("edges", q.one_of(parse.EDGES), "text", "HOW",
-         f"Measured model: targets that count: {', '.join(parse.EDGES)}.  [auto]"),
+         f"Targets that the measured model counts: {', '.join(parse.EDGES)}.  [auto]"),
         ("rays", q.one_of(RAYS), "text", "KIND",
          f"Rays of the uniform and layered models: {', '.join(RAYS)}.  [nadir]"),
         ("optimize", q.one_of(OBJECTIVES), "text", "WHAT",
@@ -193,7 +194,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("baseline", parse.length, "number", "M", "Fixed distance between neighbouring samples."),
         ("samples", q.whole, "whole", "N", "Fixed number of samples."),
         ("allow_no_common_ground", q.flag, "flag", "",
-         "Plan grids so wide that all samples together see no ground."),
+         "Allow grids so wide that no ground is seen by all samples."),
         ("sensitivity", q.flag, "flag", "",
          "Show the effect of 20 % errors in density, occluder size and heights."),
     ),
@@ -203,13 +204,13 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("lanes", q.or_best(q.whole), "whole", "K",
          "Number of lanes, for --grid lanes, or best.  [default]"),
         ("lane_pitch", q.or_best(parse.positive), "number", "X",
-         "Distance between lanes, turns of a spiral, or lines over an area, divided by the "
-         "spacing along them; or best.  [default]"),
+         "Distance between lanes, between turns of a spiral, or between lines over an area, divided "
+         "by the spacing along them; or best.  [default]"),
         ("origin", q.latitude_longitude, "pair", "LAT,LON",
          "Latitude and longitude of the grid's centre."),
         ("heading", parse.heading_or_auto, "number", "DEG",
-         "Direction of the flight lines, clockwise from true north; or best; or auto, along an "
-         "area.  [default]"),
+         "Direction of the flight lines, clockwise from true north; best; or auto: along the longer "
+         "side of an area.  [default]"),
         ("line_length", parse.length, "number", "M",
          "Length of a continuous line, for --grid line; any N consecutive photos make an "
          "integral."),
@@ -221,7 +222,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("around_radius", parse.positive, "number", "M",
          "Radius of the area to cover around each point.  [default]"),
         ("clear", q.word, "text", "FILE",
-         "Parts of the area without canopy, which one photo is enough for."),
+         "Parts of the area without canopy, for which one photo is enough."),
         ("no_fly", q.word, "text", "FILE", "Zones that sites and legs must avoid."),
         ("buffer", parse.height, "number", "M", "Distance to keep from no-fly zones.  [default]"),
         ("max_sites", q.whole, "whole", "N", "Reject areas that need more sites.  [default]"),
@@ -267,9 +268,10 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("flight_time", parse.positive, "number", "MIN",
          "Flight time per battery; longer missions are split.  [2/3 of the drone's in still air]"),
         ("file_waypoints", parse.file_waypoints, "whole", "N",
-         "Waypoints (MAVLink: commands) in one file, if other than its known limit."),
+         "Largest number of waypoints (MAVLink: commands) in one file, if it differs from the known "
+         "limit."),
         ("resume_at", q.index, "whole", "K",
-         "First waypoint to fly, counted over the whole plan.  [0]"),
+         "First waypoint to fly, counted over all flights.  [0]"),
     ),
     "Height": (
         ("clearance", parse.height, "number", "M",
@@ -278,9 +280,9 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("terrain_units", parse.length_unit, "text", "UNIT",
          "Unit of the terrain file's heights, instead of the unit in the file: m, ft, us-ft."),
         ("terrain_tolerance", parse.length, "number", "M",
-         "How much closer to the ground the path between two sites may come.  [default]"),
+         "Largest loss of height above ground on the path between two sites.  [default]"),
         ("altitude_frame", q.one_of(FRAMES), "text", "FRAME",
-         "Reference of a file's heights: takeoff, or terrain, which the autopilot then follows."),
+         "Reference of the heights in a file: takeoff, or terrain if the autopilot follows it."),
     ),
 }
 # fmt: on

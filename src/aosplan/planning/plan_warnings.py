@@ -90,8 +90,8 @@ def _camera_of_another_drone(drone_name: str | None, camera: Camera) -> Iterator
     if not fits(camera.name, drone.payload):
         yield Message(
             "camera_of_another_drone",
-            f"--camera {camera.name} is not the camera of --drone {drone_name}: the plan "
-            "holds for the camera that is named, and the drone flies with its own",
+            f"--camera {camera.name} is not the camera of --drone {drone_name}: the "
+            "plan is for the given camera, but the drone flies with its own",
         )
 
 
@@ -122,9 +122,9 @@ def _no_common_ground(plan: PlanData) -> Message:
     return Message(
         "no_common_ground",
         f"no ground is seen by all samples: the footprint is {footprint[0]:.4g} x "
-        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; the largest "
-        f"baseline that leaves some is below {largest:.4g} m, or fly this grid above "
-        f"{higher:.4g} m, or use a wider camera",
+        f"{footprint[1]:.4g} m and the grid {extent[0]:.4g} x {extent[1]:.4g} m; "
+        f"give a baseline below {largest:.4g} m, fly this grid above {higher:.4g} "
+        "m, or use a wider camera",
     )
 
 
@@ -198,23 +198,23 @@ def _flying(plan: PlanData) -> Iterator[Message]:
     ):
         yield Message(
             "photo_interval",
-            f"photos follow each other within {pace:.3g} s and the camera takes one every "
-            f"{interval:g} s: hold {timing.hold_s + interval - pace:.3g} s at each site",
+            f"the time between photos is {pace:.3g} s, but the camera needs "
+            f"{interval:g} s: give --hold {timing.hold_s + interval - pace:.3g}",
         )
     photo = plan.waypoints.photo or ()
     if sum(photo) > 1 and not any(one and other for one, other in pairwise(photo)):
         yield Message(
             "photos_alone",
-            "no two sites lie on one line along the heading, so each photo in passing takes a "
-            "run-in and a run-out of its own: --trigger stop suits this grid",
+            "no two sites lie on one line along the heading, so each photo needs its "
+            "own run-in and run-out: use --trigger stop for this grid",
         )
     endurance = flight.drone.endurance_min if flight.drone else None
     longest = max(flight.time_s for flight in route.flights) / 60.0
     if endurance is not None and longest > endurance:
         yield Message(
             "battery",
-            f"a flight takes {longest:.3g} min, and a new battery of this drone lasts "
-            f"{endurance:g} min in still air: --flight-time MIN splits it",
+            f"a flight takes {longest:.3g} min, but a new battery of this drone lasts "
+            f"{endurance:g} min in still air: give --flight-time MIN to split it",
         )
     if route.takeoff_ground_m is not None and flight.takeoff is None:
         yield Message(

@@ -123,7 +123,7 @@ def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
         way = cheaper_way(inputs.request, folder, inputs.loaded)
         if way is None:
             way = (
-                f"{error.hint}; or --within MIN, which chooses the best for the time that there is"
+                f"{error.hint}; or --within MIN, which chooses the best plan for the available time"
             )
         raise RequestError(error.message, way) from None
 

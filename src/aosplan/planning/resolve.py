@@ -403,14 +403,18 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
     if name == "measured" and kind != "cloud":
         raise RequestError(
             "--model measured needs the voxels of a point cloud",
-            "give --scene FILE.laz, FILE.npz or what scene --save wrote, or another --model",
+            "give --scene FILE.laz, FILE.npz or a file of scene --save, or another --model",
         )
     if request.edges is not None and name != "measured":
-        raise RequestError(f"--edges {request.edges} with --model {name}", "it goes with measured")
+        raise RequestError(
+            f"--edges {request.edges} with --model {name}", "it is for the measured model"
+        )
     if request.view is not None and name != "measured":
-        raise RequestError(f"--view {request.view} with --model {name}", "it goes with measured")
+        raise RequestError(
+            f"--view {request.view} with --model {name}", "it is for the measured model"
+        )
     if request.rays is not None and name == "measured":
         raise RequestError(
             f"--rays {request.rays} with --model measured",
-            "it traces the rays as they are; --rays goes with uniform and layered",
+            "the measured model traces the real rays; --rays is for uniform and layered",
         )

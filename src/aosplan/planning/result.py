@@ -40,8 +40,8 @@ class Plan(PlanData):
             raise RequestError(
                 "the trade-off is between samples, aperture and time at a target, not for "
                 "--optimize detection",
-                "plan --within MIN tells what half and twice the time give; tradeoff --find person "
-                "has the probability of detection of every row",
+                "plan --within MIN shows the plans for half and twice the time; tradeoff "
+                "--find person has the probability of detection of every row",
             )
         if self.problem is None:
             raise RequestError("no occluder is above the focal plane: one photo shows everything")

@@ -176,7 +176,8 @@ def flown(
     bounds = [bound] if bound else []
     spaced = timing.at(baseline_m) if baseline_m else timing
     text = (
-        f"the camera takes a photo each {timing.interval_s:g} s at most, {baseline_m:.4g} m apart"
+        f"the camera needs {timing.interval_s:g} s between photos, which are "
+        f"{baseline_m:.4g} m apart"
     )
     bounds.append(SpeedBound(spaced.speed_mps, text))
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
@@ -189,7 +190,9 @@ def flown(
             "give a smaller --speed or a larger --acceleration, or --trigger stop",
         )
     if bound is not None:
-        message = f"{bound.message} ({bound.speed_mps:.3g} m/s, not the {asked:.3g} asked for)"
+        message = (
+            f"{bound.message} ({bound.speed_mps:.3g} m/s instead of the requested {asked:.3g} m/s)"
+        )
         limit = Limit("speed_mps", bound.speed_mps, bound.speed_mps, message)
     elif timing.fly_through:
         message = "photos are taken while flying at the requested speed"

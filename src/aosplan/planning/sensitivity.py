@@ -106,7 +106,7 @@ def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
     if inputs.model == "measured":
         if quantity == "density":
             if loaded.volume is None:
-                raise RequestError("a correlogram has no voxels to take away or to add")
+                raise RequestError("a correlogram has no voxels to remove or to add")
             loaded = replace(loaded, volume=thinned(loaded.volume, factor), correlogram=None)
         else:
             scale = factor if quantity == "occluder_size" else 1.0 / factor

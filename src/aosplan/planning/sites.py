@@ -123,7 +123,7 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
         raise InfeasibleError(
             f"{crossing} of the paths between lines that are flown through would pass through "
             "no-fly zones",
-            "--trigger stop goes around them",
+            "give --trigger stop, which flies around them",
         )
     if takeoff_at is None:
         return

@@ -189,8 +189,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
         assert table is not None  # the model was checked against the kind of scene
         if focal_height > 0.0 or inputs.view == "perspective":
             raise RequestError(
-                f"scene '{inputs.scene_name}' holds a correlogram, which knows neither a raised "
-                "focal plane nor the view perspective",
+                f"scene '{inputs.scene_name}' contains only a correlogram, which supports "
+                "neither a raised focal plane nor the view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
         return memo(CorrelogramModel, table, altitude, **common), None

@@ -444,11 +444,11 @@ class WithinSearch:
             if later is not None:
                 minutes = math.ceil(later.time_s / 60.0)
                 return InfeasibleError(
-                    f"nothing {'that reaches the target ' if target else ''}can be flown within "
-                    f"{longest_s / 60.0:.4g} min, from take-off to landing",
+                    f"no plan {'that reaches the target ' if target else ''}can be flown "
+                    f"within {longest_s / 60.0:.4g} min, from take-off to landing",
                     f"--within {minutes} is enough",
                 )
         return InfeasibleError(
-            "nothing can be flown that fits what was asked for, in any time",
-            "leave more open: the kind of grid, its spacing, the trigger or the target",
+            "no plan satisfies the given options in any time",
+            "leave out options: the kind of grid, its spacing, the trigger or the target",
         )

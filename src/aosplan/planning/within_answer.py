@@ -85,11 +85,11 @@ class WithinResult(NamedTuple):
         """What bounds the plan that was chosen, whose flights take a time [s]."""
         allowed_s = 60.0 * self.minutes
         if self.asked.within is None:
-            text = "twice the time would gain next to nothing"
+            text = "twice the time would improve the plan only slightly"
         elif self.asked.optimize in BEST:
             text = f"the best within {self.minutes:.4g} min, from take-off to landing"
         else:
-            text = f"the least that reaches the target within {self.minutes:.4g} min"
+            text = f"the lowest value that reaches the target within {self.minutes:.4g} min"
         return (Limit("total_time_s", time_s, allowed_s, text),)
 
     def document(self) -> dict[str, Any]:
@@ -110,8 +110,8 @@ def interval_assumed() -> Message:
     """The warning of an interval between photos that nothing tells."""
     return Message(
         "photo_interval_assumed",
-        f"how fast the camera takes photos is not known: one every {PHOTO_INTERVAL_S:g} s is "
-        "assumed for photos in passing; give --photo-interval S, or a --drone",
+        f"the shortest time between photos is not known: {PHOTO_INTERVAL_S:g} s is "
+        "assumed for photos while flying; give --photo-interval S, or a --drone",
     )
 
 

@@ -105,11 +105,11 @@ def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
     if not any(places.values()):
         why = next(iter(doubtful.values()), "")
         raise RequestError(
-            f"folder '{folder}' has no photo with a position ({len(names)} photos looked at)"
+            (f"folder '{folder}' has no photo with a position ({len(names)} photos were read)")
             + (f": {next(iter(doubtful))} {why}" if why else ""),
             "photos end in .jpg or .tif and have GPS in their EXIF or XMP"
             if not why
-            else "write the metadata anew, as exiftool does",
+            else "rewrite the metadata, for example with exiftool",
         )
     return places, doubtful
 

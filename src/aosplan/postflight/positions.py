@@ -146,8 +146,8 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
             photos += places[-1:] if spacing_m else []
         elif command not in PLACELESS and any(_is_set(value) for value in params[4:6]):
             raise RequestError(
-                f"{where} command {command} is unknown, and it has a place: the file does not say whether a "
-                "photo is taken there",
+                f"{where} command {command} is unknown and has a position: it is not clear "
+                "whether a photo is taken there",
                 "leave it out, or make it a waypoint (16)",
             )
     if not places:

@@ -462,8 +462,9 @@ def _of_distances(
     if not near.any():
         yield Message(
             "no_photo_at_any_site",
-            f"no photo is within {tolerance_m:.3g} m of a site, the nearest is {off_m.min():.4g} m "
-            "away: are they of this plan, with its origin and heading?",
+            f"no photo is within {tolerance_m:.3g} m of a site, the nearest is "
+            f"{off_m.min():.4g} m away: check that the photos are of this plan, and "
+            "its origin and heading",
         )
 
 
@@ -487,7 +488,7 @@ def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
     if len(off):
         yield Message(
             "altitude_differs",
-            f"{len(off)} of {len(known)} photos say that they were taken from {off.min():.4g} to "
-            f"{off.max():.4g} m, and {expected:.4g} m are planned, for which the visibility is "
-            "predicted: give the --altitude that was flown",
+            f"{len(off)} of {len(known)} photos were taken from {off.min():.4g} to "
+            f"{off.max():.4g} m, but the visibility is predicted for the planned "
+            f"{expected:.4g} m: give the --altitude that was flown",
         )

@@ -143,8 +143,8 @@ def thinned(
     """
     if not isinstance(wanted.heading, float):
         raise RequestError(
-            f"--heading {wanted.heading}: the views are where they are",
-            "give the direction of their lines, --heading DEG",
+            f"--heading {wanted.heading} is not possible for views that are already recorded",
+            "give --heading DEG, the direction of their lines",
         )
     check_count(len(views), samples)
     origin = wanted.origin
@@ -172,8 +172,9 @@ def thinned(
         warnings.append(
             Message(
                 "more_hidden",
-                f"views that share little are far apart and hide more: V = {few.expected:.3g} of the "
-                f"chosen, {every.expected:.3g} of all; --best visibility chooses for V",
+                "views that share few occluders are far apart and hide more ground: V = "
+                f"{few.expected:.3g} for the kept views and {every.expected:.3g} for all; "
+                "--best visibility maximises V",
             )
         )
     return Thinning(

@@ -86,16 +86,17 @@ class Views(NamedTuple):
             count = len(self.paired)
             yield Message(
                 "paired_photos",
-                f"{count} photo{'s' * (count > 1)} of a shot that another photo shows count once: "
-                f"{_readable(name)} with {_readable(other)}{' ...' * (count > 1)}",
+                f"{count} photo{'s' * (count > 1)} of the same shot as another photo "
+                f"{'are' if count > 1 else 'is'} not counted: {_readable(name)} with "
+                f"{_readable(other)}{' ...' * (count > 1)}",
             )
         if self.doubtful:
             name, why = next(iter(self.doubtful.items()))
             count = len(self.doubtful)
             yield Message(
                 "doubtful_positions",
-                f"{count} photo{'s' * (count > 1)} with a position that is not clear "
-                f"{'are' if count > 1 else 'is'} not placed: {_readable(name)} {why}",
+                f"{count} photo{'s' * (count > 1)} with an ambiguous position "
+                f"{'are' if count > 1 else 'is'} not used: {_readable(name)} {why}",
             )
         silent = [name for name in self.unplaced if name not in self.doubtful]
         if silent:
@@ -104,8 +105,7 @@ class Views(NamedTuple):
             count = len(silent)
             yield Message(
                 "photos_without_position",
-                f"{count} photo{'s say' if count > 1 else ' says'} nothing of where "
-                f"{'they were' if count > 1 else 'it was'} taken: {named}",
+                f"{count} photo{'s have' if count > 1 else ' has'} no position: {named}",
             )
 
 

@@ -82,7 +82,9 @@ class _Reader:
             raise RequestError(f"'{self.path}': {MEMBER} is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:
-        raise RequestError(f"'{self.path}': {MEMBER} has a document type, which may hide entities")
+        raise RequestError(
+            f"'{self.path}': {MEMBER} has a document type (<!DOCTYPE …>), which is not accepted"
+        )
 
     def _start(self, name: str, _attributes: dict[str, str]) -> None:
         self.depth += 1
@@ -121,7 +123,7 @@ class _Reader:
                     self.texts.get("actionTriggerParam", ""), f"'{self.path}', actionTriggerParam"
                 )
                 if spacing <= 0.0:
-                    raise RequestError(f"'{self.path}': photos each {spacing:g} m")
+                    raise RequestError(f"'{self.path}': photos every {spacing:g} m")
                 self.switches[first] = spacing
                 self.switches.setdefault(last, 0.0)
             else:

@@ -124,11 +124,14 @@ def inventory_scene(
         title=f"{stems_per_hectare:g} stems a hectare, crowns of {crown_diameter_m:g} m, "
         f"leaf area index {leaf_area_index:g}",
         source="Nilson (1999), Agricultural and Forest Meteorology 98-99, 437-448",
-        assumed=f"crowns are ellipsoids of one size at random places, from {volume_base_m:g} to "
-        f"{volume_base_m + volume_height_m:g} m; their leaves are spread evenly, face every way "
-        f"alike (G = {PROJECTION:g}; clumping index {clumping:.2f}) and hide in clumps of "
-        f"{size_m:g} m; no stems or branches; slices count as independent, "
-        "so that V̂ is an upper bound",
+        assumed=(
+            "crowns are ellipsoids of one size at random places, from "
+            f"{volume_base_m:g} to {volume_base_m + volume_height_m:g} m; their leaves "
+            f"are spread evenly, have random directions (G = {PROJECTION:g}; clumping "
+            f"index {clumping:.2f}) and form clumps of {size_m:g} m; there are no "
+            "stems or branches; slices are assumed to be independent, so V̂ is an "
+            "upper bound"
+        ),
     )
 
 

@@ -181,8 +181,8 @@ class Simulation(NamedTuple):
             return ""
         symbol = {"density": "p", "expected": "V", "normalized": "V̂"}[name]
         return (
-            f"{symbol} is {found:.4f} ± {error:.4f} where the {self.plan.model} model predicts "
-            f"{predicted:.4f}"
+            f"{symbol} is {found:.4f} ± {error:.4f}, but the {self.plan.model} model "
+            f"predicts {predicted:.4f}"
         )
 
 
@@ -261,8 +261,8 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
     """
     if (views := plan.solution.pattern.samples) > MOST_VIEWS:
         raise RequestError(
-            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated",
-            "--samples or --max-samples plan fewer",
+            f"the plan has {views} samples, but at most {MOST_VIEWS} are simulated",
+            "give a smaller --samples or --max-samples",
         )
     if plan.inputs.hold_error_m > 0.0:
         raise RequestError(
@@ -271,7 +271,7 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
         )
     if plan.inputs.rays not in (None, "nadir"):
         raise RequestError(
-            f"--rays {plan.inputs.rays}: a simulation knows how its rays run",
+            f"--rays {plan.inputs.rays}: a simulation always traces the real rays",
             "simulate the plan with --rays nadir",
         )
     above = plan.scene.above(plan.inputs.focal_height_m)
@@ -330,7 +330,7 @@ def _forest(plan: Plan, settings: Settings) -> str:
     """Name of the forest for the simulation, after checking that it suits the scene."""
     if plan.approximation is not None:
         raise RequestError(
-            f"scene '{plan.inputs.scene_name}' holds a correlogram, and no voxels to simulate",
+            f"scene '{plan.inputs.scene_name}' contains a correlogram but no voxels to simulate",
             "simulate its point cloud or .npz, or plan with --model layered",
         )
     kind = "cloud" if plan.volume is not None else plan.scene.kind
@@ -342,8 +342,8 @@ def _forest(plan: Plan, settings: Settings) -> str:
         )
     if forest == "uniform" and plan.scene.kind != "uniform":
         raise RequestError(
-            f"--forest uniform, and scene '{plan.scene.name}' has layers",
-            "--forest layered or clumped goes with it",
+            f"--forest uniform, but scene '{plan.scene.name}' has layers",
+            "give --forest layered or clumped",
         )
     return forest
 
@@ -411,7 +411,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
         return across, along  # no effect: each target has its own aperture
     if min(along, across) <= 0.0:
         raise RequestError(
-            "no ground is seen by all samples, and that is what would be simulated",
+            "no ground is seen by all samples, so there are no targets to simulate",
             "--view telecentric simulates a target in the middle of the aperture",
         )
     return across, along

@@ -139,11 +139,9 @@ def compare_search(
     """
     detection = plan.detection
     if detection is None:
-        raise RequestError("the plan looks for nothing", "give --find person")
+        raise RequestError("the plan has no target to find", "give --find person")
     if (views := plan.solution.pattern.samples) > MOST_VIEWS:
-        raise RequestError(
-            f"the plan has {views} samples, and no more than {MOST_VIEWS} are simulated"
-        )
+        raise RequestError(f"the plan has {views} samples, but at most {MOST_VIEWS} are simulated")
     forests = forests or FORESTS
     forest = forest or FOREST_OF[plan.scene.kind if plan.volume is None else "cloud"]
     found = []

@@ -77,7 +77,9 @@ def similarity(
     if span is None:
         span = float(np.ptp(reference[covered]))
     if not span > 0.0:
-        raise RequestError("the reference image has one value alone: nothing to compare")
+        raise RequestError(
+            "all pixels of the reference image have the same value, so it cannot be compared"
+        )
     compared: Callable[..., Any] = structural_similarity
     bands = [np.atleast_3d(one) for one in (image, reference)]
     maps = [

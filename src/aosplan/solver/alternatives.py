@@ -199,7 +199,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
     if notes:
         message += f"; {_some(list(notes.values()))}"
     if hopeless:
-        message += f"; {_some(hopeless)} can do no better"
+        message += f"; {_some(hopeless)} cannot be better"
     limit = Limit("choice", best.measure, best.measure, message)
     # Not the limits it was solved with: a bound of our own is none to speak of.
     limits = limits_of(best.problem, best.solution)
@@ -252,8 +252,8 @@ def other_heading(chosen: Alternative) -> str:
     if gain < HEADING_MATTERS:
         return ""
     return (
-        f"at --heading {heading:g} this grid would show more: V̂ is about {gain:.2f} higher there; "
-        "--heading best compares them"
+        f"at --heading {heading:g}, V̂ of this grid would be about {gain:.2f} "
+        "higher; --heading best compares the headings"
     )
 
 

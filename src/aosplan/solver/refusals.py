@@ -9,7 +9,8 @@ from __future__ import annotations
 from aosplan.grid.patterns import MOST_SITES
 
 LIFT_GROUND = (
-    "fly higher, use a wider camera, ask for less, or lift this bound with --allow-no-common-ground"
+    "fly higher, use a wider camera, give a lower target, or remove this "
+    "limit with --allow-no-common-ground"
 )
 """What to do if the ground that all samples see bounds the grid too narrowly."""
 

@@ -65,8 +65,8 @@ def _limits(
             "common_ground_m",
             baseline_m,
             widest,
-            "a wider baseline leaves no ground that all samples see; --allow-no-common-ground "
-            "lifts this bound",
+            "with a larger baseline, no ground is seen by all samples; "
+            "--allow-no-common-ground removes this limit",
         )
     elif extent >= model.widest_aperture_m * (1 - 1e-9):
         yield Limit(
@@ -91,8 +91,8 @@ def _limits(
             "baseline_m",
             baseline_m,
             baseline_m,
-            "neighbouring sites share no occluder; a larger baseline only makes up for what the hold error "
-            "takes",
+            "neighbouring sites share no occluder; a larger baseline only compensates "
+            "for the hold error",
         )
     elif problem.objective in BEST:
         yield Limit(
@@ -149,10 +149,11 @@ def out_of_scan(
     pattern, baseline, prediction = reached
     extent = pattern.longer_side * baseline
     return InfeasibleError(
-        f"{requirement} is out of reach: of {problem.grid.name} grids of up to {most} samples "
-        f"within an aperture of {widest:.4g} m the best reach {value_text(problem, prediction)}, "
-        f"{pattern.samples} samples {baseline:.4g} m apart over {extent:.4g} m",
-        "ask for less, or for the best there is: --optimize contrast, or --optimize visibility",
+        f"{requirement} is out of reach: the best {problem.grid.name} grid of up "
+        f"to {most} samples within an aperture of {widest:.4g} m reaches "
+        f"{value_text(problem, prediction)}, with {pattern.samples} samples "
+        f"{baseline:.4g} m apart over {extent:.4g} m",
+        "give a lower target, or --optimize contrast or --optimize visibility",
     )
 
 

@@ -110,9 +110,10 @@ def _for_baseline(problem: Problem, baseline_m: float) -> Solution:
             refusals.beyond_baseline(
                 *asked, baseline_m, samples, bounded=bounds.max_samples is not None
             ),
-            f"neighbours share no occluder from --baseline "
-            f"{rounded_up(problem.model.independent_baseline_m)} on, where "
-            f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples do",
+            f"from --baseline {rounded_up(problem.model.independent_baseline_m)} on, "
+            "neighbours share no occluder, and "
+            f"{problem.grid.pattern(_fewest_independent(problem)).samples} samples are "
+            "enough",
         )
     pattern = problem.grid.pattern(samples)
     if bounds.ground is not None and not bounds.ground.allows(pattern, baseline_m):
@@ -139,8 +140,8 @@ def _for_samples(problem: Problem, samples: int) -> Solution:
             refusals.beyond_samples(
                 *requirement.asked, samples, requirement.value_of(prediction), widest
             ),
-            f"it takes at least {_fewest_independent(problem)} samples; with --baseline given as "
-            "well, the plan is evaluated as it is",
+            f"it needs at least {_fewest_independent(problem)} samples; with "
+            "--baseline too, the given grid is evaluated",
         )
     return _solution(problem, pattern, _preferred_baseline_m(problem, pattern))
 
@@ -298,7 +299,7 @@ def _fewest_independent(problem: Problem) -> int:
         high = low * (1.0 + high)
         raise InfeasibleError(
             refusals.beyond_scene(*problem.requirement.asked, low, high),
-            f"ask for a --visibility below {high:.4g}, or for a --vhat",
+            f"give a --visibility below {high:.4g}, or a --vhat",
         )
     return fewest
 
@@ -349,9 +350,12 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
                 bounds.max_samples,
                 _best_within(problem._replace(objective="aperture")),
             ),
-            f"allow {fewest} samples, or ask for less"
+            f"allow {fewest} samples, or give a lower target"
             if bounds.max_aperture_m is None
-            else f"raise --max-samples to {fewest} or more, and --max-aperture, or ask for less",
+            else (
+                f"raise --max-samples to {fewest} or more, and --max-aperture, or give a "
+                "lower target"
+            ),
         )
     return InfeasibleError(
         refusals.beyond_bounds(
@@ -377,7 +381,7 @@ def _best_within(problem: Problem) -> str:
     )
     best = min(reachable, key=lambda found: found[0].shortfall, default=None)
     if best is None:
-        return "nothing, for no grid of this kind has so few samples"
+        return "nothing, because no grid of this kind has so few samples"
     prediction, pattern, baseline = best
     requirement = problem.requirement
     reached = requirement.value_of(prediction)
@@ -400,11 +404,11 @@ def _remedy(problem: Problem) -> str:
     free = Bounds(max_samples=problem.bounds.max_samples)
     solution = _least_aperture_or_none(problem._replace(bounds=free, objective="aperture"))
     if solution is None:
-        return "ask for less, or allow more samples"
+        return "give a lower target, or allow more samples"
     if problem.bounds.max_aperture_m is None:
         return (
-            f"ask for less, or allow more samples; {solution.pattern.samples} do where --optimize "
-            "aperture makes the baseline wider"
+            "give a lower target, or allow more samples: with --optimize aperture, "
+            f"which increases the baseline, {solution.pattern.samples} are enough"
         )
     extent = solution.pattern.longer_side * solution.baseline_m
     return f"--max-aperture {rounded_up(extent)} is enough, with {solution.pattern.samples} samples"

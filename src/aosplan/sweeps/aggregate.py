@@ -54,7 +54,7 @@ class Aggregation:
                 os.unlink(self.path)
                 return
             raise RequestError(
-                f"'{self.path}' holds what an interrupted sweep gathered",
+                f"'{self.path}' contains the results of an interrupted sweep",
                 "--resume continues it, --force starts again",
             )
         try:
@@ -67,7 +67,7 @@ class Aggregation:
         except (OSError, ValueError, TypeError, LookupError):
             pass  # the file was not written by a sweep
         raise RequestError(
-            f"'{self.path}' holds what another sweep gathered",
+            f"'{self.path}' contains the results of another sweep",
             "give the same file, options and version, or --force to start again",
         )
 

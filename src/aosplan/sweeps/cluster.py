@@ -152,7 +152,7 @@ def files_of(sweep: Sweep) -> tuple[tuple[str, int], ...]:
             raise RequestError(
                 f"{named.option} '{named.value}' is a file of the current folder, which workers do "
                 "not share",
-                "put it beside the sweep's file, or give its full name",
+                "put it into the folder of the sweep's file, or give its full path",
             )
     return tuple((file, os.path.getsize(file)) for file in sorted(files))
 
@@ -396,8 +396,8 @@ def result_of(future: Any, index: int) -> Part | None:
         raise error
     if isinstance(error, dask().KilledWorker):
         raise SurroundingsError(
-            f"part {index} of the sweep: every worker that took it died",
-            f"perhaps for lack of memory, of which workers with fewer threads take less; {RESUME}",
+            f"part {index} of the sweep: every worker that started it died",
+            f"perhaps for lack of memory; workers with fewer threads need less; {RESUME}",
         )
     raise SurroundingsError(
         f"part {index} of the sweep failed on a worker: {type(error).__name__}: {error}", RESUME

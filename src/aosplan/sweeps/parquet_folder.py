@@ -40,10 +40,10 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
     above = os.path.dirname(place)
     if os.path.splitext(place)[1].lower() in (".csv", ".jsonl"):
         raise RequestError(
-            f"output '{out}' is a folder, which holds Parquet", "leave out the last /"
+            f"output '{out}' is a folder, which contains Parquet files", "leave out the last /"
         )
     if not os.path.isdir(above):
-        raise RequestError(f"output '{out}': there is no folder '{above}'", "make it first")
+        raise RequestError(f"output '{out}': there is no folder '{above}'", "create it first")
     if not os.path.isdir(place):
         if os.path.lexists(place):
             raise RequestError(f"output '{out}' is a file", "leave out the last /")
@@ -51,13 +51,13 @@ def check_folder(out: str, *, resume: bool, force: bool) -> None:
     unexpected = sorted(name for name in os.listdir(place) if not OF_A_SWEEP.fullmatch(name))
     if unexpected:
         raise RequestError(
-            f"output '{out}' holds '{unexpected[0]}', which is not a part of a sweep",
-            f"name a folder in it: {os.path.join(out, 'results.parquet', '')}",
+            f"output '{out}' contains '{unexpected[0]}', which is not a part of a sweep",
+            f"give a folder in it: {os.path.join(out, 'results.parquet', '')}",
         )
     if os.listdir(place) and not (resume or force):
         raise RequestError(
             f"output '{out}' exists",
-            "--resume writes what is damaged of it anew, --force all of it",
+            "--resume rewrites the damaged parts, --force rewrites all parts",
         )
 
 
@@ -100,7 +100,7 @@ class Partitions(Parts):
             name = os.path.basename(self.path(index))
             if name not in found or found[name].stat().st_size != part.bytes:
                 raise SurroundingsError(
-                    f"'{self.path(index)}' is not as it was written", "--resume writes it anew"
+                    f"'{self.path(index)}' has changed since it was written", "--resume rewrites it"
                 )
         return self.folder
 

@@ -79,7 +79,7 @@ class Parts:
                 return
             if not force:
                 raise RequestError(
-                    f"'{self.folder}' holds parts of an interrupted sweep",
+                    f"'{self.folder}' contains parts of an interrupted sweep",
                     "--resume continues it, --force starts again",
                 )
             shutil.rmtree(self.folder)
@@ -123,7 +123,7 @@ class Parts:
             )
         if notes[0] != {"fingerprint": self.fingerprint}:
             raise RequestError(
-                f"'{self.folder}' holds parts of another sweep",
+                f"'{self.folder}' contains parts of another sweep",
                 "give the same file, options and version, or --force to start again",
             )
         for note in notes[1:]:

@@ -119,11 +119,11 @@ def _run(
     except OSError as error:
         raise SurroundingsError(
             f"cannot write '{error.filename or out}': {(error.strerror or str(error)).lower()}",
-            "what is done is kept: "
+            "finished parts are kept: "
             + (
                 "close the program that has it open, then --resume"
                 if is_locked(error)
-                else "make room, then --resume"
+                else "free some space, then --resume"
             ),
         ) from None
     parts.remove()

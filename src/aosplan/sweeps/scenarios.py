@@ -334,7 +334,7 @@ def _check_size(frame: Any, path: str) -> None:
     if rows * columns > max(PLAIN_CELLS, CELLS_A_BYTE * stored):
         raise RequestError(
             f"'{path}' declares {rows} rows, more than its {stored} bytes hold",
-            "options that repeat cost less as a crossing: a TOML file with a table [sweep]",
+            "repeated options take less space in a TOML file with a table [sweep]",
         )
 
 
@@ -347,7 +347,7 @@ def _check_names(names: Sequence[str], path: str) -> None:
                 hint = "pandas wrote its index: give to_parquet index=False"
             raise RequestError(f"'{path}': column {shown(name)} is not an option of plan", hint)
         if name in names[:place]:
-            raise RequestError(f"'{path}': column '{name}' is there twice", "keep one of them")
+            raise RequestError(f"'{path}' has two columns '{name}'", "keep one of them")
 
 
 def _parsed_column(frame: Any, name: str, path: str) -> NDArray[Any]:
@@ -406,7 +406,9 @@ def _range(given: Mapping[str, Any], place: str, folder: str) -> list[Any]:
     if spacing != "log":
         raise RequestError(f"{place}.spacing {shown(spacing)} is neither linear nor log")
     if start <= 0.0 or stop <= 0.0:
-        raise RequestError(f"{place}: a logarithmic range from {start:g} to {stop:g}")
+        raise RequestError(
+            f"{place}: a logarithmic range from {start:g} to {stop:g} is not possible"
+        )
     values = np.geomspace(start, stop, count)
     return [float(value) for value in values]
 

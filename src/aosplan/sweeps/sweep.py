@@ -100,8 +100,8 @@ class Sweep(NamedTuple):
             condition = pl.sql_expr(self.where)
             if several := _of_several_rows(self.where):
                 raise RequestError(
-                    f"--where {self.where}: {several} looks at several rows, and the condition is "
-                    "asked of each alone",
+                    f"--where {self.where}: {several} uses several rows, but the condition is "
+                    "evaluated for each row alone",
                     "--best keeps the row with the largest value of a column; filter the result for anything else",
                 )
             return frame.filter(condition)

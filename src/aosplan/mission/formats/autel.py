@@ -61,7 +61,7 @@ def _machine(mission: Mission) -> wpml.Machine:
     if name not in DRONES:
         raise RequestError(
             f"{FORMAT.title} has no number for the drone '{name}'",
-            f"it has those of {' and '.join(DRONES)}",
+            f"supported drones: {' and '.join(DRONES)}",
         )
     return wpml.Machine(name, DjiDrone(11_000, DRONES[name], None), GIMBAL)
 

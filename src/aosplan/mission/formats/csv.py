@@ -43,7 +43,7 @@ def notes(missions: Sequence[Mission]) -> list[str]:
     """State the vertical datum of the heights of the ground."""
     if missions[0].waypoints.ground_m is None or missions[0].settings.height_datum is None:
         return []
-    return [f"ground_m counts from {missions[0].settings.height_datum}"]
+    return [f"ground_m is relative to {missions[0].settings.height_datum}"]
 
 
 def rows(template: str, *columns: Sequence[Any]) -> bytes:

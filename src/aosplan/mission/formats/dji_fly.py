@@ -30,8 +30,10 @@ FORMAT = Format(
             leg_m=(0.5, 2000.0),
             speed_mps=(0.1, 15.0),
             height_m=(None, 500.0),
-            source="99 waypoints and 500 m are what DJI Fly lets a pilot set; speeds and legs those "
-            "of DJI's Mobile SDK 4, as nobody documents others",
+            source=(
+                "99 waypoints and 500 m: the limits in DJI Fly; speeds and legs: DJI's "
+                "Mobile SDK 4, because those of DJI Fly are not documented"
+            ),
         ),
     ),
     flown_by=("dji",),

@@ -88,8 +88,8 @@ def notes(missions: Sequence[Mission]) -> list[str]:
         return [ways]
     return [
         ways,
-        "Litchi takes the ground below the first waypoint for the height of the take-off, so heights "
-        "above ground hold only for a take-off at that height",
+        "Litchi assumes a take-off at the height of the ground below the first waypoint, so heights "
+        "above ground are correct only for a take-off at that height",
     ]
 
 

@@ -28,8 +28,10 @@ FORMAT = Format(
         Limits(
             "parrot-anafi",
             speed_mps=(1.0, 10.0),
-            source="speeds of Parrot's FlightPlan documentation, messages V1, which names no greatest "
-            "number of commands",
+            source=(
+                "speeds: Parrot's FlightPlan documentation, messages V1, which does not "
+                "limit the number of commands"
+            ),
         ),
     ),
     flown_by=("parrot",),

@@ -40,8 +40,10 @@ FORMAT = Format(
             leg_m=(0.5, 2000.0),
             speed_mps=(0.1, 15.0),
             height_m=(None, 1500.0),
-            source="indices and takeOffSecurityHeight of the specification; speeds and legs "
-            "those of DJI's Mobile SDK 4, as the specification bounds neither",
+            source=(
+                "indices and takeOffSecurityHeight: the specification; speeds and legs: "
+                "DJI's Mobile SDK 4, because the specification does not limit them"
+            ),
         ),
     ),
     flown_by=("dji",),
@@ -275,7 +277,7 @@ def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
     if name not in known:
         raise RequestError(
             f"{FORMAT.title} has no number for the {kind} '{name}'",
-            f"it has those of {', '.join(known)}; for other drones write litchi:grid.csv",
+            f"supported: {', '.join(known)}; for other drones write litchi:grid.csv",
         )
     return known[name]
 

@@ -85,7 +85,7 @@ def upward(views: Sequence[View]) -> str:
     if abs(down) < 0.1:
         raise RequestError(
             "the cameras look neither up nor down the world's z axis",
-            f"say which way is up: --up {' or '.join(UPS)}",
+            f"give the upward axis: --up {' or '.join(UPS)}",
         )
     return "z" if down < 0.0 else "-z"
 
@@ -167,7 +167,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
     if not above_m > 0.0:
         raise RequestError(
             f"image '{view.name}': its camera is {-above_m:g} m below the focal plane",
-            "--focal-height counts along the world's upward axis: --up says which one that is",
+            "--focal-height is measured along the upward axis of the world, which --up sets",
         )
     inverse = np.linalg.inv(plane.to_camera(view))
     corners = []
@@ -184,7 +184,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
         east, north, scale = inverse @ (x, y, 1.0)
         if not scale > 0.0:  # this corner looks above the horizon
             raise RequestError(
-                f"image '{view.name}' shows the horizon, so its footprint has no end",
+                f"image '{view.name}' shows the horizon, so its footprint is infinite",
                 "give --extent XMIN,YMIN,XMAX,YMAX and --gsd M",
             )
         corners.append((east / scale, north / scale))

@@ -184,7 +184,8 @@ def find_focus(
         raise RequestError(
             f"no plane from {low:g} to {high:g} m is in focus: halves of the views agree to "
             f"{max(each.value for each in coarse):.2g} at best",
-            "--focus H1..H2 looks at other heights, --focal-height M needs no focus",
+            "--focus H1..H2 searches other heights, and --focal-height M sets the "
+            "height without a search",
         )
     aligned = 0
     if align != "none":
@@ -284,7 +285,7 @@ class _Search:
         if not high < self.camera_m:
             raise RequestError(
                 f"--focus reaches {high:g} m, and the cameras are at {self.camera_m:.4g} m",
-                "heights count along the world's upward axis",
+                "heights are measured along the upward axis of the world",
             )
         extent = float(np.hypot(*np.ptp(self._positions, axis=0)))
         if not extent > 0.0:

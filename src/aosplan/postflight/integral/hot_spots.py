@@ -131,7 +131,7 @@ def geojson_bytes(spots: Sequence[HotSpot], georeference: Georeference | None) -
     """
     if georeference is None:
         raise RequestError(
-            "--hot-spots needs photos with positions: these poses do not say where on earth they are"
+            "--hot-spots needs photos with positions: these poses have no geographic coordinates"
         )
     features: list[dict[str, Any]] = []
     if spots:

@@ -88,7 +88,7 @@ class ImageFolder:
             raise RequestError(f"no folder '{path}'") from None
         except NotADirectoryError:
             raise RequestError(
-                f"'{path}' is not a folder", "IMAGES is the folder of them"
+                f"'{path}' is not a folder", "IMAGES is the folder of the images"
             ) from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
@@ -108,7 +108,7 @@ class ImageFolder:
         """
         if os.path.isabs(name) or ".." in name.replace("\\", "/").split("/"):
             raise RequestError(
-                f"image {shown(name)} leads out of the folder '{self.path}'",
+                f"image {shown(name)} is outside the folder '{self.path}'",
                 "names of images are relative to the folder of images",
             )
         stem = os.path.splitext(os.path.basename(name))[0].lower()
@@ -210,8 +210,8 @@ def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
         pixels = np.empty(0)
     if pixels.ndim != 3 or pixels.shape[:2] != image.size[::-1] or pixels.dtype != np.uint16:
         raise RequestError(
-            f"image '{path}' has {bits} bits a colour in a form that is not read",
-            "save it as a TIFF of 16 bits a colour, without compression",
+            f"image '{path}' has {bits} bits per colour in a format that is not supported",
+            "save it as a TIFF with 16 bits per colour, without compression",
         )
     return pixels
 

@@ -162,13 +162,13 @@ def read_source(source: ViewSource, bands: int | None) -> Picture:
         raise RequestError(
             f"image '{source.path}' has {picture.size[0]} x {picture.size[1]} pixels, "
             f"its camera {wanted[0]} x {wanted[1]}",
-            "all images of a camera have one size",
+            "all images of a camera have the same size",
         )
     if bands is not None and len(picture.bands) != bands:
         kinds = {1: "grey", 3: "in colour"}
         raise RequestError(
-            f"image '{source.path}' is {kinds[len(picture.bands)]}, "
-            f"the ones before it are {kinds[bands]}"
+            f"image '{source.path}' is {kinds[len(picture.bands)]}, but the images "
+            f"before it are {kinds[bands]}"
         )
     return picture
 
@@ -187,7 +187,7 @@ def add_view(
     if not above_m > 0.0:
         raise RequestError(
             f"image '{source.view.name}': its camera is not above the focal plane",
-            "--focal-height counts along the world's upward axis: --up says which one that is",
+            "--focal-height is measured along the upward axis of the world, which --up sets",
         )
     # Maps (column, row, 1) of the raster to the camera's frame; the third row is the depth.
     ray = plane.to_camera(source.view) @ raster.to_plane

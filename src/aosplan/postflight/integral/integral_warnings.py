@@ -33,19 +33,24 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
         )
     if integral.blind:
         found.append(
-            ("blind-views", f"{integral.blind} of {integral.views} views see nothing of the extent")
+            ("blind-views", f"{integral.blind} of {integral.views} views do not see the extent")
         )
     if not integral.seen(least).any():
         found.append(
-            ("coverage", f"no pixel is seen by {least} views, so nothing shows: --min-views")
+            (
+                "coverage",
+                f"no pixel is seen by {least} views, so the image is empty: give a smaller "
+                "--min-views",
+            )
         )
     heights = recording.heights_m
     if heights.max() > 3.0 * heights.min():
         found.append(
             (
                 "heights",
-                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal plane: "
-                "is take-off among them, or --focal-height off?",
+                f"cameras are {heights.min():.3g} to {heights.max():.3g} m above the focal "
+                "plane: check --focal-height, and whether photos of the take-off are "
+                "included",
             )
         )
     return [Message(code, message) for code, message in found]

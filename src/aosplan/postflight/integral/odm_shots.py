@@ -67,8 +67,8 @@ def read_shots(path: str) -> PosedViews:
         # location.
         message = Message(
             "map",
-            f"'{path}': translations are {off:.3g} m off those of {map_of_it.crs}, so the integral "
-            "image is not placed on earth",
+            f"'{path}': translations differ by {off:.3g} m from those of "
+            f"{map_of_it.crs}, so the integral image is not georeferenced",
         )
         return PosedViews(views, None, None, (message,), 0.1)
     return PosedViews(views, map_of_it, (latitude, longitude), (), 0.1)

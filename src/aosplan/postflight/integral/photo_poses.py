@@ -156,7 +156,7 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
         if not os.path.isfile(beside):
             return _Plan(), []
         path = beside
-        said.append(Message("plan", f"'{path}' gives what the photos lack"))
+        said.append(Message("plan", f"values that the photos do not have are taken from '{path}'"))
     document = read_table(path)
     request = document.get("request", document)
     if not isinstance(request, dict):
@@ -193,7 +193,7 @@ def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> di
                 ["visible"] if len(visible) == 1 else visible
             )
             raise RequestError(
-                f"folder '{folder}' holds photos of several cameras: {counted}",
+                f"folder '{folder}' contains photos of several cameras: {counted}",
                 " or ".join(f"--band {each}" for each in remedies),
             )
         return {name: tags[name] for name in kinds}
@@ -201,13 +201,13 @@ def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> di
     chosen = {name: tags[name] for name, kind in kinds.items() if kind in wanted}
     if not chosen:
         raise RequestError(
-            f"--band {band}: folder '{folder}' holds no such photo",
+            f"--band {band}: folder '{folder}' contains no such photo",
             f"it holds {', '.join(there)}" if there else "its photos do not name their camera",
         )
     kinds = {name: tags[name].band for name in chosen}
     if band == "visible" and {"wide", "zoom"} <= set(kinds.values()):
         raise RequestError(
-            f"folder '{folder}' holds photos of a wide and of a zoom camera",
+            f"folder '{folder}' contains photos of a wide and of a zoom camera",
             "--band wide or --band zoom",
         )
     return chosen
@@ -298,20 +298,21 @@ def _heights(
     if plan.altitude_m is None:
         name = next(n for n, height in zip(tags, relative, strict=True) if height is None)
         raise RequestError(
-            f"photo '{os.path.join(folder, name)}' does not say how high above the take-off it is",
-            "--altitude M gives the photos' mean height above the ground, --plan FILE the plan's",
+            f"photo '{os.path.join(folder, name)}' has no height above the take-off",
+            "give --altitude M, the mean height of the photos above the ground, or --plan FILE",
         )
     if has_absolute:
         sea = np.array(absolute, dtype=np.float64)
         return sea - sea.mean() + plan.altitude_m, [
             Message(
                 "altitudes",
-                f"heights differ as those above the sea do, and are {plan.altitude_m:g} m on average",
+                "the photos have only heights above sea level: their differences are "
+                f"used, with a mean of {plan.altitude_m:g} m",
             )
         ]
     return np.full(len(relative), plan.altitude_m), [
         Message(
-            "altitudes", f"all photos are taken to be at {plan.altitude_m:g} m: none says how high"
+            "altitudes", f"the photos have no heights: {plan.altitude_m:g} m is assumed for all"
         )
     ]
 
@@ -326,8 +327,9 @@ def _rotations(
         if yaw is None:
             if plan.heading_deg is None:
                 raise RequestError(
-                    f"photo '{os.path.join(folder, name)}' does not say to which side its top points",
-                    "--heading DEG gives that of all photos, --plan FILE the plan's",
+                    f"photo '{os.path.join(folder, name)}' has no yaw, so the direction of its "
+                    "top is unknown",
+                    "give --heading DEG for all photos, or --plan FILE",
                 )
             yaw = plan.heading_deg
             turned.append(name)
@@ -340,7 +342,7 @@ def _rotations(
         messages.append(
             Message(
                 "pitch",
-                f"{len(level)} photos do not say where they look, and are taken to look straight down: "
+                f"{len(level)} photos have no pitch and are assumed to look straight down: "
                 + _named(level),
             )
         )
@@ -348,8 +350,8 @@ def _rotations(
         messages.append(
             Message(
                 "yaw",
-                f"{len(turned)} photos give no yaw, and are taken to point to {plan.heading_deg:g} "
-                f"degrees: {_named(turned)}",
+                f"{len(turned)} photos have no yaw; {plan.heading_deg:g} degrees is "
+                f"assumed for them: {_named(turned)}",
             )
         )
     return found, messages
@@ -413,16 +415,17 @@ def _lenses(
             found.append(from_camera(find_camera(plan.camera))(width, height))
         else:
             raise RequestError(
-                f"photo '{os.path.join(folder, name)}' does not say its focal length"
+                f"photo '{os.path.join(folder, name)}' has no focal length"
                 + (f" ({tag.model})" if tag.model else ""),
-                "--camera NAME (aosplan cameras lists them), --fov DEG, or --plan FILE for the plan's",
+                "give --camera NAME (aosplan cameras lists them), --fov DEG, or --plan FILE",
             )
     if not lacking:
         return found, []
     return found, [
         Message(
             "camera",
-            f"{len(lacking)} photos do not give a focal length, and have the plan's camera: {plan.camera}",
+            f"{len(lacking)} photos have no focal length; the camera of the plan is "
+            f"used: {plan.camera}",
         )
     ]
 

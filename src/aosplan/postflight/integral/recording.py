@@ -108,7 +108,8 @@ class Recording:
             raise RequestError(
                 f"image '{self.views[low].name}': its camera is {-self.heights_m[low]:g} m below "
                 f"the focal plane at {focal_height_m:g} m",
-                f"heights count along {self.plane.up} of the world; --up is one of {', '.join(UPS)}",
+                f"heights are measured along {self.plane.up} of the world; --up is one of "
+                f"{', '.join(UPS)}",
             )
         paths = [folder.file_of(view.name) for view in self.views]
         if is_photo_folder(poses):
@@ -216,15 +217,16 @@ def _cameras(
         known = next((view for view in views if view.intrinsics is not None), None)
         if known is not None:
             raise RequestError(
-                f"the poses give a camera for image '{known.name}', and the command another one",
+                f"the poses contain a camera for image '{known.name}', but the command "
+                "line gives another one",
                 "leave out --camera and --fov",
             )
         # One camera has one size; images of another size are refused when they are read.
         return [camera(*image_size(paths[0]))] * len(views)
     if missing is not None:
         raise RequestError(
-            f"the poses give no camera for image '{missing.name}'",
-            "--fov DEG (the AOS project publishes its own beside its poses), or --camera NAME",
+            f"the poses contain no camera for image '{missing.name}'",
+            "give --fov DEG (the AOS project publishes it with its poses), or --camera NAME",
         )
     return [view.intrinsics for view in views if view.intrinsics is not None]
 
@@ -240,7 +242,7 @@ def _posed(
         return read_photo_poses(poses, photos, camera)
     if images is None:
         raise RequestError(
-            f"'{poses}' holds poses, and the folder of their images is missing"
+            f"'{poses}' contains poses, but the folder of the images is missing"
             if os.path.exists(poses)
             else f"no folder '{poses}'",
             f"aosplan integrate {poses} IMAGES" if os.path.exists(poses) else "",
@@ -260,7 +262,7 @@ def _fitted(view: View, path: str) -> Intrinsics:
     if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
         raise RequestError(
             f"image '{path}' has {width} x {height} pixels, its photo {own.width_px} x {own.height_px}",
-            "an image may be a photo scaled as a whole, not a part of it",
+            "the image may be a scaled photo, but not a part of a photo",
         )
     return own.scaled(width, height)
 

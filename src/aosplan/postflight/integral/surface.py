@@ -66,7 +66,8 @@ def relief_of(
 
     if georeference is None:
         raise RequestError(
-            "--focal-surface needs photos with positions: these poses do not say where on earth they are",
+            "--focal-surface needs photos with positions: these poses have no "
+            "geographic coordinates",
             "--slope X,Y tilts the plane",
         )
     rows = np.linspace(0.5, raster.rows - 0.5, min(raster.rows, MOST_NODES))

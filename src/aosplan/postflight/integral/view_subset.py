@@ -110,7 +110,7 @@ def chosen(
         left = _thinned(left, offsets, choice.pitch_m)
     if not len(left):
         raise RequestError(
-            f"no view is within {choice.aperture_m:g} m of aperture around the middle",
+            f"no view is in an aperture of {choice.aperture_m:g} m around the middle",
             "a larger --aperture",
         )
     return left

@@ -132,8 +132,9 @@ def _volume(
     size_m = raster.width * cell_m[0], raster.height * cell_m[1]
     if not max(size_m) <= MAX_EXTENT_M:
         raise RequestError(
-            f"raster {path} measures {size_m[0]:.3g} x {size_m[1]:.3g} m, more than a stand can",
-            "cut the stand out, and check the raster's coordinate system",
+            f"raster {path} measures {size_m[0]:.3g} x {size_m[1]:.3g} m, which is too "
+            "large for a stand",
+            "crop it to the stand, and check the raster's coordinate system",
         )
     edge_m = min(cell_m) if voxel_m is None else voxel_m
     if edge_m > min(size_m):
@@ -152,12 +153,13 @@ def _volume(
     known = ~np.isnan(tops)
     share = float(known.mean())
     if share == 0.0:
-        raise RequestError(f"raster {path} holds no heights: every cell is without data")
+        raise RequestError(f"raster {path} contains no heights: no cell has data")
     if share < 1.0:
         message = (
-            f"{1.0 - share:.1%} of the raster is without data and counts as open ground: the "
-            f"canopy, p = {float((tops >= min_height_m).mean()):.3g}, looks more transparent than "
-            f"where it is known, {float((tops[known] >= min_height_m).mean()):.3g}"
+            f"{1.0 - share:.1%} of the raster has no data and counts as open ground, "
+            f"so the canopy (p = {float((tops >= min_height_m).mean()):.3g}) looks "
+            "more transparent than where it is known (p = "
+            f"{float((tops[known] >= min_height_m).mean()):.3g})"
         )
         doubts.append(("partial_plot", message))
     highest = float(np.nanmax(tops))
@@ -169,7 +171,7 @@ def _volume(
         )
     occupied = _crowns(np.nan_to_num(tops), edge_m, min_height_m, crown_base, f"raster {path}")
     if not occupied.any():
-        doubts.append(("no_vegetation", f"nowhere is the raster {min_height_m:g} m high or more"))
+        doubts.append(("no_vegetation", f"the raster is below {min_height_m:g} m everywhere"))
     corner = (
         min(place.c, place.c + place.a * raster.width),
         min(place.f, place.f + place.e * raster.height),
@@ -184,8 +186,11 @@ def _volume(
         place=on_earth,
         warnings=tuple(doubts),
         source=path,
-        assumed=f"crowns are solid from {crown_base:g} of the canopy's height to its top; the "
-        "raster knows nothing of what is below, and of gaps within crowns",
+        assumed=(
+            f"crowns are assumed to be solid from {crown_base:g} of the canopy's "
+            "height to its top, because a raster does not show gaps in the crowns and "
+            "what is below them"
+        ),
     )
 
 
@@ -201,21 +206,21 @@ def _metres(
     """
     if raster.transform.is_identity and raster.crs is None:
         raise RequestError(
-            f"raster {path} has no georeference: so the size of its cells is unknown",
-            "write it with its transform, as gdal_translate -a_ullr does",
+            f"raster {path} has no georeference, so the size of its cells is unknown",
+            "add it, for example with gdal_translate -a_ullr",
         )
     doubts = []
     crs, stated = None, Units(None, None)
     if raster.crs is None:
         if given.across_m is None:
-            message = "the raster names no coordinate system: metres are assumed"
+            message = "the raster has no coordinate system: metres are assumed"
             doubts.append(("units_assumed", message))
     else:
         crs = crs_of_wkt(raster.crs.to_wkt(), f"raster {path}")
         stated = units_of(crs, f"raster {path}")
     across_m = given.across_m or stated.across_m or 1.0
     up_m = given.up_m or height_unit_m(
-        raster.units[0], stated, f"raster {path}", "say it with --units, such as ft,m or us-ft"
+        raster.units[0], stated, f"raster {path}", "give --units, such as ft,m or us-ft"
     )
     lengths_m, place = (across_m, across_m), None
     if crs is not None and given.across_m is None:
@@ -246,10 +251,10 @@ def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple
         return []
     value = float(tops[strange].min()) / up_m
     tops[strange] = np.nan
-    tagged = "names no value for cells without data" if nodata is None else f"names {nodata:g}"
+    tagged = "has no value for missing data" if nodata is None else f"names {nodata:g}"
     message = (
-        f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, and the raster "
-        f"{tagged}: they count as without data"
+        f"{float(strange.mean()):.1%} of the heights are as low as {value:.6g}, "
+        f"and the raster {tagged}: they are treated as missing"
     )
     return [("nodata_assumed", message)]
 
@@ -261,7 +266,7 @@ def _check_layout(raster: Any, path: str) -> None:
     if raster.count != 1:
         raise RequestError(
             f"raster {path} has {raster.count} bands; a canopy height raster has one",
-            "take the band of heights out with gdal_translate -b",
+            "select the band of heights with gdal_translate -b",
         )
     if np.dtype(raster.dtypes[0]).kind not in "iuf":
         raise RequestError(f"raster {path} holds {raster.dtypes[0]}, which are not heights")
@@ -271,7 +276,7 @@ def _check_layout(raster: Any, path: str) -> None:
         raise RequestError(
             f"raster {path} has {raster.width} x {raster.height} cells, in blocks of {width} x "
             f"{height}: too many to read",
-            "cut the stand out, or write it in tiles",
+            "crop it to the stand, or write it in tiles",
         )
 
 

@@ -73,7 +73,7 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
 
     lags, directions = numbers("lags"), numbers("directions_deg")
     if lags.ndim != 1 or not lags.size or lags[0] <= 0.0 or (np.diff(lags) <= 0.0).any():
-        raise _wrong(where, "lags do not rise from above 0")
+        raise _wrong(where, "lags are not positive and increasing")
     even = np.arange(directions.size) * (180.0 / max(directions.size, 1))
     if directions.ndim != 1 or not directions.size or not np.allclose(directions, even):
         raise _wrong(where, "directions_deg do not divide the half circle evenly from 0")

@@ -132,7 +132,7 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
             if crop.of_plan:
                 return None
             raise RequestError(
-                f"--crop is given in degrees, and point cloud {source} states no coordinate "
+                f"--crop is given in degrees, but point cloud {source} has no coordinate "
                 "reference system",
                 "give W,S,E,N in the coordinates of the cloud",
             )
@@ -154,8 +154,9 @@ def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | Non
     said = []
     if crop.of_plan:
         message = (
-            f"of the point cloud, the {size[0]:.0f} x {size[1]:.0f} m around the plan are used, "
-            f"{in_units}: --crop all takes all of it"
+            f"only a part of the point cloud is used, the {size[0]:.0f} x "
+            f"{size[1]:.0f} m around the plan ({in_units}): --crop all uses the whole "
+            "cloud"
         )
         said = [("cropped_to_plan", message)]
     error = RequestError(

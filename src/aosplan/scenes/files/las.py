@@ -198,7 +198,7 @@ def _faults(name: str) -> Iterator[None]:
         raise RequestError(f"point cloud {name} does not exist") from error
     except OSError as error:
         if os.path.isdir(name):
-            raise RequestError(f"point cloud {name} is a folder", "name files in it") from error
+            raise RequestError(f"point cloud {name} is a folder", "give the files in it") from error
         raise SurroundingsError(
             f"cannot read point cloud {name}: {error.strerror or error}"
         ) from error
@@ -280,14 +280,14 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
         raise RequestError(f"point cloud {name} holds no points")
     if not compressed and count * width > size - start:
         raise RequestError(
-            f"point cloud {name} is truncated: its header promises {count} points, and the "
-            f"file holds {(size - start) // width}"
+            f"point cloud {name} is truncated: its header counts {count} points, but "
+            f"the file has {(size - start) // width}"
         )
     room, rest = divmod(end - start, width) if width and not compressed else (count, 0)
     if room <= count:
         return count, []
     if rest:
-        message = f"has {room - count} records behind its last point that its header does not count"
+        message = f"has {room - count} records after its last point that its header does not count"
         return count, [("uncounted_points", message)]
     message = f"holds {room} points, and its header counts {count}: all of them are read"
     return room, [("uncounted_points", message)]
@@ -299,8 +299,8 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
             ", ".join(f"{number:g}" for number in numbers) for numbers in (scales_m, offsets_m)
         )
         raise RequestError(
-            f"point cloud {name} has the scale factors {scales} and the offsets {offsets}, "
-            "which make no coordinates"
+            f"point cloud {name} has the scale factors {scales} and the offsets "
+            f"{offsets}, which do not give coordinates"
         )
 
 
@@ -336,8 +336,8 @@ def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
     if not held or least <= header.point_count:
         return []
     message = (
-        f"has compressed points behind the {header.point_count} that its header counts: they are "
-        "not read"
+        f"has compressed points after the {header.point_count} that its header "
+        "counts: they are not read"
     )
     return [("uncounted_points", message)]
 

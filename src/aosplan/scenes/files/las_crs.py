@@ -84,18 +84,18 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
     across_m, up_m = found.units
     doubts = list(found.warnings)
     if found.unreadable:
-        message = f"{found.unreadable}: metres are assumed, unless --units says otherwise"
+        message = f"{found.unreadable}: metres are assumed unless --units is given"
         doubts.append(("crs_unreadable", message))
     elif across_m is None:
-        message = "states no unit of x and y: metres are assumed, unless --units says otherwise"
+        message = "does not state the unit of x and y: metres are assumed unless --units is given"
         doubts.append(("units_assumed", message))
     across_m = across_m or 1.0
     if up_m is None and not are_same(across_m, 1.0):
         doubts.append(
             (
                 "vertical_units_assumed",
-                f"does not state the unit of z: {unit_text(across_m)} are assumed, as for x and y, "
-                "unless --units says otherwise",
+                f"does not state the unit of z: {unit_text(across_m)} are assumed, as for "
+                "x and y, unless --units is given",
             )
         )
     up_m = up_m or across_m
@@ -141,8 +141,8 @@ def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
         for axes, one, two in zip(("x and y", "z"), first.units, other.units, strict=True):
             if one and two and not are_same(one, two):
                 message = (
-                    f"states {axes} twice, in {unit_text(one)} and in {unit_text(two)}: the first "
-                    "counts, by the header's WKT bit"
+                    f"states {axes} twice, in {unit_text(one)} and in {unit_text(two)}: the "
+                    "first is used because of the header's WKT bit"
                 )
                 first = first._replace(
                     warnings=(*first.warnings, ("crs_contradicts_itself", message))
@@ -161,8 +161,8 @@ def _extended(stream: IO[bytes], name: str) -> Iterator[tuple[int, bytes]]:
     for _ in range(count):
         if not 0 < start <= size - 60:
             raise RequestError(
-                f"point cloud {name} is truncated: its header places {count} extended records "
-                "behind its points, and not all of them are there"
+                f"point cloud {name} is truncated: according to its header, {count} "
+                "extended records follow its points, but some are missing"
             )
         stream.seek(start)
         user, number, length = struct.unpack_from("<2x16sHQ", stream.read(60))

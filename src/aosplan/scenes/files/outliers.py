@@ -50,10 +50,10 @@ def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
         x = volume.x_min_m + (column + 0.5) * volume.voxel_m
         y = volume.y_min_m + (row + 0.5) * volume.voxel_m
         message = (
-            f"{count} of {total} occupied voxels are {low * volume.voxel_m:.4g} m and more above "
-            f"the ground, near x {x:.1f}, y {y:.1f}, and all others below "
-            f"{(top + 1) * volume.voxel_m:.4g} m: the canopy's top is theirs.  If they are a bird or "
-            "noise, give them class 7 or 18"
+            f"{count} of {total} occupied voxels are {low * volume.voxel_m:.4g} m or "
+            f"more above the ground, near x {x:.1f}, y {y:.1f}, and all others are "
+            f"below {(top + 1) * volume.voxel_m:.4g} m.  They determine the top of the "
+            "canopy.  If they are birds or noise, give them class 7 or 18"
         )
         yield "points_far_above", message
         return

@@ -183,7 +183,7 @@ def read_voxels(
                 )
                 if found is None and (opacity == "pulses" or trajectory is not None):
                     raise RequestError(
-                        f"the pulses of point cloud {source} do not tell its opacity: {reason}",
+                        f"the pulses of point cloud {source} do not give its opacity: {reason}",
                         "use --opacity voxels",
                     )
             blocks = cloud.blocks(plot.origin_m, voxel_m)
@@ -252,8 +252,8 @@ def _from_pulses(
     while plot.rows * plot.columns * (plot.voxel_m / voxel_m) ** 2 > MOST_PULSE_COLUMNS:
         if 2.0 * voxel_m > LARGEST_PULSE_VOXEL_M:
             return None, (
-                f"{width_m:.4g} x {depth_m:.4g} m are too wide for voxels of {voxel_m:g} m to which "
-                "pulses are fitted (--crop takes a part)"
+                f"{width_m:.4g} x {depth_m:.4g} m are too wide to fit pulses in voxels of "
+                f"{voxel_m:g} m (give --crop)"
             )
         voxel_m *= 2.0
         down, across = (
@@ -279,8 +279,9 @@ def _voxel_for(cloud: Spool) -> tuple[float, list[Warned]]:
         return DEFAULT_VOXEL_M, []
     voxel_m = math.ceil(20.0 * (volume_m3 / USUAL_VOXELS) ** (1.0 / 3.0) - 1e-9) / 20.0
     message = (
-        f"voxels of {voxel_m:g} m instead of {DEFAULT_VOXEL_M:g} m are used for a plot of "
-        f"{width_m:.4g} x {depth_m:.4g} m: read a part of it (--crop), or say --voxel"
+        f"voxels of {voxel_m:g} m instead of {DEFAULT_VOXEL_M:g} m are used for a "
+        f"plot of {width_m:.4g} x {depth_m:.4g} m: give --crop to read a part of "
+        "it, or --voxel"
     )
     return voxel_m, [("voxels_enlarged", message)]
 
@@ -289,7 +290,7 @@ def _check_request(
     names: list[str], voxel_m: float | None, ground: str, min_height_m: float
 ) -> None:
     if not names:
-        raise RequestError("no point cloud is given", "name at least one .las or .laz file")
+        raise RequestError("no point cloud is given", "give at least one .las or .laz file")
     if voxel_m is not None and not (math.isfinite(voxel_m) and voxel_m > 0.0):
         raise RequestError(f"voxel size {voxel_m:g} m is not a positive number")
     if not (math.isfinite(min_height_m) and min_height_m >= 0.0):
@@ -332,8 +333,8 @@ def _decode(
         if box is not None:
             raise box.is_empty
         raise RequestError(
-            f"point cloud {source} holds nothing but noise: all of its {total} points are of class "
-            "7 or 18 or withheld"
+            f"point cloud {source} contains only noise: all of its {total} points are "
+            "of class 7 or 18 or withheld"
         )
     return total
 
@@ -366,8 +367,8 @@ class _Plot:
         # The ground filter takes very long for a cloud that is kilometres high.
         if max(size) > MAX_EXTENT_M or size[2] > MAX_RISE_M:
             raise RequestError(
-                f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x {size[2]:.3g} m, "
-                "more than a stand can",
+                f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x "
+                f"{size[2]:.3g} m, which is too large for a stand",
                 "check its scale and offset, and that all files are of one place",
             )
         if not fits((size[0], size[1], 0.0), voxel_m):
@@ -443,9 +444,10 @@ def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[W
         yield "sparse_cloud", message
     if covered < FULL_FOOTPRINT:
         message = (
-            f"the points cover {covered:.0%} of their bounding rectangle, and the rest counts as "
-            f"open ground: p = {occupancy:.3g} is {min(occupancy / covered, 1.0):.3g} where there "
-            "are points; cut a rectangle out of the cloud"
+            f"the points cover {covered:.0%} of their bounding rectangle, and the rest "
+            f"counts as open ground: p = {occupancy:.3g}, but "
+            f"{min(occupancy / covered, 1.0):.3g} where there are points; crop a "
+            "rectangle from the cloud"
         )
         yield "partial_plot", message
     if occupancy == 0.0:

@@ -100,8 +100,11 @@ def _places(header: list[str], path: str) -> dict[str, int]:
             near = q.nearest_hint(name, others).removeprefix("did you mean ").rstrip("?")
             raise RequestError(
                 f"'{path}' has {what} {name}",
-                f"its column '{near}' comes near: lengths are metres (_m), densities shares"
+                (
+                    f"its column '{near}' is similar: lengths are in metres (_m), densities "
+                    "are shares"
+                )
                 if near and not header.count(name)
-                else f"its header has to name {', '.join(COLUMNS)}",
+                else f"its header must have the columns {', '.join(COLUMNS)}",
             )
     return {name: header.index(name) for name in COLUMNS}

@@ -97,5 +97,5 @@ def _disk() -> Iterator[None]:
     except OSError as error:
         raise SurroundingsError(
             f"cannot keep the points in the folder for temporary files: {error.strerror or error}",
-            "set TMPDIR to a folder with room for 12 bytes a point",
+            "set TMPDIR to a folder with enough space, 12 bytes per point",
         ) from error

@@ -63,8 +63,8 @@ def brought_together(
     silent = [file.name for file in files if file.reference.horizontal is None]
     if silent:
         message = (
-            f"{silent[0]}{_and_more(silent)} states no coordinate reference system: that of "
-            f"{first.name}, {crs.name}, is assumed"
+            f"{silent[0]}{_and_more(silent)} has no coordinate reference system: that "
+            f"of {first.name}, {crs.name}, is assumed"
         )
         doubts.append(("crs_assumed", message))
     for file in files:
@@ -99,8 +99,8 @@ def _check_same(first: PointFile, file: PointFile) -> None:
             )
     if one.vertical and other.vertical and _datum(one.vertical) != _datum(other.vertical):
         raise RequestError(
-            f"heights of point clouds {first.name} and {file.name} count from different levels: "
-            f"{one.vertical} and {other.vertical}",
+            f"heights of point clouds {first.name} and {file.name} have different "
+            f"vertical datums: {one.vertical} and {other.vertical}",
             "bring them to one vertical coordinate reference system",
         )
 

@@ -170,7 +170,7 @@ def _stand(
 
 def _count(value: Any) -> int:
     if not 0 <= value < 2**53:
-        raise ValueError("its number of points is not one")
+        raise ValueError("its number of points is not a number")
     return int(value)
 
 

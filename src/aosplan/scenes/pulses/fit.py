@@ -240,7 +240,7 @@ def sound_beams(
     returns = clean.split_lines(clean.without_duplicates(returns), timed=timed)
     if trajectory is not None and not timed:
         raise RequestError(
-            "a trajectory is given, and the points have no GPS times", "leave out --trajectory"
+            "a trajectory is given, but the points have no GPS times", "leave out --trajectory"
         )
     low = grid.heights_m(returns.xyz_m) < grid.cut_m
     returns = returns.take(clean.lines_with_ground(returns, low))

@@ -59,7 +59,11 @@ KINDS = {
         FigureKind("grid", "the waypoints on the ground, to scale", "plan", "grid", 1.0),
         FigureKind("density", "density of occluders at each height", "scene", "density", 0.62),
         FigureKind(
-            "baseline-curve", "share of occluders at d̂ >= 1 by b/h", "scene", "coverage_curve", 0.62
+            "baseline-curve",
+            "share of occluders at d̂ >= 1 against b/h",
+            "scene",
+            "coverage_curve",
+            0.62,
         ),
         FigureKind(
             "correlogram", "correlation of views by lag and direction", "scene", "correlogram", 0.56

@@ -97,7 +97,7 @@ class ScatterFigure(NamedTuple):
             if len(self.front) <= 5
             else [self.front[k * (len(self.front) - 1) // 4] for k in range(5)]
         )
-        text = f"{self.title}, {self.rows - self.met} of which cannot be met. "
+        text = f"{self.title}, {self.rows - self.met} of which are infeasible. "
         text += f"The front, {_way(self.x)} and {_way(self.y)}: "
         return text + "; ".join(f"{x:.4g} and {y:.4g}" for x, y in few) + "."
 
@@ -135,8 +135,8 @@ class MapFigure(NamedTuple):
     def description(self) -> str:
         """Description of the extremes, and of where scenarios have no plan."""
         text = (
-            f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of {self.rows} "
-            f"scenarios, {self.rows - self.met} of which cannot be met"
+            f"{self.title}: {len(self.x_values)} by {len(self.y_values)} cells of "
+            f"{self.rows} scenarios, {self.rows - self.met} of which are infeasible"
         )
         filled = [
             (cell.value, x, y)
@@ -152,7 +152,7 @@ class MapFigure(NamedTuple):
                 for name, (value, x, y) in (("least", low), ("most", high))
             )
         empty = sum(cell is not None and cell.met == 0 for row in self.cells for cell in row)
-        return f"{text}; cells where none can be met: {empty}."
+        return f"{text}; cells without a feasible scenario: {empty}."
 
     def document(self) -> dict[str, Any]:
         """The numbers as plain values."""
@@ -400,10 +400,10 @@ def _draw_scatter(panel: Axes, shown: ScatterFigure, theme: Theme) -> None:
         color=theme.data[0],
         mec=theme.background,
         ms=5.5,
-        label="Pareto front: none is better in both",
+        label="Pareto front",
     )
     if shown.rows > shown.met:
-        panel.plot([], [], " ", label=f"{shown.rows - shown.met} cannot be met")
+        panel.plot([], [], " ", label=f"{shown.rows - shown.met} infeasible")
     said = ["", ""]
     for axis, name, column in ((panel.xaxis, "x", 0), (panel.yaxis, "y", 1)):
         values = [point[column] for point in shown.points]
@@ -442,10 +442,12 @@ def _draw_map(panel: Axes, shown: MapFigure, theme: Theme) -> list[Any]:
     if any(map(any, missing)):
         only = ListedColormap([theme.shade])
         panel.pcolor(np.ma.masked_equal(missing, value=False), cmap=only, **hatched)
-        handles.append(Patch(label="none can be met", fc=theme.shade, **hatched))
+        handles.append(Patch(label="no feasible scenario", fc=theme.shade, **hatched))
     if partly:
         panel.plot(*zip(*partly, strict=True), "o", **dotted)
-        handles.append(Line2D([], [], ls="", marker="o", label="some cannot be met", **dotted))
+        handles.append(
+            Line2D([], [], ls="", marker="o", label="some infeasible scenarios", **dotted)
+        )
     if any(cell is None for row in shown.cells for cell in row):
         handles.append(Patch(label="no scenario", fc=theme.background, ec=theme.muted, lw=0.6))
     for axis, side in ((panel.xaxis, shown.x_values), (panel.yaxis, shown.y_values)):

@@ -59,7 +59,7 @@ async function copied(source) {
     // Where the browser does not let pages write, the text is at least marked.
     source.closest("details")?.setAttribute("open", "");
     getSelection().selectAllChildren(source);
-    told.textContent = "Marked: copy it with Ctrl C.";
+    told.textContent = "Selected: copy it with Ctrl+C.";
   }
 }
 
@@ -78,5 +78,5 @@ element("save").addEventListener("click", () => {
   link.download = "plan.json";
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-  told.textContent = "Saved: aosplan export plan.json writes it for a drone.";
+  told.textContent = "Saved. aosplan export plan.json writes a mission file from it.";
 });

@@ -14,8 +14,11 @@ def sentences(found: DetectionMap, success: SearchSuccess | None) -> list[str]:
     ground = "area" if found.ground == "area" else "ground that the photos show"
     photos = document["photos"]
     lines = [
-        f"{found.mean:.1%} on average over the {ground}, {found.cells.area_m2 / 1e4:.3g} ha, which "
-        f"{photos['mean']:.3g} photos see ({photos['least']} to {photos['most']})."
+        (
+            f"{found.mean:.1%} on average over the {ground} "
+            f"({found.cells.area_m2 / 1e4:.3g} ha). On average, {photos['mean']:.3g} "
+            f"photos see a place ({photos['least']} to {photos['most']})."
+        )
     ]
     if document["unseen_share"] > 0.0:
         lines.append(f"No photo sees {document['unseen_share']:.1%} of it.")
@@ -23,7 +26,7 @@ def sentences(found: DetectionMap, success: SearchSuccess | None) -> list[str]:
         lines.append(f"The line has a sweep width of {found.sweep_width_m:.3g} m.")
     if success is not None:
         lines.append(
-            f"The target is there with {success.area:.1%} (POA), and is there and found with "
-            f"{success.success:.1%} (POS)."
+            f"The target is there with a probability of {success.area:.1%} (POA), and "
+            f"it is there and found with a probability of {success.success:.1%} (POS)."
         )
     return lines

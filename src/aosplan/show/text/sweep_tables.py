@@ -146,7 +146,7 @@ def print_verification(document: Mapping[str, Any]) -> None:
         if row["reason"] is not None:
             show(one_line(f"row {row['row']} is not simulated: {row['reason']}"))
     if document["strata_left_out"]:
-        show(one_line(f"No row of their own: {', '.join(document['strata_left_out'])}"))
+        show(one_line(f"Extremes with too few rows: {', '.join(document['strata_left_out'])}"))
     if worst is None:
         show(one_line("Nothing was compared."))
         return
@@ -173,8 +173,8 @@ def _verdict(
         f"the experiment's own,"
     )
     yield (
-        f"  {abs(worst['difference']):.4f} in all; chance makes the worst as bad with probability "
-        f"{worst['chance_of_worst']:.2g}"
+        f"  a difference of {abs(worst['difference']):.4f}; by chance, the worst "
+        f"is at least this large with probability {worst['chance_of_worst']:.2g}"
     )
     yield (
         f"  (expected {document['expected_worst']:.2f}, above {document['critical']:.2f} with "

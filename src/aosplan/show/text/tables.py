@@ -176,10 +176,11 @@ def _ground_text(plan: Plan) -> str:
     ground = plan.ground
     assert ground is not None
     x, y = ground.size_m
-    middle = "below the middle" if plan.model == "measured" else "straight down"
+    middle = "below the middle" if plan.model == "measured" else "vertical rays"
     return (
-        f"V = {percent(ground.expected)}, at worst {percent(ground.worst_expected)}, over "
-        f"{x:.3g} x {y:.3g} m with rays as they are (V above: {middle})"
+        f"mean V = {percent(ground.expected)}, lowest "
+        f"{percent(ground.worst_expected)}, over {x:.3g} x {y:.3g} m with slanted "
+        f"rays (V above: {middle})"
     )
 
 

@@ -38,7 +38,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
     shape, way, _ = row.timed.candidate
     along_m, across_m = shape.along * way.altitude_m, shape.across * way.altitude_m
     value = OBJECTIVES[objective].format(abs(row.value))
-    how = "in passing" if way.inputs.flight.trigger == "distance" else "at stops"
+    how = "while flying" if way.inputs.flight.trigger == "distance" else "at stops"
     flights = "" if row.timed.flights == 1 else f" in {row.timed.flights} flights"
     minutes = math.ceil(row.timed.time_s / 6.0) / 10.0
     apart = (
@@ -48,5 +48,5 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
     )
     return (
         f"{start}{value}, {row.timed.sites:,} photos {how}, {minutes:g} min{flights}",
-        f"{shape.samples} of each point, {apart} m apart, from {way.altitude_m:.4g} m",
+        f"{shape.samples} photos of each point, {apart} m apart, from {way.altitude_m:.4g} m",
     )
