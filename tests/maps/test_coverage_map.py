@@ -54,7 +54,7 @@ def test_photos_are_counted_cell_by_cell(tmp_path, square):
     along_m, across_m = planned.camera.footprint_m(40.0)
     turn = np.radians(25.0)
     places = coverage.cells.middles_m
-    for place in np.random.default_rng(1).choice(np.flatnonzero(coverage.inside), 30):
+    for place in np.random.default_rng(1).choice(np.flatnonzero(coverage.cells.inside_rows), 30):
         count = 0
         for east, north in points - places[place]:
             along = east * np.sin(turn) + north * np.cos(turn)
@@ -82,7 +82,7 @@ def test_gaps_are_where_photos_were_left_out_and_the_top_up_closes_them(tmp_path
     off = np.abs((places[:, None] - sites[None]) @ axes.T)
     in_window = (off <= np.array(window) / 2 + 1e-6).all(axis=2)
     short = in_window[:, ~gone].sum(axis=1) < np.minimum(in_window.sum(axis=1), 12)
-    assert (coverage.gaps == (short & coverage.inside)).all()
+    assert (coverage.gaps == (short & coverage.cells.inside_rows)).all()
     assert 0.05 < coverage.gap_share < 0.5
     # All gaps are within reach of the missing sites, and the centre of these is a gap.
     near = np.hypot(*(places[coverage.gaps] - [10.0, -5.0]).T)
@@ -110,7 +110,7 @@ def test_a_search_is_topped_up_until_its_detection_is_as_planned(tmp_path, squar
     path, _ = flown(tmp_path / "f.csv", planned, ~gone)
     found = reviewed(path, request)
     coverage, detection = found.coverage, found.detection
-    inside = coverage.inside
+    inside = coverage.cells.inside_rows
     assert detection.planned == pytest.approx(coverage.planned_detection[inside].mean())
     assert detection.flown == pytest.approx(coverage.flown_detection[inside].mean())
     assert detection.flown < detection.planned - 0.02

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from aosplan.errors import RequestError
-from aosplan.scenes.pulses import attenuation, clean, grouping, realise, trace, track
+from aosplan.scenes.pulses import attenuation, clean, grouping, realise, sensor_track, trace
 from aosplan.scenes.pulses.returns import Returns
 from aosplan.scenes.pulses.trajectory import read_trajectory
 
@@ -108,7 +108,7 @@ def test_the_track_of_a_moving_sensor_is_found_despite_wild_pulses():
     wild = rng.choice(800, 60, replace=False)
     found.xyz_m[:, wild] += rng.uniform(-2, 2, (3, 60))
     _, pulses, _ = grouping.grouped(found, timed=True)
-    at = track.fitted(found, pulses)
+    at = sensor_track.fitted(found, pulses)
     assert at is not None
     missed = at.at(found.time_s[pulses.first]) - sensor
     # 0.01 m over levers of 5 to 20 m is about 0.1° per pulse; 340 pulses determine the sensor.
@@ -244,6 +244,6 @@ def test_pulses_that_were_grouped_from_two_do_not_lead_the_track_astray():
     wrong = rng.choice(400, 60, replace=False)
     found.xyz_m[:, 2 * wrong] = rng.uniform([[0], [0], [10]], [[25], [25], [20]], (3, 60))
     _, pulses, _ = grouping.grouped(found, timed=True)
-    at = track.fitted(found, pulses)
+    at = sensor_track.fitted(found, pulses)
     assert at is not None
     assert np.abs(at.at(found.time_s[pulses.first]) - sensor).max() < 1.0

@@ -16,7 +16,7 @@ import math
 from collections import Counter
 from functools import lru_cache
 from itertools import count, pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
 from aosplan.grid.spiral import Spiral
@@ -135,26 +135,29 @@ class Frame(NamedTuple):
         return Pattern(self.rows, self.columns, self.row_pitch, _trimmed(self, surplus))
 
     @property
+    def rectangle(self) -> Pattern:
+        """The rectangle without removed sites."""
+        return Pattern(self.rows, self.columns, self.row_pitch)
+
+    @property
     def extent(self) -> tuple[float, float]:
         """Size of the rectangle along x and y, in baselines."""
-        return self.columns - 1.0, (self.rows - 1) * self.row_pitch
+        return self.rectangle.extent
 
     @property
     def longer_side(self) -> float:
         """The longer side of the rectangle, in baselines."""
-        return max(self.extent)
+        return self.rectangle.longer_side
 
     @property
     def pitch(self) -> tuple[float, float]:
         """Distances between neighbouring sites along x and y, in baselines."""
-        return 1.0, self.row_pitch
+        return self.rectangle.pitch
 
     @property
     def nearest(self) -> float:
-        """Least distance between two sites in baselines: the larger of their distances along x and
-        y.
-        """
-        return min(1.0, self.row_pitch)
+        """Least distance between two sites of the rectangle, as `Pattern.nearest` defines it."""
+        return self.rectangle.nearest
 
     @property
     def whole(self) -> Pattern:
@@ -225,16 +228,21 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
     """The frame of a kind of grid at an index of the sequence `frames`, counted from 1."""
     if grid == "spiral":
         return SpiralFrame(index, lane_pitch)
-    if grid == "line":
-        return Frame(1, index, 1.0, index, index)
-    if grid == "square":
-        return Frame(index, index, 1.0, index * index, index * index)
     if grid == "lanes":
         return Frame(lanes, index, lane_pitch, lanes * index, lanes * index)
-    rows, columns = (index + 1) // 2, index // 2 + 1
+    rows, columns = rectangle_at(grid, index)
     most = rows * columns
-    fewest = most if grid == "rectangle" else (index // 2) * ((index - 1) // 2 + 1) + 1
+    fewest = most if grid != "trimmed" else (index // 2) * ((index - 1) // 2 + 1) + 1
     return Frame(rows, columns, 1.0, fewest, most)
+
+
+def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
+    """Rows and columns of the frame at an index, or at many, of any kind but lanes and spirals."""
+    if grid == "line":
+        return 1, index
+    if grid == "square":
+        return index, index
+    return (index + 1) // 2, index // 2 + 1
 
 
 def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 4.0) -> Sites:
@@ -255,14 +263,24 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
 
 def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
     """Index of the first frame of a kind of grid that holds this many samples, counted from 1."""
-    if grid in ("line", "spiral"):
+    if grid == "spiral":
         return samples
-    if grid == "square":
-        return math.isqrt(samples - 1) + 1
     if grid == "lanes":
         return -(-samples // lanes)
-    side = math.isqrt(samples)
-    return 2 * side - 1 if side * side == samples else 2 * side + (samples > side * (side + 1))
+    return int(index_by_side(grid, samples, math.isqrt(samples)))
+
+
+def index_by_side(grid: str, samples: Any, side: Any) -> Any:
+    """The same as `index_for` for one sample count or many, without lanes and spirals.
+
+    `side` is the whole part of the square root of `samples`.
+    """
+    if grid == "line":
+        return samples
+    beyond_square = samples > side * side
+    if grid == "square":
+        return side + beyond_square
+    return 2 * side - 1 + beyond_square + (samples > side * (side + 1))
 
 
 def check_size(samples: int, wanted: str = "the grid has") -> None:

@@ -66,18 +66,14 @@ class CoverageMap(NamedTuple):
     flown_detection: Floats | None
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
-        """Mask of the cells that belong to the ground, shape (cells,)."""
-        return self.cells.inside.ravel()
-
-    @property
     def gap_share(self) -> float:
         """Share of the ground that is a gap."""
-        return float(self.gaps[self.inside].mean())
+        return float(self.gaps[self.cells.inside_rows].mean())
 
     def document(self) -> dict[str, Any]:
         """The coverage as plain values, ``coverage`` in a review's JSON document."""
-        planned, flown = self.planned[self.inside], self.flown[self.inside]
+        inside = self.cells.inside_rows
+        planned, flown = self.planned[inside], self.flown[inside]
         return {
             "area_m2": self.cells.area_m2,
             "cell_m": self.cells.cell_m,
@@ -166,7 +162,7 @@ class Coverage:
         self.cells, _ = ground_of(plan)
         self._places = self.cells.middles_m
         self._sites = photos_of(plan)
-        self._inside = self.cells.inside.ravel()
+        self._inside = self.cells.inside_rows
         survey, area = plan.layout.survey, plan.layout.area
         footprint = plan.inputs.footprint_m
         self._window_m = footprint if survey is None else survey.rectangle_m

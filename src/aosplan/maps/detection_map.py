@@ -74,17 +74,13 @@ class DetectionMap(NamedTuple):
     sweep_width_m: float | None
 
     @property
-    def _inside(self) -> NDArray[np.bool_]:
-        return self.cells.inside.ravel()
-
-    @property
     def mean(self) -> float:
         """Mean probability of detection: that of a target with a random position on the ground."""
-        return float(self.probability[self._inside].mean())
+        return float(self.probability[self.cells.inside_rows].mean())
 
     def document(self, success: SearchSuccess | None = None) -> dict[str, Any]:
         """The map as plain values, ``detection.map`` in a plan's JSON document; `success` is added."""
-        looks = self.looks[self._inside]
+        looks = self.looks[self.cells.inside_rows]
         return {
             "probability": self.mean,
             "ground": self.ground,
@@ -219,5 +215,5 @@ def _sweep_width_m(
     if last - first < cells.cell_m:
         return None
     place = along_and_across(cells.middles_m, plan.heading_deg)[:, 0]
-    within = (place >= first) & (place < last) & cells.inside.ravel()
+    within = (place >= first) & (place < last) & cells.inside_rows
     return float(probability[within].sum()) * cells.cell_m**2 / (last - first)

@@ -51,6 +51,11 @@ class GroundCells(NamedTuple):
         """Area of the cells inside."""
         return float(self.inside.sum()) * self.cell_m**2
 
+    @property
+    def inside_rows(self) -> NDArray[np.bool_]:
+        """`inside` of all cells, row by row, shape (cells,)."""
+        return self.inside.ravel()
+
     def raster(self, values: NDArray[Any]) -> Floats:
         """Values of all cells as rows of the raster, with nan outside."""
         return np.where(self.inside, np.reshape(values, self.inside.shape), np.nan)

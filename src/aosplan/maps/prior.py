@@ -60,7 +60,7 @@ def success_of(found: DetectionMap, path: str) -> SearchSuccess:
         except RasterioError as error:
             raise RequestError(f"raster {path} cannot be read: {error}") from None
     change = transformer(local_crs(*found.origin), crs)
-    inside = found.cells.inside.ravel()
+    inside = found.cells.inside_rows
     east, north = found.cells.middles_m[inside].T
     x, y = change.transform(east, north)
     column, row = (np.asarray(each) for each in ~transform * (np.asarray(x), np.asarray(y)))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from aosplan.planning.route import Route
     from aosplan.planning.sensitivity import Change
     from aosplan.planning.sites import Layout
-    from aosplan.planning.within_answer import WithinResult
+    from aosplan.planning.within_result import WithinResult
     from aosplan.scenes.scene import Scene
     from aosplan.scenes.voxels import VoxelVolume
     from aosplan.solver.problem import GridKind, Problem, Requirement

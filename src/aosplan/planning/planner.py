@@ -87,7 +87,7 @@ def plan(
         detection = detection_of(solved.inputs, pattern, baseline_m)
         notices += detection_warnings(detection, solved.inputs, pattern.samples)
     if inputs.area is not None and inputs.objective != "detection":
-        from aosplan.planning.cheaper import long_flight
+        from aosplan.planning.cheaper_flight import long_flight
 
         notices += long_flight(inputs.request, folder, inputs.loaded, route.total_time_s)
     return with_warnings(
@@ -118,7 +118,7 @@ def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
         inputs = solved.inputs
         if inputs.area is None or inputs.objective == "detection":
             raise
-        from aosplan.planning.cheaper import cheaper_way
+        from aosplan.planning.cheaper_flight import cheaper_way
 
         way = cheaper_way(inputs.request, folder, inputs.loaded)
         if way is None:

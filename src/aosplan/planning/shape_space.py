@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from aosplan.planning.search_shapes import Shape
+from aosplan.planning.within_shapes import Shape
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

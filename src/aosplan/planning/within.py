@@ -18,7 +18,16 @@ from typing import TYPE_CHECKING, Any
 from aosplan.errors import InfeasibleError
 from aosplan.models.model import Prediction
 from aosplan.planning.option_relations import BEST
-from aosplan.planning.search_shapes import (
+from aosplan.planning.shape_space import MOST_ROWS, ShapeSpace
+from aosplan.planning.solved_plan import Memo, problem_of
+from aosplan.planning.within_result import (
+    PHOTO_INTERVAL_S,
+    WithinResult,
+    WithinRow,
+    interval_assumed,
+    samples_bounded,
+)
+from aosplan.planning.within_shapes import (
     FlownShape,
     Shape,
     TimedFlight,
@@ -27,15 +36,6 @@ from aosplan.planning.search_shapes import (
     near_shares,
     shape_time_s,
     ways_of,
-)
-from aosplan.planning.shape_space import MOST_ROWS, ShapeSpace
-from aosplan.planning.solved_plan import Memo, problem_of
-from aosplan.planning.within_answer import (
-    PHOTO_INTERVAL_S,
-    WithinResult,
-    WithinRow,
-    interval_assumed,
-    samples_bounded,
 )
 
 if TYPE_CHECKING:

@@ -286,7 +286,7 @@ class _AreaReview:
         if self.coverage.planned_detection is not None:
             more = sites_m[~there][self.chosen]
             after = ground.of(np.vstack([points_m, more]), np.vstack([sites, more]))
-            inside = self.coverage.inside
+            inside = self.coverage.cells.inside_rows
             self.detection = FlownDetection(
                 *(
                     float(each[inside].mean())

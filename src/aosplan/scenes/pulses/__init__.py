@@ -6,7 +6,7 @@ points are samples.  The pulses measure the transmission.  Each module is one st
 - `aosplan.scenes.pulses.returns`: the returns in LAS and LAZ files with the attributes of pulses.
 - `aosplan.scenes.pulses.clean`: removal of duplicates, noise, and flight lines without ground.
 - `aosplan.scenes.pulses.grouping`: grouping of returns into pulses, and the energy of each return.
-- `aosplan.scenes.pulses.track`: positions of the sensor, fitted to the pulses.
+- `aosplan.scenes.pulses.sensor_track`: positions of the sensor, fitted to the pulses.
 - `aosplan.scenes.pulses.trajectory`: trajectory files.
 - `aosplan.scenes.pulses.trace`: the path of each pulse through the voxels up to its last return.
 - `aosplan.scenes.pulses.attenuation`: the attenuation of each voxel, shrunk through a pyramid,

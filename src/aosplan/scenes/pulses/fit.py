@@ -9,7 +9,7 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.scenes.opacity import Opacity
-from aosplan.scenes.pulses import attenuation, clean, grouping, realise, trace, track
+from aosplan.scenes.pulses import attenuation, clean, grouping, realise, sensor_track, trace
 from aosplan.scenes.voxels import FACE
 
 if TYPE_CHECKING:
@@ -314,10 +314,10 @@ def directions(
         line = returns.line[pulses.first]
         for number in np.unique(line):
             of = np.flatnonzero(line == number)
-            found = track.fitted(returns, pulses.take(of))
+            found = sensor_track.fitted(returns, pulses.take(of))
             if found is None:
                 continue
-            if found.residual_deg > track.LARGEST_RESIDUAL_DEG:
+            if found.residual_deg > sensor_track.LARGEST_RESIDUAL_DEG:
                 worst = max(worst or 0.0, found.residual_deg)
                 continue
             away = found.at(time_s[of]) - at_m[:, of]

@@ -69,7 +69,7 @@ def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> Sea
     colour = np.minimum((10.0 * found.probability).astype(np.int64), 9)
     colour[found.looks == 0] = 10
     colour = np.where(cells.inside, colour.reshape(rows, columns), -1)
-    probability = found.probability[cells.inside.ravel()]
+    probability = found.probability[cells.inside_rows]
     wide_m, tall_m = columns * cells.cell_m, rows * cells.cell_m
     bar_m = nice_length_m(max(wide_m, tall_m))
     low, high = (float(value) for value in np.quantile(probability, (0.05, 0.95)))

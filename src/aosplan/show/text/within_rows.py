@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.planning.within_answer import WithinResult, WithinRow
+    from aosplan.planning.within_result import WithinResult, WithinRow
 
 OBJECTIVES = {
     "detection": "{:.1%} found",

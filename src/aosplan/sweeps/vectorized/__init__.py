@@ -1,7 +1,6 @@
 """Uniform scenarios solved as whole columns.
 
 - `aosplan.sweeps.vectorized.inputs`: options as columns.
-- `aosplan.sweeps.vectorized.grids`: rows and columns of grids.
 - `aosplan.sweeps.vectorized.samples`: samples and baselines.
 - `aosplan.sweeps.vectorized.flights`: lengths and times of flights.
 - `aosplan.sweeps.vectorized.solve`: columns of results.

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.grid.patterns import MOST_SITES, too_many_sites
+from aosplan.grid.patterns import MOST_SITES, index_by_side, rectangle_at, too_many_sites
 from aosplan.models.model import Prediction
 from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE
 from aosplan.sweeps.status import INFEASIBLE, INVALID
-from aosplan.sweeps.vectorized import grids
 from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 
 if TYPE_CHECKING:
@@ -153,8 +152,16 @@ def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
 
 def _lines(grid: str, samples: Counts) -> tuple[Counts, Counts, Counts]:
     """Samples of the smallest patterns with this many, and their sides along x and y in baselines."""
-    rows, columns = grids.frame(grid, grids.index_of(grid, samples))
+    rows, columns = rectangle_at(grid, _index_for(grid, samples))
     return samples if grid == "trimmed" else rows * columns, columns - 1, rows - 1
+
+
+def _index_for(grid: str, samples: Counts) -> Counts:
+    """`aosplan.grid.patterns.index_for` for many sample counts."""
+    side = np.floor(np.sqrt(samples.astype(float))).astype(np.int64)
+    side += (side + 1) ** 2 <= samples  # the root of a float may be off by one
+    side -= side**2 > samples
+    return np.asarray(index_by_side(grid, samples, side))
 
 
 def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
@@ -173,10 +180,10 @@ def _by_kind(function: Any, grid: Any, samples: Any) -> Any:
 
 def _largest(grid: str, most: Any) -> tuple[Any, Any]:
     """Samples of the largest pattern of a kind with at most this many, and its index."""
-    index = grids.index_of(grid, most)
-    rows, columns = grids.frame(grid, index)
+    index = _index_for(grid, most)
+    rows, columns = rectangle_at(grid, index)
     index = index - ((rows * columns > most) & (grid != "trimmed"))
-    rows, columns = grids.frame(grid, index)
+    rows, columns = rectangle_at(grid, index)
     return most if grid == "trimmed" else rows * columns, index
 
 

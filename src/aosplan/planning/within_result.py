@@ -9,7 +9,7 @@ from aosplan.planning.option_relations import BEST
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
-    from aosplan.planning.search_shapes import TimedFlight
+    from aosplan.planning.within_shapes import TimedFlight
 
 PHOTO_INTERVAL_S = 2.0
 """Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
