@@ -26,6 +26,7 @@ from aosplan.postflight.best_views import (
     exchanged,
     fewest_shared,
     jointly,
+    representing,
     shortfall,
     thin,
 )
@@ -34,6 +35,7 @@ from aosplan.postflight.views import read_views
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.presets import find_preset_scene
 from aosplan.scenes.scene import Layer
+from aosplan.simulation.voxel_views import VoxelViews
 
 
 def triangles(spacing):
@@ -120,6 +122,57 @@ def test_choices_for_visibility_are_near_the_best_of_all_choices(seed):
         found = shortfall(joint, thin(points, samples, triangles(3.0), hidden))
         assert best <= found * (1.0 + 1e-12)
         assert found <= best * 1.02
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_difference_from_all_views_is_that_of_their_masks(seed):
+    rng = np.random.default_rng(seed)
+    masks = (rng.random((9, 400)) < rng.uniform(0.2, 0.9, (9, 1))).astype(float)
+    joint = masks @ masks.T / 400
+    for samples in (1, 4, 8):
+        changed = representing(joint, samples)
+        for choice in (rng.choice(9, samples, replace=False) for _ in range(5)):
+            off = masks[choice].mean(axis=0) - masks.mean(axis=0)
+            expected = shortfall(changed, choice) + joint.mean()
+            assert expected == pytest.approx((off**2).mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_choices_for_similarity_are_near_the_best_of_all_choices(seed):
+    rng = np.random.default_rng(seed)
+    points, hidden = rng.uniform(0.0, 6.0, (10, 2)), rng.uniform(0.2, 0.9, 10)
+    joint = jointly(correlations(points, triangles(3.0)), hidden)
+    for samples in (1, 3, 6):
+        changed = representing(joint, samples)
+        differences = {
+            choice: shortfall(changed, np.array(choice)) + joint.mean()
+            for choice in combinations(range(10), samples)
+        }
+        found = thin(points, samples, triangles(3.0), hidden, alike=True)
+        better = sum(value < differences[tuple(found)] for value in differences.values())
+        assert min(differences.values()) >= 0.0
+        assert better <= 0.04 * len(differences)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_another_stand_the_choice_is_more_similar_than_random_ones(seed):
+    """The views are chosen with the model of one stand and judged by the rays of another."""
+    rng = np.random.default_rng(seed)
+    judged, known = (
+        clumped_forest(STANDS["beech"]._replace(seed=20 + 2 * seed + k), side_m=16.0, voxel_m=0.5)
+        for k in range(2)
+    )
+    points = rng.uniform(-8.0, 8.0, (40, 2))
+    rays = VoxelViews(judged, 60.0, targets_per_voxel=1)
+    masks = np.stack([rays.blocked_views(point[None]).astype(float) for point in points])
+    model = MeasuredModel(known, 60.0)
+
+    def difference(choice):
+        return ((masks[choice].mean(axis=0) - masks.mean(axis=0)) ** 2).mean()
+
+    drawn = [difference(rng.choice(40, 10, replace=False)) for _ in range(200)]
+    chosen = thin(points, 10, model.correlation, model.hidden_at(points), alike=True)
+    assert difference(chosen) < np.quantile(drawn, 0.1)
 
 
 # Models

@@ -202,7 +202,8 @@ def thin(
     request, **options
         Scene, altitude, camera and model, as for `aosplan.plan`.
     best
-        Quantity to maximise: ``normalized`` (V̂) or ``visibility`` (V).
+        Quantity to maximise: ``normalized`` (V̂), ``visibility`` (V), or ``similarity`` to the
+        integral of all views.
     progress
         Function that is called with the number of steps done and their total.
 

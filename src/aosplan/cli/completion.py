@@ -135,7 +135,7 @@ OWN = {
     ("plot", "out"): Values(endings=FIGURE),
     ("sweep", "file"): Values(endings=(".toml", ".csv", ".parquet")),
     ("sweep", "out"): Values(endings=TABLE),
-    ("thin", "best"): Values(lambda: ("normalized", "visibility")),
+    ("thin", "best"): Values(_of("postflight.thin", "QUANTITIES")),
     ("thin", "out"): Values(endings=(".csv", ".txt")),
     ("tradeoff", "out"): Values(endings=(".csv", ".json", ".jsonl")),
     ("visibility", "grid"): Values(),

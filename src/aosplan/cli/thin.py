@@ -109,7 +109,8 @@ COMMAND = command(
         text_option(
             "--best",
             "WHAT",
-            "Quantity to maximise: normalized (V̂) or visibility (V).  [normalized]",
+            "Quantity to maximise: normalized (V̂), visibility (V), or similarity to the integral of "
+            "all views.  [normalized]",
         ),
         *request_options(lambda option: option.name in SHOWING),
         defaults_option(),

@@ -11,6 +11,11 @@ The smallest K does not give the largest V if views hide different shares p of t
 that share least are far apart and look through more of the canopy.  For V = 1 - ΣΣ_S J_ik / N², c
 is replaced by the share that both views hide, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
+Nor is the integral of either set the most similar to that of all M views, because views that are
+far apart have another mean.  The expected squared difference of both integrals is
+ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  Its first two terms are those of a sum
+over pairs if -2 N/M Σ_all J_ik is added to each J_ii, so the same search makes it smallest.
+
 Only the correlations of the model are used, not the voxels of the stand, because a set that is
 optimised for the gaps of one plot is worse for other places.
 """
@@ -43,6 +48,8 @@ def thin(
     samples: int,
     correlation: Correlation,
     hidden: ArrayLike | None = None,
+    *,
+    alike: bool = False,
 ) -> NDArray[np.intp]:
     """Choose the views that share the fewest occluders, or that together show most.
 
@@ -56,6 +63,9 @@ def thin(
         Correlation of two views as a function of their offset along x and y; 1 for no offset.
     hidden
         Shape (M,): share p of the target that each view hides, to maximise V; None to maximise V̂.
+    alike
+        Whether to make the integral of the chosen views as similar as possible to that of all
+        views, instead of maximising V; requires `hidden`.
 
     Returns
     -------
@@ -72,6 +82,8 @@ def thin(
     shared = correlations(points, correlation)
     if hidden is not None:
         shared = jointly(shared, np.asarray(hidden, dtype=np.float64))
+    if alike:
+        shared = representing(shared, samples)
     first = int(np.lexsort((points[:, 1], points[:, 0]))[0])
     starts = fewest_shared(shared, samples), least_shared(shared, samples, first)
     return min((exchanged(shared, start) for start in starts), key=lambda s: shortfall(shared, s))
@@ -105,6 +117,15 @@ def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray
     spread = np.sqrt(hidden * (1.0 - hidden))
     joint: NDArray[np.float64] = np.outer(hidden, hidden) + shared * np.outer(spread, spread)
     return joint
+
+
+def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """J with a diagonal for which the least ΣΣ_S has the integral that is most similar to that of
+    all views.
+    """
+    changed = joint.copy()
+    np.fill_diagonal(changed, joint.diagonal() - 2.0 * samples * joint.mean(axis=1))
+    return changed
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
@@ -147,7 +168,7 @@ def exchanged(shared: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray
         )
         best = int(np.argmin(change))
         leaves, enters = inside[best // len(outside)], outside[best % len(outside)]
-        if change.flat[best] >= -WORTHWHILE * sums[inside].sum():
+        if change.flat[best] >= -WORTHWHILE * abs(sums[inside].sum()):
             return inside
         chosen[leaves], chosen[enters] = False, True
         sums += shared[enters] - shared[leaves]

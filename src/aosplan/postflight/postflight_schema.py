@@ -41,7 +41,7 @@ class ThinningDocument(OpenDocument):
     origin: Pair | None
     positions: int
     samples: int
-    best: Literal["normalized", "visibility"]
+    best: Literal["normalized", "visibility", "similarity"]
     all: VisibilityDocument
     kept: VisibilityDocument
     bound: VisibilityDocument

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
 
-QUANTITIES = ("normalized", "visibility")
-"""Quantities that a choice may maximise: V̂ or V."""
+QUANTITIES = ("normalized", "visibility", "similarity")
+"""Quantities that a choice may maximise: V̂, V, or the similarity to the integral of all views."""
 
 MORE_HIDDEN = 0.02
 """Increase of the density by a choice for V̂ above which there is a warning."""
@@ -162,8 +162,8 @@ def thinned(
     east, north = views.local_m(origin)
     points = in_axes(scene, east, north)
     model = scene.problem.model
-    hidden = model.hidden_at(points) if best == "visibility" else None
-    chosen = thin(points, samples, model.correlation, hidden)
+    hidden = None if best == "normalized" else model.hidden_at(points)
+    chosen = thin(points, samples, model.correlation, hidden, alike=best == "similarity")
     every, few = predicted(scene, points), predicted(scene, points[chosen])
     # The warning about few photos is about that plan, which is not flown.
     notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]
