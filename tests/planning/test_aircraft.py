@@ -51,6 +51,14 @@ def test_the_drone_decides_the_autopilot(drone, autopilot):
         ({"autopilot": "px4", "hold": 0}, "does not stop"),
         ({"drone": "dji-m350", "payload": "dji-h20t", "camera": "dji-p1-35mm"}, "another payload"),
         ({"payload": "dji-h20", "camera": "dji-h20t-thermal"}, "another payload"),
+        ({"drone": "dji-m3t", "payload": "dji-h30t"}, "does not carry dji-h30t"),
+        ({"drone": "dji-m300", "payload": "dji-m30t"}, "does not carry dji-m30t"),
+        ({"drone": "px4-multicopter", "payload": "dji-h20t"}, "does not carry dji-h20t"),
+        ({"autopilot": "px4", "payload": "dji-h20t"}, "drones of DJI carry it"),
+        (
+            {"drone": "dji-m300", "payload": "dji-h20n"},
+            "no camera is known for the payload dji-h20n",
+        ),
     ],
 )
 def test_what_contradicts_itself_is_refused_with_a_remedy(values, words):
@@ -75,6 +83,7 @@ def test_the_camera_decides_how_px4_triggers_it(camera, control):
 def test_a_payload_brings_its_camera():
     assert request(drone="dji-m350", payload="dji-h20t").camera == "dji-h20t-thermal"
     assert request(payload="dji-h20", camera="dji-h20t-wide").camera == "dji-h20t-wide"
+    assert request(drone="dji-m300", payload="dji-h20").camera == "dji-h20t-wide"
 
 
 def test_another_drone_drops_the_autopilot_and_payload_of_the_first():

@@ -130,7 +130,7 @@ def plan(
         A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
     folder
         Folder in which the files that `request` and the options name are looked for before the
-        current folder; None for the folder of the request file.
+        current folder; None for the folder of the request file, or of the earlier plan.
     progress
         Function that is called with the number of points read and the total, while a point cloud
         is read.
@@ -154,9 +154,7 @@ def plan(
     >>> grid.solution.pattern.samples, round(grid.solution.baseline_m, 2)
     (50, 2.8)
     """
-    found = found_request(request, options)
-    if folder is not None:
-        found = found._replace(folder=os.fspath(folder))
+    found = found_request(request, options, folder=None if folder is None else os.fspath(folder))
     return solved(found, progress=progress)
 
 

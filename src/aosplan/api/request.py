@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
+from aosplan.planning.aircraft import with_drone_file
 from aosplan.planning.loaded_scene import LoadedScene
 from aosplan.planning.plan_data import PlanData
 from aosplan.planning.request import PlanRequest, request_from
@@ -29,7 +30,9 @@ class FoundRequest(NamedTuple):
     loaded: LoadedScene | None = None
 
 
-def found_request(asked: Asked | None, options: Mapping[str, Any]) -> FoundRequest:
+def found_request(
+    asked: Asked | None, options: Mapping[str, Any], *, folder: str | None = None
+) -> FoundRequest:
     """The request from the arguments of a function of `aosplan`; options override it.
 
     Parameters
@@ -41,12 +44,18 @@ def found_request(asked: Asked | None, options: Mapping[str, Any]) -> FoundReque
         Keyword arguments with the names of the fields of `PlanRequest`.  `scene` may also be a
         result of `aosplan.read_scene`.
 
+    folder
+        Where the files that the request and the options name are looked for first; None: the
+        folder of the request file, or that of the earlier plan.
+
     Raises
     ------
     RequestError
         If a name is unknown, a value is not valid, or options contradict each other.
     """
     given = {name: _plain(value) for name, value in options.items()}
+    if folder is not None:
+        given = with_drone_file(given, folder)
     stand = given.get("scene")
     if isinstance(stand, LoadedScene):
         read_by: Stand = stand  # type: ignore[assignment]  # read_scene alone returns one
@@ -54,20 +63,21 @@ def found_request(asked: Asked | None, options: Mapping[str, Any]) -> FoundReque
     else:
         stand = None
     if isinstance(asked, PlanData):
+        folder = asked.inputs.folder if folder is None else folder
         asked = asked.request
     if isinstance(asked, PlanRequest):
         if not given:
-            return FoundRequest(asked)
-        return FoundRequest(request_from(asked.document(), overrides=given), loaded=stand)
+            return FoundRequest(asked, folder or "")
+        return FoundRequest(request_from(asked.document(), overrides=given), folder or "", stand)
     if asked is None:
-        return FoundRequest(request_from({}, overrides=given), loaded=stand)
+        return FoundRequest(request_from({}, overrides=given), folder or "", stand)
     path = os.fspath(asked)
     if not isinstance(path, str):
         raise RequestError(f"request {path!r} is not a path", "give a PlanRequest or options")
     from aosplan.planning.request_file import read_request
 
     request = request_from(read_request(path), overrides=given, where=path)
-    return FoundRequest(request, os.path.dirname(path), stand)
+    return FoundRequest(request, os.path.dirname(path) if folder is None else folder, stand)
 
 
 def _plain(value: Any) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from aosplan.files import read_table
+from aosplan.files import located, read_table
 from aosplan.flight.drones import DronePreset
 from aosplan.validation import Document, Finite, Words, checked
 
@@ -39,4 +40,7 @@ def read_drone(path: str) -> DronePreset:
     RequestError
         If the file is not valid; the message names the file and the place in it.
     """
-    return DronePreset(**checked(DroneDocument, read_table(path), path).model_dump())
+    values = checked(DroneDocument, read_table(path), path).model_dump()
+    if values["camera"] is not None:
+        values["camera"] = located(values["camera"], os.path.dirname(path))
+    return DronePreset(**values)

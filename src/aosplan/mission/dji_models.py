@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from aosplan.errors import RequestError
+
 
 class DjiDrone(NamedTuple):
     """droneEnumValue and droneSubEnumValue, and the name of the built-in camera."""
@@ -54,3 +56,23 @@ PAYLOADS = {
     "dji-m4td": 99,
 }
 """payloadEnumValue of cameras, by name."""
+
+
+def check_carried(drone: str, payload: str) -> None:
+    """Refuse a payload that a drone does not carry.
+
+    Raises
+    ------
+    RequestError
+        If the drone has another camera that is built in, the payload is built into another drone, or the
+        drone is not one of DJI's that carry payloads.
+    """
+    known = DRONES.get(drone)
+    own = None if known is None else known.payload
+    if known is None or (payload != own and (own is not None or payload in DRONES)):
+        raise RequestError(
+            f"the drone {drone} does not carry {payload}",
+            "leave --payload out, or give another --drone"
+            if known is None or own is not None
+            else "give another --payload",
+        )

@@ -128,6 +128,13 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
             f"{settings.height_datum or 'the datum of the terrain file'}, where the file means sea level"
         )
     found = [f"{home}; the autopilot measures it at take-off, and all other heights are above it"]
+    if autopilot == "px4" and (
+        settings.trigger == "distance" or settings.camera_control == "outputs"
+    ):
+        found.append(
+            "PX4's own camera trigger takes the photos: set its parameters TRIG_MODE (4, distance on "
+            "command) and TRIG_INTERFACE as the camera is wired"
+        )
     found += return_notes(missions, f"the parameter {RETURN_HEIGHTS[autopilot]}")
     return found
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
+from aosplan.files import located
 from aosplan.mission.mission import check_hold
 
 if TYPE_CHECKING:
@@ -19,6 +20,15 @@ if TYPE_CHECKING:
 
 WIRED = ("aos-", "flir-", "gopro-", "sony-")
 """Cameras that autopilots trigger by their own outputs, by the first letters of their presets."""
+
+
+def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
+    """Options in which a drone file is looked for in a folder first.
+
+    A request reads its drone at once, before it knows the folder of its other files.
+    """
+    drone = values.get("drone")
+    return {**values, "drone": located(drone, folder)} if isinstance(drone, str) else {**values}
 
 
 def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,8 +41,9 @@ def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     drone = _drone_of(values)
     payload = values["payload"]
+    carried = payload and camera_of_payload(payload)
     if drone is None:
-        found: dict[str, Any] = {"camera": payload and camera_of_payload(payload)}
+        found: dict[str, Any] = {"camera": carried}
     else:
         from aosplan.flight.drones import trusted_min
 
@@ -44,13 +55,14 @@ def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
             "airspeed": drone.airspeed_mps,
             "photo_interval": drone.photo_interval_s,
             "flight_time": trusted_min(drone),
-            "camera": (payload and camera_of_payload(payload)) or drone.camera,
+            "camera": carried if payload else drone.camera,
         }
     if values["focal_length"] is not None or values["fov"] is not None:
         found["camera"] = None
-    elif drone is not None and (values["camera"] or found["camera"]) is None:
+    elif (drone or payload) is not None and (values["camera"] or found["camera"]) is None:
+        carrier = f"payload {payload}" if payload else f"drone {values['drone']}"
         raise RequestError(
-            f"no camera is known for the drone {values['drone']}",
+            f"no camera is known for the {carrier}",
             "give its --camera NAME|FILE (aosplan cameras lists presets), or --fov DEG or "
             "--focal-length MM with the size of the image",
         )
@@ -93,7 +105,8 @@ def decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
         )
     if values["trigger"] == "stop":
         check_hold(autopilot, values["hold"])
-    _check_payload(values["payload"], values["camera"] or "")
+    if values["payload"] is not None:
+        _check_payload(values["payload"], values["drone"], autopilot, values["camera"] or "")
     return found
 
 
@@ -109,13 +122,23 @@ def camera_of_payload(payload: str) -> str | None:
     """The preset of a payload's camera: the thermal one, or its wide one; None if there is none."""
     from aosplan.camera.presets import CAMERAS
 
-    named = (f"{payload}-{kind}" for kind in ("thermal", "wide"))
+    # A payload without a thermal camera has the wide one of its sibling with one.
+    named = (f"{payload}-thermal", f"{payload}-wide", f"{payload}t-wide")
     return next((name for name in named if name in CAMERAS), None)
 
 
-def _check_payload(payload: str | None, camera: str) -> None:
-    """Refuse a DJI payload together with a camera that belongs to another DJI payload."""
-    if payload is not None and camera.startswith("dji-") and not fits(camera, payload):
+def _check_payload(payload: str, drone: str | None, autopilot: str | None, camera: str) -> None:
+    """Refuse a DJI payload that the drone does not carry, or with another payload's camera."""
+    if drone is not None:
+        from aosplan.mission.dji_models import check_carried
+
+        check_carried(drone, payload)
+    elif autopilot not in (None, "dji"):
+        raise RequestError(
+            f"--payload {payload} with --autopilot {autopilot}: drones of DJI carry it",
+            "leave --payload out, and give its --camera",
+        )
+    if camera.startswith("dji-") and not fits(camera, payload):
         raise RequestError(
             f"--payload {payload} contradicts --camera {camera}, the camera of another payload",
             f"give a --camera of {payload}, or leave --payload out",

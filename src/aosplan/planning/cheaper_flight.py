@@ -50,6 +50,7 @@ def cheaper_way(
     """
     if not request.over_area or loaded.kind == "cloud":
         return None
+    from aosplan.planning.search_shapes import request_of
     from aosplan.planning.within import WithinSearch
 
     opened = replace(
@@ -66,7 +67,7 @@ def cheaper_way(
     if found is None:
         return None
     shape = found.candidate.shape
-    way = search.request_of(found.candidate)
+    way = request_of(opened, found.candidate)
     grid = "--grid line" if shape.rows == 1 else f"--grid lanes --lanes {shape.rows}"
     flights = "" if found.flights == 1 else f" in {found.flights} flights"
     return (

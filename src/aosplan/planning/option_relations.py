@@ -392,11 +392,19 @@ def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def is_search(values: Mapping[str, Any]) -> bool:
     """Whether a request is answered by a search over flights."""
-    if values["within"] is not None:
+    if values["within"] is not None or _searches_area(values):
         return True
     names = (*LEFT_OPEN, "baseline", "samples")
     has_open = any(values[name] in (None, OPEN) for name in names)
     return values["optimize"] == "detection" and has_open
+
+
+def _searches_area(values: Mapping[str, Any]) -> bool:
+    """Whether the kind of grid that is flown fastest over an area is asked for.
+
+    The solver times one grid, but over an area the spacing of its lines decides.
+    """
+    return values["optimize"] == "time" and values["area"] is not None and values["grid"] == OPEN
 
 
 def default_target(values: Mapping[str, Any]) -> float:
@@ -432,7 +440,11 @@ def check_search(values: Mapping[str, Any]) -> None:
         if values["trigger"] == "best":
             raise RequestError("--trigger best without --within", "give --within MIN too")
         return
-    which = "--within" if values["within"] is not None else "--optimize detection"
+    which = "--optimize detection"
+    if values["within"] is not None:
+        which = "--within"
+    elif _searches_area(values):
+        which = "--optimize time --grid best over an --area"
     for name, reason in NOT_SEARCHED.items():
         if values[name]:
             flag = "--" + name.replace("_", "-")

@@ -14,6 +14,7 @@ from pydantic import Field, create_model
 from aosplan.errors import RequestError
 from aosplan.files import read_table
 from aosplan.messages import SCHEMA
+from aosplan.planning.aircraft import with_drone_file
 from aosplan.planning.options import OPTIONS
 from aosplan.validation import Document, Finite, Pair, checked
 
@@ -55,4 +56,5 @@ def read_request(path: str) -> dict[str, Any]:
                 "it was written by another version of aosplan",
             )
         table = inner
-    return checked(RequestDocument, table, path).model_dump(exclude_none=True)
+    values = checked(RequestDocument, table, path).model_dump(exclude_none=True)
+    return with_drone_file(values, os.path.dirname(path))

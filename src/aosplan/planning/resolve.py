@@ -113,6 +113,8 @@ class PlanInputs(NamedTuple):
         Whether to tell how the plan changes if the scene differs from what was assumed.
     flight
         How to fly.
+    folder
+        Where the files of the request are looked for before the current folder.
     """
 
     request: PlanRequest
@@ -141,6 +143,7 @@ class PlanInputs(NamedTuple):
     max_sites: int
     wants_sensitivity: bool
     flight: FlightInputs
+    folder: str
 
     @property
     def footprint_m(self) -> tuple[float, float]:
@@ -252,6 +255,7 @@ def resolve_inputs(
         max_sites=request.max_sites or 0,
         wants_sensitivity=request.sensitivity,
         flight=_flight_of(request, camera.gsd_m(altitude_m), folder),
+        folder=folder,
     )
 
 

@@ -50,7 +50,7 @@ class Route(NamedTuple):
     `closer_by_m` and `farther_by_m` say how much nearer to the ground, and farther from it, the ways between
     waypoints come than their ends, and `highest_way_m` how far above the ground the ways from the
     take-off and back lead.  Heights of the ground count from `datum`.  `wind_delay_s` is how much
-    longer the wind makes `time_s`; None without wind.  The take-off is None where nothing depends on it.
+    longer the wind makes `time_s`, and all flights from take-off to landing; None without wind.  The take-off is None where nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -65,7 +65,7 @@ class Route(NamedTuple):
     farther_by_m: float = 0.0
     highest_way_m: float | None = None
     datum: str | None = None
-    wind_delay_s: float | None = None
+    wind_delay_s: tuple[float, float] | None = None
 
     @property
     def total_time_s(self) -> float:
@@ -278,7 +278,11 @@ def build_route(
     delay_s = None
     if flight.wind is not None:
         calm, _ = flown(flight._replace(wind=None), heading_deg, baseline_m)
-        delay_s = time_s - _first_photo_to_last(track, calm)[1]
+        in_calm_s = sum(each.time_s for each in flights_of(track, calm, takeoff, battery_s))
+        delay_s = (
+            time_s - _first_photo_to_last(track, calm)[1],
+            sum(each.time_s for each in flights) - in_calm_s,
+        )
     return Route(
         placed(_waypoints(ground, altitude_m, flights, known=terrain is not None), origin),
         timing,

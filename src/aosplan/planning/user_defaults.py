@@ -20,7 +20,9 @@ from aosplan.planning.request import PlanRequest, request_from
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-FILE_OPTIONS = ("camera", "scene", "terrain")
+FILE_OPTIONS = (
+    *("area", "camera", "clear", "crop", "drone", "no_fly", "scene", "terrain", "trajectory"),
+)
 """Options that may name a file."""
 
 

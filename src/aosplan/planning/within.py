@@ -15,7 +15,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from aosplan.errors import InfeasibleError
+from aosplan.errors import InfeasibleError, RequestError
 from aosplan.models.model import Prediction
 from aosplan.planning.option_relations import BEST
 from aosplan.planning.shape_space import MOST_ROWS, ShapeSpace
@@ -31,9 +31,11 @@ from aosplan.planning.within_shapes import (
     FlownShape,
     Shape,
     TimedFlight,
+    Way,
     last_number,
     lay_out,
     near_shares,
+    request_of,
     shape_time_s,
     ways_of,
 )
@@ -74,6 +76,12 @@ POLISHED = 4
 
 COUNTED = 2
 """Of them, those whose detection is counted in the voxels of a stand."""
+
+REFUSED = 4
+"""Shapes after which a way that none of them can be flown in is given up."""
+
+TIMED = 4
+"""Flights whose times are compared as they are laid out, if the time is the objective."""
 
 NEARLY = 0.001
 """Relative: what is no better than this is not worth a longer flight."""
@@ -121,6 +129,8 @@ def choose(
     chosen = search.best(longest_s)
     if chosen is None:
         raise search.refusal(longest_s)
+    if request.within is None and request.optimize == "time":
+        longest_s = chosen.time_s
     best = {0.5: search.best(0.5 * longest_s), 1.0: chosen, 2.0: search.best(2.0 * longest_s)}
     rows = tuple(
         WithinRow(part * longest_s / 60.0, None)
@@ -140,7 +150,7 @@ def choose(
         len(search.timed),
         assumed,
     )
-    return search.request_of(chosen.candidate), answer
+    return request_of(request, chosen.candidate), answer
 
 
 class WithinSearch:
@@ -152,7 +162,9 @@ class WithinSearch:
         self.request = request
         self.scores: dict[Shape, float] = {}
         self.timed: dict[tuple[Shape, int], TimedFlight | None] = {}
+        self.reason: InfeasibleError | RequestError | None = None
         self._least: dict[Shape, FlownShape] = {}
+        self._refused: dict[int, float] = {}
         self._counted: dict[Shape, float] = {}
         self.most_samples = request.max_samples or MOST_SAMPLES
         self.ways = tuple(ways_of(request, folder, load))
@@ -218,8 +230,10 @@ class WithinSearch:
         return -self.least(shape).least_s
 
     def counted(self, timed: TimedFlight) -> float:
-        """The score of a flight, counted in voxels where the model does."""
+        """The score of a flight: its time as laid out, or detection counted in voxels."""
         shape = timed.candidate.shape
+        if self.request.optimize == "time":
+            return -timed.time_s
         if self.request.optimize != "detection" or self.inputs.model != "measured":
             return self.score(shape)
         if shape not in self._counted:
@@ -236,9 +250,12 @@ class WithinSearch:
     # What it takes
 
     def least(self, shape: Shape) -> FlownShape:
-        """The way in which a shape takes the least time."""
+        """The way in which a shape takes the least time; infinite if it cannot be flown in any."""
         if shape not in self._least:
-            timed = ((shape_time_s(shape, way), place) for place, way in enumerate(self.ways))
+            timed = [
+                (math.inf if self._is_refused(shape, way) else shape_time_s(shape, way), place)
+                for place, way in enumerate(self.ways)
+            ]
             least_s, place = min(timed)
             self._least[shape] = FlownShape(shape, self.ways[place], least_s)
         return self._least[shape]
@@ -247,8 +264,30 @@ class WithinSearch:
         """The flight of a candidate, laid out; None if it cannot be flown."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
-            self.timed[key] = lay_out(candidate)
+            way = id(candidate.way)
+            try:
+                self.timed[key] = lay_out(candidate)
+                self._refused[way] = -math.inf
+            except (InfeasibleError, RequestError) as error:
+                self.timed[key], self.reason = None, error
+                self._refused[way] = self._refused.get(way, 0.0) + 1.0
+                self._least.clear()
         return self.timed[key]
+
+    def _is_refused(self, shape: Shape, way: Way) -> bool:
+        """Whether a shape was laid out in a way and cannot be flown so, or no other shape can."""
+        refused = self.timed.get((shape, id(way)), way) is None
+        return refused or self._refused.get(id(way), 0.0) >= REFUSED
+
+    def _laid_out(self, candidate: FlownShape) -> TimedFlight | None:
+        """The flight of a candidate, or of its shape in the next way in which it can be flown."""
+        timed = self.time(candidate)
+        while timed is None:
+            candidate = self.least(candidate.shape)
+            if not math.isfinite(candidate.least_s):
+                return None
+            timed = self.time(candidate)
+        return timed
 
     def _least_known_s(self, candidate: FlownShape) -> float:
         """The time of a candidate: as it was laid out, or else the least."""
@@ -265,12 +304,16 @@ class WithinSearch:
         allowed_s = longest_s
         for _ in range(ROUNDS):
             candidates = [self.least(shape) for shape in self._shapes(allowed_s)]
-            candidates = [each for each in candidates if self.score(each.shape) > -math.inf]
+            candidates = [
+                each
+                for each in candidates
+                if self.score(each.shape) > -math.inf and math.isfinite(each.least_s)
+            ]
             candidates.sort(key=lambda each: (-self.score(each.shape), each.least_s, each.shape))
             over = []
             found: list[TimedFlight] = []
             for candidate in candidates[:tries]:
-                timed = self.time(candidate)
+                timed = self._laid_out(candidate)
                 if timed is not None and timed.time_s <= longest_s:
                     found.append(timed)
                     if len(found) == self._wanted:
@@ -286,6 +329,8 @@ class WithinSearch:
     @property
     def _wanted(self) -> int:
         """Flights that are compared once they are laid out."""
+        if self.request.optimize == "time":
+            return TIMED
         counts = self.request.optimize == "detection" and self.inputs.model == "measured"
         return COUNTED if counts else 1
 
@@ -398,31 +443,6 @@ class WithinSearch:
 
     # What is told of it
 
-    def request_of(self, candidate: FlownShape) -> PlanRequest:
-        """The request that flies a candidate, with nothing left open."""
-        shape, way = candidate.shape, candidate.way
-        values: dict[str, Any] = {"max_blur": None, "exposure_time": None}
-        if way.inputs.flight.trigger == "distance":
-            values = {}
-        pitched = shape.rows > 1 or self.over_area
-        return replace(
-            self.request,
-            within=None,
-            altitude=way.altitude_m,
-            gsd=None,
-            target_size=None,
-            target_pixels=None,
-            trigger=way.inputs.flight.trigger,
-            heading=way.heading_deg,
-            grid="line" if shape.rows == 1 else "lanes",
-            lanes=None if shape.rows == 1 else shape.rows,
-            lane_pitch=max(shape.across / shape.along, 1.0) if pitched else None,
-            baseline=shape.along * way.altitude_m,
-            samples=shape.samples,
-            max_samples=None,
-            **values,
-        )
-
     def row(self, longest_s: float, timed: TimedFlight) -> WithinRow:
         """What is told of the best within a time."""
         return WithinRow(longest_s / 60.0, timed, self.counted(timed))
@@ -434,7 +454,7 @@ class WithinSearch:
         if self.inputs.model == "measured":
             return None
         found = self.best(longest_s)
-        return None if found is None else (found.time_s, self.score(found.candidate.shape))
+        return None if found is None else (found.time_s, self.counted(found))
 
     def refusal(self, longest_s: float) -> InfeasibleError:
         """The error of a time in which nothing can be flown that reaches the target."""
@@ -448,7 +468,9 @@ class WithinSearch:
                     f"within {longest_s / 60.0:.4g} min, from take-off to landing",
                     f"--within {minutes} is enough",
                 )
+        message = "no plan satisfies the given options in any time"
+        if self.reason is not None:
+            return InfeasibleError(f"{message}: {self.reason.message}", self.reason.hint)
         return InfeasibleError(
-            "no plan satisfies the given options in any time",
-            "leave out options: the kind of grid, its spacing, the trigger or the target",
+            message, "leave out options: the kind of grid, its spacing, the trigger or the target"
         )

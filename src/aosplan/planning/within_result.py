@@ -84,7 +84,9 @@ class WithinResult(NamedTuple):
     def limits(self, time_s: float) -> tuple[Limit, ...]:
         """What bounds the plan that was chosen, whose flights take a time [s]."""
         allowed_s = 60.0 * self.minutes
-        if self.asked.within is None:
+        if self.asked.within is None and self.asked.optimize == "time":
+            text = "the least time in which a flight over the area reaches the target"
+        elif self.asked.within is None:
             text = "twice the time would improve the plan only slightly"
         elif self.asked.optimize in BEST:
             text = f"the best within {self.minutes:.4g} min, from take-off to landing"

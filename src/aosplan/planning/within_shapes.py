@@ -202,8 +202,16 @@ def shape_time_s(shape: Shape, way: Way) -> float:
         return math.inf
 
 
-def lay_out(candidate: FlownShape) -> TimedFlight | None:
-    """The flight of a candidate with its route; None if it cannot be flown."""
+def lay_out(candidate: FlownShape) -> TimedFlight:
+    """The flight of a candidate with its route.
+
+    Raises
+    ------
+    RequestError
+        If it has too many sites, or terrain does not cover it.
+    InfeasibleError
+        If it cannot be flown.
+    """
     shape, way = candidate.shape, candidate.way
     baseline_m = shape.along * way.altitude_m
     pitch = max(shape.across / shape.along, 1.0)
@@ -211,13 +219,36 @@ def lay_out(candidate: FlownShape) -> TimedFlight | None:
     kind = GridKind("line") if line else GridKind("lanes", shape.rows, pitch)
     inputs = way.inputs._replace(grids=(kind,), line_pitch=pitch)
     solution = Solution(shape.pattern, baseline_m, Prediction(0.0, 1.0, 0.0), None, (), True)
-    try:
-        layout = layout_of(SolvedPlan(inputs, None, None, solution, kind))
-        route = route_of(inputs, layout, baseline_m)
-        list(ways_in_zones(inputs, route))
-    except (InfeasibleError, RequestError):
-        return None
+    layout = layout_of(SolvedPlan(inputs, None, None, solution, kind))
+    route = route_of(inputs, layout, baseline_m)
+    list(ways_in_zones(inputs, route))
     return TimedFlight(candidate, sum(layout.sites.photo), len(route.flights), route.total_time_s)
+
+
+def request_of(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
+    """The request that flies a candidate, with nothing left open."""
+    shape, way = candidate.shape, candidate.way
+    values: dict[str, Any] = {"max_blur": None, "exposure_time": None}
+    if way.inputs.flight.trigger == "distance":
+        values = {}
+    pitched = shape.rows > 1 or request.area is not None
+    return replace(
+        request,
+        within=None,
+        altitude=way.altitude_m,
+        gsd=None,
+        target_size=None,
+        target_pixels=None,
+        trigger=way.inputs.flight.trigger,
+        heading=way.heading_deg,
+        grid="line" if shape.rows == 1 else "lanes",
+        lanes=None if shape.rows == 1 else shape.rows,
+        lane_pitch=max(shape.across / shape.along, 1.0) if pitched else None,
+        baseline=shape.along * way.altitude_m,
+        samples=shape.samples,
+        max_samples=None,
+        **values,
+    )
 
 
 def near_shares(

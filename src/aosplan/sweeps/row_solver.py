@@ -16,6 +16,7 @@ from aosplan.camera.disparity import disparity_px
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.kinematics import path_of
 from aosplan.models.equations import aperture
+from aosplan.planning.aircraft import with_drone_file
 from aosplan.planning.loaded_scene import LoadedScene, load_scene
 from aosplan.planning.options import OPTIONS
 from aosplan.planning.request import PlanRequest
@@ -132,9 +133,10 @@ def solve_row(
 ) -> Outcome:
     """Solve one scenario; a scenario without a solution is an outcome, not an error."""
     try:
-        inputs = resolve_inputs(
-            PlanRequest(**values), folder=folder, load=partial(scene_for, folder=folder)
-        )
+        request = PlanRequest(**with_drone_file(values, folder))
+        if request.searches:
+            return Outcome("invalid", "a sweep does not search for the fastest flight over an area")
+        inputs = resolve_inputs(request, folder=folder, load=partial(scene_for, folder=folder))
         solved = solve_inputs(
             inputs,
             memo=memo,

@@ -53,7 +53,7 @@ def render(mission: Mission) -> bytes:
     return wpml.render(mission, _AUTEL)
 
 
-notes = wpml.notes
+notes = wpml.reference_notes
 
 
 def _machine(mission: Mission) -> wpml.Machine:

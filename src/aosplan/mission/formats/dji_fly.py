@@ -47,7 +47,7 @@ def render(mission: Mission) -> bytes:
     return wpml.render(mission, _FLY)
 
 
-notes = wpml.notes
+notes = wpml.reference_notes
 
 
 def _machine(mission: Mission) -> wpml.Machine:

@@ -13,7 +13,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
-from aosplan.mission.dji_models import DRONES, PAYLOADS
+from aosplan.mission.dji_models import DRONES, PAYLOADS, check_carried
 from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Format, Limits
 from aosplan.xml_text import xml_text
@@ -227,7 +227,7 @@ def _has_reference(settings: FlightSettings) -> bool:
     return known and settings.height_datum == "ellipsoid"
 
 
-def notes(missions: Sequence[Mission]) -> list[str]:
+def reference_notes(missions: Sequence[Mission]) -> list[str]:
     """Assumptions of the files, one sentence each."""
     settings = missions[0].settings
     if not _has_reference(settings):
@@ -236,6 +236,25 @@ def notes(missions: Sequence[Mission]) -> list[str]:
         "the reference point of the take-off has the height above the ellipsoid that the terrain file "
         f"gives, {settings.takeoff_ground_m:.1f} m; all other heights are above the take-off"
     ]
+
+
+def notes(missions: Sequence[Mission]) -> list[str]:
+    """Assumptions of files for DJI Pilot 2, one sentence each."""
+    found = reference_notes(missions)
+    drone = machine(missions[0])
+    camera = _camera_name(missions[0])
+    if missions[0].settings.drone is None:
+        found.insert(
+            0,
+            f"no drone is given, so the file is for the {drone.name}, to which the camera {camera} belongs; "
+            "if another one flies it, give its --drone",
+        )
+    if not camera.startswith(drone.carries):
+        found.append(
+            f"the camera {camera} is not one of {drone.carries}: photos are stored by its lens "
+            f"'{_lens(missions[0], drone)}'"
+        )
+    return found
 
 
 def machine(mission: Mission) -> Machine:
@@ -259,13 +278,7 @@ def machine(mission: Mission) -> Machine:
             f"{FORMAT.title} needs to know what the drone {name} carries",
             f"give --payload {', '.join(payload for payload in PAYLOADS if payload not in DRONES)}",
         )
-    if payload != drone.payload and (drone.payload is not None or payload in DRONES):
-        raise RequestError(
-            f"the drone {name} does not carry {payload}",
-            "give another --payload"
-            if drone.payload is None
-            else "leave --payload out, or give another --drone",
-        )
+    check_carried(name, payload)
     return Machine(name, drone, _known(payload, PAYLOADS, "payload"), payload)
 
 
@@ -301,8 +314,11 @@ _ONE_COLOUR_TOKEN = {
 
 def _lens(mission: Mission, machine: Machine) -> str:
     """The lens whose photos are stored, with the token that DJI's own files use."""
-    if _camera_name(mission).endswith("thermal"):
+    camera = _camera_name(mission)
+    if camera.endswith("thermal"):
         return "ir"
+    if camera.endswith("multispectral"):
+        return "narrow_band"
     return "visable" if machine.carries in _ONE_COLOUR_TOKEN else "wide"
 
 

@@ -24,10 +24,13 @@ def flight_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         )
     if flight.wind is not None and route.wind_delay_s is not None:
         said = f"{flight.wind.speed_mps:g} m/s from {flight.wind.from_deg:g}°: "
+        photos_s, flights_s = route.wind_delay_s
         yield (
             "Wind",
-            said + f"{route.wind_delay_s:.0f} s longer from first photo to last"
-            if route.wind_delay_s >= 0.5
+            said
+            + f"{photos_s:.0f} s longer from first photo to last, {flights_s:.0f} s longer from "
+            "take-off to landing"
+            if max(route.wind_delay_s) >= 0.5
             else said + "no longer: the drone reaches the same speeds over ground",
         )
     if flight.autopilot is not None:

@@ -1,0 +1,80 @@
+"""Drone files are looked for beside the file that names them, as other files are."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import aosplan
+from aosplan.cli.app import run
+
+DRONE = """title = "Ours"
+speed_mps = 6.5
+acceleration_mps2 = 2.0
+climb_mps = 2.0
+airspeed_mps = 14.0
+camera = "lens.toml"
+autopilot = "px4"
+"""
+LENS = """name = "lens"
+focal_length_mm = 9.0
+sensor_width_mm = 7.68
+sensor_height_mm = 6.144
+image_width_px = 640
+image_height_px = 512
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with a drone, its camera and a request; the current folder is another one."""
+    place = tmp_path / "missions"
+    place.mkdir()
+    (place / "ours.toml").write_text(DRONE)
+    (place / "lens.toml").write_text(LENS)
+    (place / "request.toml").write_text('altitude = 40\ndrone = "ours.toml"\n')
+    away = tmp_path / "away"
+    away.mkdir()
+    monkeypatch.chdir(away)
+    monkeypatch.setenv("HOME", str(away))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    return place
+
+
+def test_of_a_request_file(folder, capsys):
+    assert run(["plan", str(folder / "request.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["flight"]["transit_mps"] == 6.5
+    assert found["flight"]["autopilot"] == "px4"
+
+
+def test_of_the_users_defaults(folder, capsys, monkeypatch):
+    monkeypatch.setenv("AOSPLAN_DEFAULTS", str(folder / "request.toml"))
+    assert run(["plan", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["flight"]["transit_mps"] == 6.5
+
+
+def test_of_a_sweep(folder):
+    (folder / "sweep.toml").write_text('[sweep]\ndrone = ["ours.toml", "dji-m3t"]\naltitude = 40\n')
+    assert run(["sweep", str(folder / "sweep.toml"), "--out", "rows.csv", "--quiet"]) == 0
+    assert Path("rows.csv").read_text().count(",ok,") == 2
+
+
+def test_of_python(folder):
+    found = aosplan.plan(altitude=40, drone="ours.toml", folder=folder)
+    assert found.settings.transit_mps == 6.5
+    # An earlier plan knows the folder of its files.
+    again = aosplan.plan(found, vhat=0.9)
+    assert again.camera.focal_length_mm == 9.0
+    assert again.solution.pattern.samples < found.solution.pattern.samples
+    of_file = aosplan.plan(folder / "request.toml")
+    assert aosplan.plan(of_file).document()["request"] == of_file.document()["request"]
+
+
+def test_a_plan_keeps_the_folder_of_its_area(folder):
+    side = [[14.3261, 48.3358], [14.3266, 48.3358], [14.3266, 48.3361], [14.3261, 48.3358]]
+    (folder / "field.json").write_text(json.dumps({"type": "Polygon", "coordinates": [side]}))
+    (folder / "area.toml").write_text('altitude = 60\narea = "field.json"\n')
+    found = aosplan.plan(folder / "area.toml")
+    assert aosplan.plan(found).waypoints == found.waypoints
+    assert aosplan.tradeoff(found, vhat=0.5).rows
