@@ -288,6 +288,6 @@ def test_defaults_never_contradict_what_is_asked_for(own, asked):
         assert getattr(found, name) == value
     alone = {n for n in own if n not in asked and getattr(found, n) != own[n]}
     # Defaults that are not used contradict an option, or need another one that is not given.
-    contradicted = {"altitude", "gsd", "vhat", "visibility", "camera", "speed"}
+    contradicted = {"altitude", "gsd", "vhat", "visibility", "camera", "speed", "flight_time"}
     unpaired = {"takeoff", "max_blur", "lanes"}
     assert alone <= contradicted | unpaired
