@@ -50,8 +50,8 @@ def cheaper_way(
     """
     if not request.over_area or loaded.kind == "cloud":
         return None
-    from aosplan.planning.search_shapes import request_of
     from aosplan.planning.within import WithinSearch
+    from aosplan.planning.within_shapes import request_of
 
     opened = replace(
         request, within=LONGEST_MIN, optimize="time", grid="best", trigger="best", lanes=None,
