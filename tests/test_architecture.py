@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from functools import cache
@@ -438,6 +439,8 @@ def public_definitions(path):
 
 def private_names_taken(path):
     """Private names of other modules that a file imports, uses or replaces, with their lines."""
+    if not re.search(r"(?<!\w)_[A-Za-z]", path.read_text(encoding="utf-8")):
+        return
     tree, modules = tree_of(path), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("aosplan"):

@@ -26,7 +26,7 @@ PLACES = [(48.3, 14.3), (0.0, 0.0), (-16.5, 180.0), (52.0, -179.9999), (-89.0, 2
 """Closer to a pole, lines that are straight in degrees are not straight in metres."""
 
 quick = settings(
-    max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
 )  # fmt: skip
 
 

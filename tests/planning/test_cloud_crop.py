@@ -77,6 +77,7 @@ def points_used(document):
     return document["scene"]["points"]
 
 
+@pytest.mark.slow
 def test_scene_and_plan_read_the_crop(tile, folder, command):
     def document(*arguments):
         status, out, err = command(*arguments, "--json")

@@ -131,12 +131,13 @@ def test_batteries_count():
 
 
 def test_what_is_fixed_stays_fixed():
-    found = searched(within=2.0, grid="line", trigger="stop", heading=30.0)
+    found = searched(within=2.0, grid="line", trigger="stop", heading=30.0, samples=12)
     assert found.grid.name == "line"
     assert found.request.trigger == "stop"
     assert found.heading_deg == 30.0
-    assert searched(within=2.0, samples=12).solution.pattern.samples == 12
-    assert searched(within=2.0, baseline=3.0).solution.baseline_m == pytest.approx(3.0)
+    assert found.solution.pattern.samples == 12
+    found = searched(within=2.0, grid="line", baseline=3.0)
+    assert found.solution.baseline_m == pytest.approx(3.0)
 
 
 def test_too_little_time_is_refused_with_how_much_is_enough():
@@ -147,7 +148,7 @@ def test_too_little_time_is_refused_with_how_much_is_enough():
 
 
 def test_an_unknown_rate_of_photos_is_assumed_aloud():
-    found = plan(PlanRequest(altitude=40, optimize="detection", within=1.0))
+    found = plan(PlanRequest(altitude=40, optimize="detection", within=1.0, grid="line"))
     assert "photo_interval_assumed" in {warning.code for warning in found.warnings}
 
 

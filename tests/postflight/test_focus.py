@@ -221,6 +221,7 @@ def command(command):
     return partial(command, "integrate")
 
 
+@pytest.mark.slow
 def test_one_command_focuses_and_says_what_it_found(command, folder):
     fly(folder, yaw_bias=3.0, height_error=2.0, off_m=0.3)
     status, out, _ = command(
