@@ -10,6 +10,7 @@ chapters import each other in a circle.
 
 import ast
 from collections import Counter
+from functools import cache
 from graphlib import TopologicalSorter
 from html import escape
 from itertools import accumulate, pairwise
@@ -44,6 +45,7 @@ def root_modules():
     return sorted(path.stem for path in SOURCE.glob("*.py") if not path.stem.startswith("__"))
 
 
+@cache
 def arrows():
     """Imports between chapters, those in functions and for type checkers included."""
     names = set(chapters())

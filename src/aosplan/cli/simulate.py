@@ -98,6 +98,9 @@ def _settings(
     max_targets: str | None,
 ) -> Settings:
     from aosplan.simulation.compare import FORESTS, Settings
+    from aosplan.simulation.experiments import check_views
+
+    check_views(wanted.samples)  # before they are planned, which takes seconds
 
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
     if forest is not None:

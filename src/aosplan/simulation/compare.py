@@ -37,6 +37,7 @@ from aosplan.simulation.experiments import (
     ForestExperiment,
     NoiseExperiment,
     PlotExperiment,
+    check_views,
 )
 from aosplan.simulation.forests import maker
 from aosplan.simulation.moments import Estimate, estimate
@@ -61,9 +62,6 @@ QUANTITIES = ("density", "expected", "normalized")
 
 MOST_ERRORS = 4.0
 """Largest difference in standard errors that can be due to chance, less than once in a thousand."""
-
-MOST_VIEWS = 10_000
-"""Largest number of views that is simulated."""
 
 MOST_TARGETS = 100_000_000
 """Default limit of the number of targets of a simulation."""
@@ -257,13 +255,9 @@ def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, 
     ------
     RequestError
         If the forest does not suit the scene, if there is no target area, if there are more than
-        `MOST_VIEWS` views, or if the plan has position noise or oblique rays.
+        `aosplan.simulation.experiments.MOST_VIEWS` views, or if the plan has position noise or oblique rays.
     """
-    if (views := plan.solution.pattern.samples) > MOST_VIEWS:
-        raise RequestError(
-            f"the plan has {views} samples, but at most {MOST_VIEWS} are simulated",
-            "give a smaller --samples or --max-samples",
-        )
+    check_views(plan.solution.pattern.samples)
     if plan.inputs.hold_error_m > 0.0:
         raise RequestError(
             f"--hold-error {plan.inputs.hold_error_m:g}: a simulation flies to every site exactly",

@@ -24,7 +24,8 @@ from aosplan.grid.patterns import local_sites
 from aosplan.models.clutter import HECTARE_M2
 from aosplan.models.counted_detection import tail_level
 from aosplan.models.seen_share import SHARES
-from aosplan.simulation.compare import FOREST_OF, MOST_VIEWS
+from aosplan.simulation.compare import FOREST_OF
+from aosplan.simulation.experiments import check_views
 from aosplan.simulation.forests import generator, maker
 from aosplan.simulation.search import SIZE_M, TargetRadiance, search_layers, search_volume
 
@@ -140,8 +141,7 @@ def compare_search(
     detection = plan.detection
     if detection is None:
         raise RequestError("the plan has no target to find", "give --find person")
-    if (views := plan.solution.pattern.samples) > MOST_VIEWS:
-        raise RequestError(f"the plan has {views} samples, but at most {MOST_VIEWS} are simulated")
+    check_views(plan.solution.pattern.samples)
     forests = forests or FORESTS
     forest = forest or FOREST_OF[plan.scene.kind if plan.volume is None else "cloud"]
     found = []

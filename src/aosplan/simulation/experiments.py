@@ -47,6 +47,9 @@ PLOT_VOXELS = 1 << 25
 TARGETS_AN_OCCLUDER = {"telecentric": 6, "perspective": 3}
 """Approximate targets per edge of the smallest occluder; telecentric rays are rounded to them."""
 
+MOST_VIEWS = 10_000
+"""Largest number of views that is simulated."""
+
 MOST_RAYS = 10_000_000_000
 """Largest number of views times targets, about a minute; patches are made smaller to keep it."""
 
@@ -61,6 +64,15 @@ STEEPEST = 1.0
 
 PLOT_BLOCKS = 4
 """Blocks along each side of a real plot; their variation gives the standard error."""
+
+
+def check_views(samples: int | None) -> None:
+    """Refuse to simulate more than `MOST_VIEWS` samples, whether planned or asked for."""
+    if samples is not None and samples > MOST_VIEWS:
+        raise RequestError(
+            f"the plan has {samples} samples, but at most {MOST_VIEWS} are simulated",
+            "give a smaller --samples or --max-samples",
+        )
 
 
 class Experiment(Protocol):
