@@ -2,9 +2,8 @@
 
 eq1.csv     p and T of Eq. 1, by mpmath with 50 digits, for l/o up to 10^6.
 eq2.csv     V, 1 - V, V̂ and 1 - V̂ of Eq. 2.  Square grids up to 40 x 40 are computed by the
-paper's
-            double sum as printed; larger ones and rectangles, with sides up to 10^6, by the
-            appendix's sum for both axes, term by term.
+            paper's double sum as printed; larger ones and rectangles, with sides up to 10^6, by
+            the appendix's sum for both axes, term by term.
 
 Arguments are hexadecimal floats, results are decimals with 30 digits.  The tables are
 deterministic, and a test compares them with the output of this file.

@@ -83,7 +83,7 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: No
 def total(
     points: Points, measure: Callable[[float], float], zones: NoFlyZones | None = None
 ) -> float:
-    """Sum of a measure of the lengths of all legs through points, around zones."""
+    """Sum over the legs through points, around zones, of `measure` applied to their lengths."""
     lengths = np.hypot(*np.diff(points, axis=0).T)
     if zones:
         for leg in np.flatnonzero(zones.cross(points[:-1], points[1:])):

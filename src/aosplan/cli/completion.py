@@ -28,7 +28,7 @@ VARIABLE = "AOSPLAN_COMPLETE"
 class Values(NamedTuple):
     """Values of an option or argument: known words, and files with some extensions.
 
-    Without extensions there are no files; an empty extension means any file.
+    If there are no extensions, no files are suggested; an empty extension stands for any file.
     """
 
     words: Callable[[], Iterable[str]] = tuple

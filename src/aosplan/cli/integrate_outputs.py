@@ -58,7 +58,7 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
 
 
 def check_figure(path: str) -> None:
-    """Refuse a figure of an unknown format, or if matplotlib is not installed."""
+    """Refuse a figure if its format is unknown or matplotlib is not installed."""
     from aosplan.show.figures.canvas import check_extra, form_of
 
     form_of(path)

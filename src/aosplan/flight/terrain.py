@@ -308,7 +308,7 @@ def follow(
 
 
 def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:
-    """Indices of a profile between which it is nowhere too far above the straight line.
+    """Indices at which a profile is approximated by a polyline.
 
     The first and the last index are included.  Between consecutive indices the profile is at most
     `tolerance_m` above the straight line.

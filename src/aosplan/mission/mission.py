@@ -261,9 +261,9 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     Raises
     ------
     RequestError
-        For ArduPilot, if the hold is not a whole number of seconds of at least 1: AP_Mission
-        stores whole seconds, and ArduCopter flies through a waypoint without a hold.  For PX4, if
-        it is shorter than `PX4_LEAST_HOLD_S`.
+        If the hold for ArduPilot is not a whole number of seconds of at least 1, because
+        AP_Mission stores whole seconds, and ArduCopter flies through a waypoint without a hold.
+        If the hold for PX4 is shorter than `PX4_LEAST_HOLD_S`.
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(

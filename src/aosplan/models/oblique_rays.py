@@ -87,12 +87,12 @@ class RayBundle(NamedTuple):
     def predict(
         self, reach: tuple[int, int], shared: Callable[[int, int, Floats], Any]
     ) -> Prediction:
-        """Prediction from what pairs of rays have in common.
+        """Prediction from the covariances of pairs of rays.
 
         Parameters
         ----------
         reach
-            Largest offsets in rows and columns at which anything is shared.
+            Largest offsets in rows and columns at which rays share an occluder.
         shared
             ``shared(rows apart, columns apart, lengths)``: P(both clear)/(T_i T_k) - 1 of pairs,
             whose shorter rays have these lengths.
@@ -122,17 +122,17 @@ def predict_scattered(
     log_transparency: float,
     shared: Callable[[Floats, Floats, Floats], Floats],
 ) -> Prediction:
-    """Prediction for samples that lie on no lattice; costs N².
+    """Prediction for samples that are not on a lattice; the time grows with N².
 
     Parameters
     ----------
     points_m
-        Shape (N, 2), from the middle.
+        Shape (N, 2), relative to the centre.
     altitude_m, kind, log_transparency
         As in `bundle`.
     shared
-        As of `Bundle.predict`, of pairs by their distances along both axes and the lengths of
-        their shorter rays.
+        ``shared(x, y, lengths)``: P(both clear)/(T_i T_k) - 1 of pairs at these distances along
+        both axes, whose shorter rays have these lengths.
     """
     lengths = ray_lengths(points_m[:, 0], points_m[:, 1], altitude_m, kind)
     t = np.exp(lengths * log_transparency)

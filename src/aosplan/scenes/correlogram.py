@@ -15,9 +15,9 @@ With this choice, all pairs of one entry are pairs of views on one polar lattice
 enough for the whole table.
 
 **Pairs.**  The correlation of two views that are Δ apart decreases as the pair moves away from
-nadir.  An entry is therefore a mean over positions of the pair in a square aperture: centred at
-nadir, moved by Δ/2 to either side across Δ, and moved by Δ/2 either way along Δ.  The last two have
-half the weight, because fewer pairs fit into the aperture there.
+nadir.  An entry is therefore a mean over five positions of the pair in a square aperture: at nadir,
+Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both sides.  The
+last two have half the weight, because fewer pairs fit into the aperture there.
 
 For grids that are as wide as they are long, lie within the plot's reach, and have b/h = 0.01 … 0.1
 and N = 4 … 100, V̂ is within 0.016 of the exact value (two point clouds and nineteen generated

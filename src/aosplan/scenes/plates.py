@@ -38,7 +38,8 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_voxel: int) -> ND
     Returns
     -------
     ndarray
-        Shape (slices, N, 3, 2): three meetings each; those that are not needed repeat another one.
+        Shape (slices, N, 3, 2): shifts for up to three cells that a ray meets; if it meets fewer,
+        shifts are repeated.
     """
     once = np.floor(offsets * middle[:, np.newaxis, np.newaxis] + 0.5).astype(np.intp)
     more = np.sqrt(1.0 + (slope * slope).sum(axis=1)) - 1.0

@@ -64,9 +64,9 @@ class VoxelVolume:
     assumed
         Assumptions that were made instead of measurements.
     slice_m
-        Thickness of a slice if it is not that of a voxel.  The voxels are then plates: a ray meets
-        one in each slice, and a slanted ray more for its longer path.  Otherwise the voxels are
-        cubes with side faces.
+        Thickness of a slice if it is not that of a voxel.  The voxels are then plates without side
+        faces: a ray meets one in each slice, and a slanted ray meets more, in proportion to its
+        length.  Otherwise the voxels are cubes.
     opacity
         How opacity was found, for volumes from point clouds.
     bounds

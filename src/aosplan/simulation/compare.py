@@ -13,9 +13,9 @@ perspective.  Noise patterns are the experiment of the paper; the prediction is 
 
 **Agreement.**  Prediction and experiment agree if each of p, V and V̂ differs by at most
 `MOST_ERRORS` standard errors plus the systematic error of the experiment: the effect of voxels on
-p, V and K (`TOLERANCE`), and the effect of cubes on K.  Seen at a slant, cubes look up to 1 + s
-times as wide, so the latter is the change of K of independent slices at a correspondingly smaller
-disparity.
+p, V and K (`TOLERANCE`), and the effect of cubes on K.  Slanted rays see cubes that are up to 1 + s
+times as wide.  Their effect is therefore computed as the change of K of independent slices at a
+disparity that is smaller by this factor.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ class SingleBlock(ScenarioTable):
 
 
 def _kinds(columns: Mapping[str, NDArray[Any]]) -> dict[str, frozenset[type]]:
-    """Types of the values of columns of objects, without None."""
+    """For each column of objects, the types of its values other than None."""
     return {
         name: frozenset(map(type, column.flat)) - {type(None)}
         for name, column in columns.items()

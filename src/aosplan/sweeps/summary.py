@@ -115,7 +115,7 @@ class Reason(NamedTuple):
     text: str
 
     def __add__(self, other: object) -> Reason:
-        """The reason over the scenarios of both."""
+        """The sum of two counts of the same kind of reason."""
         assert isinstance(other, Reason)
         first = min(self, other, key=lambda reason: reason.row)
         return Reason(self.scenarios + other.scenarios, first.row, first.text)

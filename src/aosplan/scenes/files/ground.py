@@ -92,7 +92,8 @@ def lowest(blocks: Iterable[Floats], size_m: Floats, edge_m: float = FILTER_CELL
 def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
     """Whether z is already the height above the ground, judged by the lowest points of the plot.
 
-    It is if the lowest point is within half a metre of zero in nine of ten cells of 5 m.
+    The result is true if the lowest point is within half a metre of zero in at least nine of ten
+    cells of 5 m.
     """
     bottom = lowest([low], size_m, COARSE_CELL_M)[2]
     return float(np.mean(np.abs(bottom - zero_m) <= NORMALIZED_WITHIN_M)) >= NORMALIZED_SHARE

@@ -123,7 +123,7 @@ def _defer_bound(
 
 
 def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
-    """Refuse targets that no number of samples reaches, or that need more than one plan may have."""
+    """Refuse targets that cannot be reached, or that need more samples than a plan may have."""
     symbol, value, _, fewest = asked.target
     t, p = asked.transparency, asked.density
     statuses.refuse(
