@@ -1,7 +1,7 @@
-"""How the documentation is built:  sphinx-build -W -n --keep-going -b html docs docs/_build/html
+"""Settings of the documentation:  sphinx-build -W -n --keep-going -b html docs docs/_build/html
 
-Everything is made offline: formulas are MathML, fonts the reader's own, figures drawn by the
-commands that the pages show.
+Everything is built offline: formulas are MathML, fonts are those of the reader, and figures are
+drawn by the commands on the pages.
 """
 
 import re
@@ -29,8 +29,8 @@ extensions = [
 ]
 exclude_patterns = ["_build", "extensions"]
 nitpicky = True
-# Types of other packages, whose documentation would have to be fetched, and in annotations our own
-# that are no part of what is public.
+# Types of other packages, whose documentation would have to be downloaded, and our own types in
+# annotations that are not public.
 nitpick_ignore_regex = [
     ("py:.*", r"(np|numpy|collections|decimal|fractions|typing|os|pathlib)\..*"),
     ("py:class", "Any|ArrayLike|Axes|Decimal|Fraction|NDArray|aosplan.camera.disparity.Slab"),
@@ -50,7 +50,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 default_role = "code"
-smartquotes = False  # --flags stay as they are typed
+smartquotes = False  # --flags keep their two hyphens
 python_display_short_literal_types = True
 python_maximum_signature_line_length = 88
 napoleon_google_docstring = False
@@ -74,11 +74,11 @@ HOMES = {
     "Row": "solver.tradeoff",
     "Solution": "solver.solution",
 }
-"""Where names are described that modules import for type checkers alone."""
+"""Modules that document names which others import for type checkers only."""
 
 
 def _find_home(app, env, node, content):
-    """What an annotation's bare name refers to."""
+    """Resolve the target of a bare name in an annotation."""
     home = HOMES.get(node.get("reftarget", ""))
     if home is None or node.get("refdomain") != "py":
         return None
@@ -89,7 +89,7 @@ def _find_home(app, env, node, content):
 
 
 def _whole_sentences(app, what, name, obj, options, lines):
-    """Have a property begin with an empty comment: napoleon takes text before a colon for a type."""
+    """Start properties with an empty comment, because napoleon reads text before a colon as a type."""
     if what == "property":
         lines[:0] = ["..", ""]
 

@@ -1,1 +1,1 @@
-"""What the documentation adds to Sphinx, and what its pages are generated and tested with."""
+"""Extensions of Sphinx, and functions that generate and test the pages."""

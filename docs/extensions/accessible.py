@@ -1,13 +1,15 @@
-"""What Sphinx and the theme leave out for keyboards and screen readers."""
+"""Additions to the output of Sphinx and the theme for keyboards and screen readers."""
 
 import re
 
 PARAMETERS = re.compile(r"<dl>\n(?:<dd>.*</dd>\n)+</dl>")
-"""A signature over several lines: a list of definitions without a term, so none."""
+"""A signature over several lines, which is a list of definitions without terms and therefore not
+valid.
+"""
 
 
 def _mend(app, pagename, templatename, context, doctree):
-    """Blocks and tables that scroll are reached by keyboard; captions in the sidebar have a level."""
+    """Make scrolling blocks and tables reachable by keyboard, and give sidebar captions a level."""
     body, tree = context.get("body"), context.get("furo_navigation_tree")
     if body:
         body = body.replace("<pre>", '<pre tabindex="0">')

@@ -1,4 +1,4 @@
-"""The directive ``{chapters}``: the picture of the chapters, drawn while a page is read."""
+"""The directive ``{chapters}``: the diagram of the chapters, drawn when the page is read."""
 
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective

@@ -1,11 +1,11 @@
-"""The chapters of ``src/aosplan``: a picture of their imports, and what each of them owns.
+"""The chapters of ``src/aosplan``: a diagram of their imports, and the responsibility of each.
 
     ```{chapters}
     ```
 
-Everything is read from the syntax trees of the source files. A chapter stands one row above the
-highest chapter that it imports, so that each arrow of the picture points down. The build stops if
-chapters import each other in a circle.
+Everything is read from the syntax trees of the source files.  A chapter is one row above the
+highest chapter that it imports, so that all arrows of the diagram point down.  The build fails if
+imports between chapters form a cycle.
 """
 
 import ast
@@ -47,7 +47,7 @@ def root_modules():
 
 @cache
 def arrows():
-    """Imports between chapters, those in functions and for type checkers included."""
+    """Imports between chapters, including those in functions and for type checkers."""
     names = set(chapters())
     found = Counter()
     for path in sorted(SOURCE.rglob("*.py")):
@@ -76,7 +76,7 @@ def _imported(path):
 
 
 def rows(found):
-    """The chapters from the top row to the bottom one."""
+    """The chapters of each row, from top to bottom."""
     below = {name: {each.lower for each in found if each.upper == name} for name in chapters()}
     height = {}
     for name in TopologicalSorter(below).static_order():
@@ -88,10 +88,10 @@ def rows(found):
 
 
 def places(found):
-    """The centre of each box, and the points that long arrows pass, in the picture [px].
+    """Centres of the boxes, and points of the long arrows, in the diagram [px].
 
-    Rows are ordered by the means of their neighbours' places (Sugiyama, Tagawa and Toda, 1981). An
-    arrow over several rows passes a point of its own in each row between, so that it crosses no box.
+    Rows are ordered by the means of their neighbours' positions (Sugiyama, Tagawa and Toda, 1981).
+    An arrow over several rows has a point in each row between, so that it crosses no box.
     """
     table = [list(row) for row in rows(found)]
     level = {name: line for line, row in enumerate(table) for name in row}
@@ -119,7 +119,7 @@ def places(found):
 
 
 def _spread(row):
-    """Each node of a row and its place x [px], the row's middle being at 0."""
+    """Nodes of a row with their x [px], relative to the middle of the row."""
     widths = [COLUMN_PX if isinstance(node, str) else POINT_PX for node in row]
     ends = list(accumulate(widths))
     return [
@@ -129,7 +129,7 @@ def _spread(row):
 
 
 def svg():
-    """The picture as SVG for a page of HTML; its colours are those of the theme."""
+    """The diagram as SVG for an HTML page, with the colours of the theme."""
     found = arrows()
     place = places(found)
     left = min(x for x, _ in place.values()) - 0.5 * COLUMN_PX
@@ -173,7 +173,7 @@ def _box(text, x, y, width, height, kind="box"):
 
 
 def described(found):
-    """What the picture shows, in words."""
+    """A description of the diagram in words."""
     table = "; ".join(", ".join(row) for row in rows(found))
     direct = ", ".join(f"{each.upper} to {each.lower}" for each in found if not each.is_implied)
     return (
@@ -183,7 +183,9 @@ def described(found):
 
 
 def owned():
-    """What each chapter owns, from the docstrings of its package and its modules, as Markdown."""
+    """Responsibilities of each chapter, from the docstrings of its package and modules, as
+    Markdown.
+    """
     parts = []
     for row in rows(arrows()):
         for name in row:

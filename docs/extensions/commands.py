@@ -1,4 +1,4 @@
-"""The command line as Markdown, made from the commands themselves."""
+"""The reference of the command line as Markdown, generated from the commands."""
 
 from functools import partial
 from importlib import import_module
@@ -20,7 +20,7 @@ UNITS = {
     "M/S": "metres a second",
     "M/S²": "metres a second squared",
 }
-"""What a placeholder says of the unit."""
+"""Unit of a value by the placeholder in the help."""
 
 DOMAINS = {
     q.number: "any number",
@@ -46,11 +46,11 @@ DOMAINS = {
     parsers.length_units: "one or two units of length by their short names or their names in EPSG",
     parsers.payload: "a payload of [](presets.md#payloads)",
 }
-"""What the parsers of `aosplan.planning.option_parsers` accept."""
+"""Values that the parsers of `aosplan.planning.option_parsers` accept."""
 
 
 def domain(parse):
-    """What an option's parser accepts, in words."""
+    """The values that an option's parser accepts, in words."""
     while isinstance(parse, partial):
         parse = parse.args[0] if parse.func is parsers.bounded else parse.func
     if parse in DOMAINS:
@@ -67,7 +67,7 @@ def loaded(name):
 
 
 def overview():
-    """The commands, a line each."""
+    """The list of commands, one line each."""
     rows = [f"- [`aosplan {name}`](#aosplan-{name}): {text}" for name, text in COMMANDS.items()]
     return "\n".join(rows)
 
@@ -112,12 +112,12 @@ def usage(found, name):
 
 
 def flag(parameter):
-    """An option as it is written."""
+    """An option with its placeholder."""
     return parameter.opts[-1]
 
 
 def described(parameter):
-    """An option's text, and its default, which its help has in brackets."""
+    """An option's text and its default, which is in brackets in the help."""
     match = fullmatch(r"(.*?)\s*\[([^\[\]]+)\]", parameter.help or "")
     return (match[1], match[2]) if match else (parameter.help or "", "")
 
@@ -133,7 +133,7 @@ def facts(parameter):
 
 
 def _is_plans(parameter):
-    """Whether an option is that of a plan's request, under its name and with its meaning."""
+    """Whether an option has the name and meaning of an option of a plan's request."""
     name = flag(parameter)[2:].replace("-", "_")
     return name in BY_NAME and BY_NAME[name].help == parameter.help
 
@@ -147,6 +147,6 @@ def _option(parameter):
 
 
 def _text(text):
-    """Help as Markdown: nothing in it is meant as markup but backticks."""
+    """Help as Markdown, in which only backticks are markup."""
     kept = "".join(f"\\{c}" if c in "*_<>[]$" else c for c in text)
     return kept.replace("--", "\\-\\-") if "`" not in kept else kept

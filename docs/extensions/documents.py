@@ -1,4 +1,4 @@
-"""Documents as Markdown, made from the JSON Schemas that `aosplan schema` prints."""
+"""The reference of documents as Markdown, from the JSON Schemas that `aosplan schema` prints."""
 
 import re
 
@@ -15,16 +15,16 @@ UNITS = {
     "mps": "m/s",
     "mps2": "m/s²",
 }
-"""What a name's last part says of the unit."""
+"""Unit by the last part of a name."""
 
 
 def unit(name):
-    """The unit that a field's name carries, or nothing."""
+    """The unit in a field's name, or an empty text."""
     return UNITS.get(name.rpartition("_")[2], "") if "_" in name else ""
 
 
 def document(name):
-    """One document: what it is, and its fields."""
+    """Description and fields of one document."""
     schema = json_schema(name)
     return f"{_sentence(schema)}\n\n{fields(schema)}\n"
 
@@ -54,7 +54,7 @@ def fields(schema):
 
 
 def _kind(about, name):
-    """What a value may be, in words."""
+    """The allowed values in words."""
     if "$ref" in about:
         title = about["$ref"].rpartition("/")[2]
         return f"[{_title(title)}](#{_anchor(title)})"
@@ -82,7 +82,7 @@ def _kind(about, name):
 
 
 def _sentence(schema):
-    """What a document's own text says, as Markdown."""
+    """The description of a document as Markdown."""
     text = " ".join(schema.get("description", "").split())
     return re.sub(r"`mission\.FlightSettings`", "the waypoints", text)
 
@@ -98,5 +98,5 @@ def _anchor(name):
 
 
 def _cell(text):
-    """Text of a cell; the default that an option's help has in brackets, in words."""
+    """Text of a cell, with the default of an option in words instead of brackets."""
     return re.sub(r"\s*\[([^\[\]]+)\]$", r" Default: \1.", text).replace("|", "\\|")

@@ -1,4 +1,4 @@
-"""Pictures that a page's own commands make, and the commands with them.
+"""Pictures that are drawn by commands on the page, together with these commands.
 
     ```{drawn} forest.png
     :alt: What is to be seen, for those who do not see it
@@ -7,10 +7,11 @@
     aosplan simulate --altitude 40 --picture forest.png
     ```
 
-The blocks of the page run from top to bottom when its first picture is needed, so that a
-picture may take what earlier blocks wrote; nothing drawn is kept in the repository.  With
-``:language: python`` the content is Python that saves the picture.  With ``:alt: described`` the words are those that the command prints, as `aosplan plot` does, and the
-figure is drawn a second time for dark pages.  Of a ``.html`` that is written there is a link.
+When the first picture of a page is needed, all blocks of the page run from top to bottom, so that a
+picture can use files that earlier blocks wrote.  Pictures are not kept in the repository.  With
+``:language: python`` the content is Python code that saves the picture.  With ``:alt: described``
+the description is the one that the command prints, as `aosplan plot` does, and the figure is drawn
+a second time for dark pages.  If the output is an ``.html`` file, the page has a link to it.
 """
 
 import os
@@ -55,11 +56,11 @@ class Drawn(SphinxDirective):
             raise self.error(f"an example of this page: {failed}") from failed
         texts, messages = self.parse_inline(self.options["caption"])
         figure = nodes.figure("", *images, nodes.caption("", "", *texts))
-        # A picture that a block above wrote has no command of its own.
+        # A picture that was written by an earlier block has no command here.
         return [*([shown] if command else []), figure, *messages]
 
     def _followed(self):
-        """The folder of the page's files, and what its pictures' commands printed."""
+        """The folder of the page's files, and the output of the commands for its pictures."""
         folder = Path(self.env.doctreedir).parent / "drawn" / self.env.docname
         if "drawn" not in self.env.temp_data:
             folder.mkdir(parents=True, exist_ok=True)
@@ -72,7 +73,7 @@ class Drawn(SphinxDirective):
         return folder, self.env.temp_data["drawn"]
 
     def _images(self, folder, name, printed):
-        """The picture, or its light and its dark version."""
+        """The picture, or a light and a dark version of it."""
         if self.options["alt"] != "described":
             yield self._image(folder / name, self.options["alt"])
             return
@@ -103,7 +104,7 @@ class Drawn(SphinxDirective):
 
 
 def is_page(name):
-    """Whether what is made is a page to link to, not a picture to show."""
+    """Whether the output is a page, which is linked, rather than a picture."""
     return name.endswith(".html")
 
 

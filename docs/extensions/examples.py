@@ -1,17 +1,17 @@
-"""The code blocks of pages: how they are found, run and compared with what the pages show.
+"""Find and run the code blocks of pages, and compare the output with that on the pages.
 
-A page is read from top to bottom in a folder of its own:
+The blocks of a page run from top to bottom in a folder of their own:
 
-- ``sh``: its lines run, `aosplan` in this process;
-- ``text`` right after it: what the lines before it print, a line ``...`` standing for any lines;
-- a block with a caption: a file of that name is there from now on;
-- ``python``: runs in one namespace a page; what it prints is said by its comments;
-- ``drawn``: its lines run like those of ``sh``; with ``:language: python`` like those of ``python``.
+- ``sh``: the lines run, `aosplan` in this process;
+- ``text`` directly after it: the output of these lines, in which a line ``...`` matches any lines;
+- a block with a caption: a file of this name, which exists from then on;
+- ``python``: code that runs in one namespace per page; comments show its output;
+- ``drawn``: lines that run like those of ``sh``, or of ``python`` with ``:language: python``.
 
-Other languages (``console``, ``toml`` without a caption) are only shown.
+Blocks in other languages (``console``, ``toml`` without a caption) are only shown.
 
-    python docs/extensions/examples.py [PAGE ...]      # says what differs
-    python docs/extensions/examples.py --write [PAGE]  # and writes it, where no line is ``...``
+    python docs/extensions/examples.py [PAGE ...]      # prints the differences
+    python docs/extensions/examples.py --write [PAGE]  # writes them, except where a line is ``...``
 """
 
 import contextlib
@@ -32,7 +32,7 @@ FENCE = re.compile(
     r"^(?P<fence>```+)(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=fence)[ ]*$", re.MULTILINE | re.DOTALL
 )
 PREPARATION = ("python3 -m venv ", "pip install ", ".venv/bin/")
-"""Lines that have been followed before a page is read."""
+"""Lines that are skipped, because the environment is already prepared."""
 
 
 class Block(NamedTuple):
@@ -43,12 +43,12 @@ class Block(NamedTuple):
     options: dict[str, str]
     body: str
     start: int
-    """Where its body begins in the page, and where it ends."""
+    """Positions in the page at which the body begins and ends."""
     end: int
 
 
 def pages():
-    """Pages of the documentation, those that are generated or built left out."""
+    """Pages of the documentation, except those that are generated."""
     return sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
 
 
@@ -74,7 +74,7 @@ def blocks(text):
 
 
 def command_lines(body):
-    """Lines of a shell block, continued ones joined, comments and preparation left out."""
+    """Lines of a shell block with continued lines joined, without comments and preparation."""
     for line in body.replace("\\\n", " ").splitlines():
         words = line.strip()
         if words and not words.startswith(("#", *PREPARATION)):
@@ -82,11 +82,11 @@ def command_lines(body):
 
 
 class Failed(Exception):  # noqa: N818 (it is told, not raised through)
-    """A line of a page that does not do what the page says."""
+    """A line of a page does not do what the page shows."""
 
 
 def run_line(line):
-    """What a line of a shell block prints, errors and warnings as well."""
+    """The output of a line of a shell block, including errors and warnings."""
     words = shlex.split(line, comments=True)
     target = None
     if len(words) > 2 and words[-2] == ">":
@@ -121,7 +121,7 @@ def _run(words):
 
 
 class _Captured(io.TextIOWrapper):
-    """A stream of text in memory, with the buffer that JSON is written to."""
+    """A text stream in memory with the buffer to which JSON is written."""
 
     def __init__(self):
         super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
@@ -132,7 +132,7 @@ class _Captured(io.TextIOWrapper):
 
 
 def same(shown, printed):
-    """Whether a page shows what was printed, ``...`` standing for any lines."""
+    """Whether the output on a page equals the printed one; ``...`` matches any lines."""
     lines = _tidy(shown).splitlines()
     pattern = "".join(r"(?:.*\n)*" if line == "..." else re.escape(f"{line}\n") for line in lines)
     return re.fullmatch(pattern, f"{_tidy(printed)}\n") is not None
@@ -143,12 +143,12 @@ def _tidy(text):
 
 
 def follow(text, folder):
-    """Run a page's blocks in a folder: each output it shows, and each picture, and what is printed.
+    """Run a page's blocks in a folder; yield each output and picture with what is printed.
 
     Raises
     ------
     Failed
-        Where a line cannot be run, or a command fails without the page showing its error.
+        If a line cannot be run, or a command fails and the page does not show its error.
     """
     printed, found, names = "", [], {}
     failed = None
@@ -184,7 +184,7 @@ def follow(text, folder):
 
 @contextlib.contextmanager
 def inside(folder):
-    """The surroundings that pages are read in: a folder, a terminal's width, no one's settings."""
+    """The environment for pages: a folder, a width of the terminal, and no user settings."""
     before, known = Path.cwd(), dict(os.environ)
     for name in ("FORCE_COLOR", "CLICOLOR", "CLICOLOR_FORCE"):
         os.environ.pop(name, None)
@@ -200,7 +200,7 @@ def inside(folder):
 
 
 def main(arguments):
-    """Say which outputs differ; with ``--write`` write what is printed into the pages."""
+    """Print the differences; with ``--write`` write the printed output to the pages."""
     write = "--write" in arguments
     named = [Path(name) for name in arguments if not name.startswith("--")] or pages()
     different = 0

@@ -1,9 +1,9 @@
-"""Text that is made from the program:
+"""Text that is generated from the program.
 
     ```{generated} command plan
     ```
 
-The functions of `TEXTS` return Markdown; `tests/docs` reads it without Sphinx.
+The functions of `TEXTS` return Markdown, which `tests/docs` reads without Sphinx.
 """
 
 from sphinx.util.docutils import SphinxDirective

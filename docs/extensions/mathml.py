@@ -1,4 +1,4 @@
-"""Formulas as MathML, which browsers draw themselves: no script, no font, no network."""
+"""Formulas as MathML, which browsers display without scripts, fonts or network."""
 
 from docutils.nodes import SkipNode
 from latex2mathml.converter import convert

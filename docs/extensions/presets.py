@@ -1,4 +1,4 @@
-"""What is built in, as Markdown: cameras, drones, scenes, formats, payloads."""
+"""Built-in cameras, drones, scenes, formats and payloads as Markdown."""
 
 from aosplan.camera.camera import Camera
 from aosplan.camera.presets import CAMERAS
@@ -25,7 +25,7 @@ def table(header, rows):
 
 
 def sources(kind):
-    """Where the numbers of each preset of a kind come from, and what is assumed."""
+    """Sources and assumptions of the numbers of each preset of a kind."""
     lines = []
     for name, preset in PRESETS[kind].items():
         assumed = f" Assumed: {_text(preset.assumed)}." if preset.assumed else ""
@@ -120,11 +120,11 @@ def formats():
 
 
 LOADED = ("waypoints", "plan")
-"""Formats whose files programs that fly them have loaded in the tests."""
+"""Formats whose files are loaded in the tests by the programs that use them."""
 
 
 def flown():
-    """Which drone takes which format, and how its camera is triggered in it."""
+    """The formats of each drone, and how they trigger its camera."""
     forms = [form for form in known_formats().values() if form.flown_by]
     rows = []
     for name, drone in DRONES.items():
@@ -140,7 +140,7 @@ def flown():
 
 
 def payloads():
-    """What DJI drones may carry."""
+    """Payloads of DJI drones."""
     return ", ".join(f"`{name}`" for name in PAYLOADS)
 
 

@@ -1,4 +1,4 @@
-"""Results of the benchmarks as Markdown, from the files that the benchmarks write."""
+"""Results of the benchmarks as Markdown, from their files."""
 
 import csv
 from pathlib import Path
@@ -9,7 +9,7 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
 def results(name):
-    """A table of results, three digits each."""
+    """A table of results with three digits each."""
     with (RESULTS / f"{name}.csv").open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     return table(
@@ -18,7 +18,7 @@ def results(name):
 
 
 def stress():
-    """The table of worst errors, without the text above it."""
+    """The table of largest errors, without the text above it."""
     lines = (RESULTS / "numerical_stress.md").read_text("utf-8").splitlines()
     return "\n".join(line for line in lines if line.startswith("|"))
 

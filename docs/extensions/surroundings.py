@@ -1,4 +1,4 @@
-"""Exit statuses and warnings as Markdown, made from the program's source."""
+"""Exit statuses and warnings as Markdown, generated from the program's source."""
 
 import ast
 from pathlib import Path
@@ -10,11 +10,11 @@ from aosplan import errors
 SOURCE = Path(aosplan.__file__).parent
 
 ELSEWHERE = {"heading": "at --heading …, V̂ of this grid would be higher"}
-"""What warnings say whose text is made in another place than they are."""
+"""Texts of warnings that are created in another place."""
 
 
 def statuses():
-    """The errors that aosplan raises, and the exit status of each."""
+    """The errors that aosplan raises, each with its exit status."""
     rows = ["| error | status | meaning |", "|---|---|---|"]
     for name, each in vars(errors).items():
         if isinstance(each, type) and issubclass(each, errors.AosplanError):
@@ -25,7 +25,7 @@ def statuses():
 
 
 def warnings():
-    """Every warning by its code, and what it says, an ellipsis for what it fills in."""
+    """All warnings by code with their texts, in which an ellipsis replaces values."""
     said = dict(ELSEWHERE)
     for path in sorted(SOURCE.rglob("*.py")):
         for code, text in _warnings_in(ast.parse(path.read_text("utf-8"))):
@@ -36,7 +36,7 @@ def warnings():
 
 
 def _warnings_in(tree):
-    """Pairs of a code and a sentence in a source file, wherever they stand."""
+    """Pairs of a code and a sentence that occur in a source file."""
     sentences = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Assign):
@@ -61,7 +61,7 @@ def _warnings_in(tree):
 
 
 def _text(node):
-    """The text of a literal or a formatted one."""
+    """The text of a string or of an f-string."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value.replace("|", "\\|")
     if isinstance(node, ast.JoinedStr):

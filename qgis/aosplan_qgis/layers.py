@@ -38,7 +38,7 @@ def flights(document):
 
 
 def _photos(document):
-    """Return (flight number, waypoint) of each photo: at run-ins and run-outs none is taken."""
+    """Return (flight number, waypoint) of each photo; there are none at run-ins and run-outs."""
     for number, waypoints, _ in flights(document):
         for waypoint in waypoints:
             if waypoint.get("photo", True):
@@ -78,7 +78,7 @@ def footprint_features(document):
 
 
 def _corners(along, across):
-    """Corners of a rectangle around (0, 0): along to the north, across to the east."""
+    """Return the corners of a rectangle around (0, 0); along is north, across is east."""
     signs = ((-1, -1), (-1, 1), (1, 1), (1, -1), (-1, -1))
     return [QgsPointXY(x * across / 2, y * along / 2) for x, y in signs]
 

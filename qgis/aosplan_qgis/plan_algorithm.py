@@ -1,4 +1,4 @@
-"""The algorithm "Plan a flight": parameters to options, document to layers."""
+"""The algorithm "Plan a flight", which converts parameters to options and the document to layers."""
 
 import shlex
 import tempfile
@@ -198,7 +198,7 @@ class PlanAlgorithm(QgsProcessingAlgorithm):
         terrain = self.parameterAsRasterLayer(parameters, "TERRAIN", context)
         if terrain is not None:
             options["--terrain"] = terrain.source()
-        # One argument each, so that a value that begins with a minus sign stays a value.
+        # Each option is a single argument, so that a value may begin with a minus sign.
         arguments = [f"{option}={value}" for option, value in options.items() if value]
         # Processing asks before it overwrites files.
         return ["plan", *arguments, "--force", *shlex.split(text("OPTIONS"))]

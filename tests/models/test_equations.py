@@ -34,8 +34,6 @@ from aosplan.models.equations import (
 )
 from aosplan.scenes.density import integrated_density, slice_density, transparency
 
-"""Equal to a relative accuracy, and to nothing else: `approx` alone lets 1e-12 pass."""
-
 ULPS = 8
 """Accuracy of Eq. 2 to 4, in units in the last place of the exact value."""
 

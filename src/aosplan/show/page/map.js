@@ -2,12 +2,12 @@
 
 const canvas = element("map");
 const heading = (scenery.heading_deg * Math.PI) / 180;
-const MANY = 20000; // sites that are drawn one by one
+const MANY = 20000; // most sites that are drawn as dots
 const MOST_CORNERS = 40000;
 const view = { x: 0, y: 0, scale: 1, least: 1, width: 1, height: 1, ratio: 1 };
 const state = { chosen: -1, hovered: -1, waiting: false, printing: false };
 
-/** The corners of a rectangle about a place, its size along and across the heading. */
+/** Corners of a rectangle around a place; its size is along and across the heading. */
 function rectangle(x, y, [along, across]) {
   const [sine, cosine] = [Math.sin(heading), Math.cos(heading)];
   return [[1, 1], [1, -1], [-1, -1], [-1, 1]].flatMap(([a, b]) => [
@@ -37,7 +37,7 @@ const whole = extent();
 
 function fit() {
   const [wide, high] = [Math.max(whole.right - whole.west, 1e-3), Math.max(whole.top - whole.south, 1e-3)];
-  // The scale has the lowest line for itself.
+  // Leave the lowest line free for the scale bar.
   view.least = Math.min((view.width - 64) / wide, (view.height - 84) / high);
   view.scale = view.least;
   view.x = 0.5 * (whole.west + whole.right);
@@ -50,7 +50,7 @@ function moved() {
   view.scale = Math.min(Math.max(view.scale, view.least), Math.max(view.least, 2000));
   view.x = Math.min(Math.max(view.x, whole.west - 0.1 * far), whole.right + 0.1 * far);
   view.y = Math.min(Math.max(view.y, whole.south - 0.1 * far), whole.top + 0.1 * far);
-  // At its widest the map leaves vertical swipes to the page.
+  // If the whole map is visible, vertical swipes scroll the page.
   canvas.style.touchAction = view.scale > view.least * 1.001 ? "none" : "pan-y";
   canvas.dataset.scale = view.scale.toPrecision(6);
   draw();
@@ -89,7 +89,7 @@ function draw() {
   requestAnimationFrame(() => { state.waiting = false; paint(); });
 }
 
-/** Colours as the style sheet has them: canvases know nothing of light and dark. */
+/** Colours of the style sheet, because a canvas does not follow the light or dark theme. */
 function inks() {
   const probe = document.createElement("i");
   if (state.printing) probe.style.colorScheme = "light";
@@ -154,7 +154,7 @@ function shapes(pen, rings, colour, alpha, dash) {
 
 const radius = () => Math.min(Math.max(scenery.spacing_m * view.scale * 0.22, 1), 6);
 
-/** From which share of a line to which it lies within the map; none where the first is the larger. */
+/** First and last share of a line within the map; if the first is larger, no part is visible. */
 function visible(ax, ay, bx, by) {
   let [from, to] = [0, 1];
   for (const [at, step, most] of [[ax, bx - ax, view.width], [ay, by - ay, view.height]]) {
@@ -166,7 +166,7 @@ function visible(ax, ay, bx, by) {
   return [from, to];
 }
 
-/** Flights of different batteries have two colours by turns. */
+/** Flights on different batteries alternate between two colours. */
 const flightInk = (ink, flight) => (flight % 2 ? ink.teal : ink.blue);
 
 function paintPath(pen, ink) {
@@ -192,7 +192,7 @@ function paintPath(pen, ink) {
     const most = length / legs < 14 ? 0 : Math.min(Math.floor(since / 90), 400 - arrows.length);
     if (most > 0) since = 0;
     for (let n = 1; n <= most; n += 1) {
-      // Between two sites, where no dot hides it.
+      // Between two sites, so that no dot hides the arrow.
       const share = (Math.floor((from + ((to - from) * n) / (most + 1)) * legs) + 0.5) / legs;
       arrows.push([ax + share * (bx - ax), ay + share * (by - ay), Math.atan2(by - ay, bx - ax), flight]);
     }
@@ -234,7 +234,7 @@ function paintSites(pen, ink) {
   return undefined;
 }
 
-/** Very many sites: a pixel each. */
+/** Draw very many sites as single pixels. */
 function dust(pen, ink) {
   const [wide, high] = [canvas.width, canvas.height];
   const layer = new OffscreenCanvas(wide, high);
@@ -270,7 +270,7 @@ function triangle(pen, x, y, size, angle, colour) {
   pen.closePath(); pen.fillStyle = colour; pen.fill();
 }
 
-/** A ground on which what lies over the map can be read. */
+/** A translucent background for text over the map. */
 function ground(pen, ink, x, y, width, height) {
   pen.fillStyle = ink.panel; pen.globalAlpha = 0.85;
   pen.fillRect(x, y, width, height);
@@ -340,7 +340,7 @@ function within(event) {
 canvas.addEventListener("pointerdown", (event) => {
   pointers.set(event.pointerId, within(event));
   travelled = 0;
-  try { canvas.setPointerCapture(event.pointerId); } catch { /* it has gone already */ }
+  try { canvas.setPointerCapture(event.pointerId); } catch { /* the pointer no longer exists */ }
 });
 canvas.addEventListener("pointermove", (event) => {
   const [px, py] = within(event);
@@ -375,7 +375,7 @@ canvas.addEventListener("pointerleave", () => { tip.hidden = true; state.hovered
 let scrolled = -Infinity;
 window.addEventListener("scroll", () => { scrolled = performance.now(); }, { passive: true });
 canvas.addEventListener("wheel", (event) => {
-  // A page that is being scrolled goes on; so does one that scrolls out of the widest map.
+  // Let the page scroll if it is scrolling, or if the whole map is visible and cannot be reduced.
   const widest = view.scale <= view.least * 1.001 && event.deltaY > 0;
   if (widest || performance.now() - scrolled < 200) return;
   event.preventDefault();
@@ -411,7 +411,7 @@ element("previous").addEventListener("click", () => choose(state.chosen < 0 ? co
 element("chosen").addEventListener("change", (event) => choose(Number(event.target.value)));
 new ResizeObserver(resized).observe(canvas);
 
-// Paper: light, whole and sharp
+// Printing: light theme, the whole map, high resolution
 
 let before = null;
 function printing(on) {

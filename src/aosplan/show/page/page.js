@@ -9,7 +9,7 @@ theme.addEventListener("click", () => { document.documentElement.dataset.theme =
 dark.addEventListener("change", themed);
 themed();
 
-// Waypoints as a table, a page at a time
+// The table of waypoints, in pages
 
 const ROWS = 100;
 let first = 0;
@@ -46,7 +46,7 @@ element("waypoints").addEventListener("toggle", (event) => { if (event.target.op
 element("page-back").addEventListener("click", () => tabulate(first - ROWS));
 element("page-on").addEventListener("click", () => tabulate(first + ROWS));
 
-// The request, and the plan's own document, to take along
+// Copying and saving the request and the plan's document
 
 const told = element("told");
 
@@ -56,7 +56,7 @@ async function copied(source) {
     await navigator.clipboard.writeText(text);
     told.textContent = "Copied.";
   } catch {
-    // Where the browser does not let pages write, the text is at least marked.
+    // If the browser refuses access to the clipboard, the text is selected instead.
     source.closest("details")?.setAttribute("open", "");
     getSelection().selectAllChildren(source);
     told.textContent = "Selected: copy it with Ctrl+C.";
@@ -67,7 +67,7 @@ for (const button of document.querySelectorAll("button.copy")) {
   button.addEventListener("click", () => copied(element(button.dataset.of)));
 }
 
-/** The document that `aosplan plan --json` prints, waypoints and all. */
+/** The document that `aosplan plan --json` prints, including the waypoints. */
 function saved() {
   return { ...plan, waypoints: Array.from({ length: count }, (_, index) => waypoint(index)) };
 }

@@ -1,6 +1,6 @@
 "use strict";
-// The map, the waypoints' table, the theme and the copies of a plan's page.  All it knows stands in
-// the page: the plan's document, what lies around the waypoints, and their columns as bytes.
+// The map, the table of waypoints, the theme and the copies of a plan's page.  All data is in the page:
+// the plan's document, the surroundings of the waypoints, and the columns of the waypoints as bytes.
 
 for (const part of document.querySelectorAll("[data-script]")) part.hidden = false;
 
@@ -11,7 +11,7 @@ const scenery = parsed("scenery");
 
 // Waypoints
 
-/** The columns of the waypoints by name: typed arrays, or the one value of all. */
+/** Columns of the waypoints by name: typed arrays, or a single value that all have. */
 function unpacked() {
   const columns = {};
   for (const script of document.querySelectorAll("script.column")) {
@@ -37,7 +37,7 @@ function value(name, index) {
   return name === "photo" ? Boolean(column[index]) : column[index];
 }
 
-/** A waypoint as the plan's document has it. */
+/** A waypoint in the form of the plan's document. */
 function waypoint(index) {
   const found = { index };
   for (const name of Object.keys(columns)) found[name] = value(name, index);
@@ -74,7 +74,7 @@ function described(index) {
   return lines;
 }
 
-/** Places at which the path turns, so that a straight line of a thousand photos is one stroke. */
+/** Points at which the path turns, so that a straight line of many photos is drawn at once. */
 function corners() {
   const starts = new Set(scenery.flights.map(([first]) => first));
   const kept = [];
@@ -92,7 +92,7 @@ function corners() {
 
 const path = corners();
 
-/** Waypoints by cells of a lattice, to find the nearest one without looking at all. */
+/** Waypoints by cells of a lattice, to find the nearest one without a search of all. */
 function lattice() {
   let [west, south, right, top] = [Infinity, Infinity, -Infinity, -Infinity];
   for (let i = 0; i < count; i += 1) {
@@ -115,7 +115,7 @@ function lattice() {
 
 const cells = lattice();
 
-/** The waypoint nearest to a place, within a distance; -1 where there is none. */
+/** Index of the waypoint nearest to a place, within a distance; -1 if there is none. */
 function nearest(x, y, within) {
   let [found, best] = [-1, within];
   const span = (low, from, most) => [
