@@ -127,6 +127,7 @@ def test_commands_that_take_a_saved_plan_show_their_own_options_alone(command, n
     own = set(re.findall(r"^  (--[\w-]+)", short, re.MULTILINE))
     assert not own & (flags - {"--samples"})
     assert "--out" in own
+    assert ("--samples" in own) == (name == "thin")
     _, whole, _ = command(name, "--help-all")
     assert "--scene" in whole
 

@@ -94,7 +94,7 @@ COMMAND = command(
         "aosplan thin views.csv plan.json --samples 50 --out kept.csv\n"
         "aosplan thin photos/ --samples 25 --altitude 35 --scene stand.laz --json"
     ),
-    common=frozenset(),
+    common=frozenset({"samples"}),
     parameters=[
         file_argument(
             "positions",
