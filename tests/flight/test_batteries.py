@@ -65,7 +65,8 @@ def test_flights_partition_the_sites_and_none_outlasts_the_battery(values):
         (number, len(flights)) for number in range(1, len(flights) + 1)
     ]
     for flight, mission in zip(flights, missions, strict=True):
-        assert flight.time_s <= 60.0 * values["flight_time"]
+        # Times are sums, rounded at each leg.
+        assert flight.time_s <= 60.0 * values["flight_time"] * (1.0 + 1e-12)
         assert len(photos(mission.waypoints)) == flight.samples >= 1
     # Each flight takes as long as it takes alone, from the take-off and back.
     for flight, mission in zip(flights, missions, strict=True):
@@ -215,7 +216,7 @@ def test_a_saved_plan_whose_flights_lose_a_site_is_refused(tmp_path):
     for broken in (flights[1:], flights[:1], [*flights, flights[0]], []):
         document["flight"]["flights"] = broken
         path.write_text(json.dumps(document))
-        with pytest.raises(RequestError, match="do not take each waypoint once"):
+        with pytest.raises(RequestError, match="do not contain each waypoint exactly once"):
             read_missions(str(path))
     del document["flight"]["flights"]
     path.write_text(json.dumps(document))

@@ -33,7 +33,7 @@ def names(element):
 
 @pytest.mark.parametrize("name", FLYERS)
 def test_a_drone_is_asked_for(name):
-    with pytest.raises(RequestError, match="needs to know the drone") as caught:
+    with pytest.raises(RequestError, match="needs a drone") as caught:
         render(grid(), formats()[name])
     assert "--drone NAME" in caught.value.hint
 

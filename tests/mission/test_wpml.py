@@ -169,15 +169,15 @@ def test_numbers_of_drones_are_those_that_dji_publishes():
 @pytest.mark.parametrize(
     ("camera", "values", "words", "hint"),
     [
-        ("mine", {}, "needs to know the drone", "--drone"),
-        ("mine", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "--payload"),
+        ("mine", {}, "needs a drone", "--drone"),
+        ("mine", {"drone": "dji-m300"}, "the payload of the drone dji-m300", "--payload"),
         ("mine", {"drone": "dji-m3x"}, "no number for the drone 'dji-m3x'", "dji-m3t"),
         ("mine", {"drone": "parrot"}, "no number for the drone 'parrot'", "litchi:"),
-        ("dji-h20t-thermal", {}, "needs to know the drone", "dji-m350"),
-        ("dji-m3t-thermal", {"drone": "dji-m300"}, "what the drone dji-m300 carries", "dji-h20t"),
+        ("dji-h20t-thermal", {}, "needs a drone", "dji-m350"),
+        ("dji-m3t-thermal", {"drone": "dji-m300"}, "the payload of the drone dji-m300", "dji-h20t"),
         ("dji-m3t-wide", {"payload": "dji-h20t"}, "the drone dji-m3t does not carry", "--drone"),
         ("x", {"drone": "dji-m300", "payload": "dji-m3t"}, "does not carry dji-m3t", "--payload"),
-        (None, {}, "needs to know the drone", "--drone"),
+        (None, {}, "needs a drone", "--drone"),
     ],
 )
 def test_wpml_asks_for_what_it_does_not_know(camera, values, words, hint):

@@ -126,7 +126,7 @@ def test_the_order_of_points_and_their_blocks_does_not_matter(random, pieces):
 def test_a_stand_too_high_for_its_voxels_is_refused_with_a_size_that_does(monkeypatch):
     monkeypatch.setattr(voxels, "MAX_VOXELS", 1000)
     points = [block((0.5, 0.5, 30.0)), block((0.5, 0.5, 99.5)), block((0.5, 0.5, 3.0))]
-    with pytest.raises(RequestError, match=r"cloud takes too many voxels of 0.25 m") as caught:
+    with pytest.raises(RequestError, match=r"cloud needs too many voxels of 0.25 m") as caught:
         fill(points, flat(4, 4), 0.0, 0.25, "cloud")
     assert "1 x 1 x 25 m" in caught.value.message
     size = float(caught.value.hint.split()[2])

@@ -209,7 +209,9 @@ def test_a_plot_bounds_the_aperture(beech):
 def test_out_of_reach_says_what_a_measured_stand_reaches(beech):
     with pytest.raises(InfeasibleError, match=r"V̂ = 0.999 is out of reach") as caught:
         solve_by_scan(beech._replace(requirement=vhat("0.999")))
-    said = re.search(r"reaches V̂ = ([\d.]+), with (\d+) samples ([\d.]+) m apart", caught.value.message)
+    said = re.search(
+        r"reaches V̂ = ([\d.]+), with (\d+) samples ([\d.]+) m apart", caught.value.message
+    )
     reached, samples, baseline = float(said[1]), int(said[2]), float(said[3])
     fixed = Bounds(samples=samples, baseline_m=baseline)
     found = solve_by_scan(beech._replace(bounds=fixed))

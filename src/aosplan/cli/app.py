@@ -170,8 +170,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
             raise
         return _report(
             f"unexpected {type(error).__name__}: {error}",
-            "this is a fault of aosplan: please report it with the command line; "
-            "AOSPLAN_DEBUG=1 shows where it happened",
+            "this is an error in aosplan: please report it with the command line; "
+            "AOSPLAN_DEBUG=1 prints the traceback",
             1,
         )
     return status if isinstance(status, int) else 0

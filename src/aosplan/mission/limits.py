@@ -46,7 +46,7 @@ def check_flown(mission: Mission, chosen: Format) -> None:
     flown = settings.mission_formats or ()
     if chosen.asks_drone and settings.drone is None:
         raise RequestError(
-            f"{chosen.title} needs to know the drone",
+            f"{chosen.title} needs a drone",
             "give --drone NAME; aosplan drones --json lists the formats of each drone",
         )
     if chosen.asks_drone and chosen.name not in flown:
@@ -83,7 +83,7 @@ def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> l
     if len(path) < fewest:
         raise RequestError(
             f"{chosen.title} needs {fewest} waypoints or more, and the mission has {len(path)}",
-            "ask for more --samples, or write another format",
+            "give more --samples, or write another format",
         )
     _check_settings(mission, path, chosen, limits)
     _check_legs(path, chosen, limits)

@@ -153,7 +153,7 @@ def speed_bounds(
     """
     bounds = []
     if drone is not None:
-        text = f"the largest speed of the {drone.title} flies in missions"
+        text = f"the largest speed at which the {drone.title} flies missions"
         bounds.append(SpeedBound(drone.airspeed_mps, text))
     if blur is not None:
         text = (
@@ -185,8 +185,9 @@ def flown(
     bound, limit = ruling(asked, bounds), None
     if blown.run_in_m > LONGEST_RUN_IN_M:
         raise RequestError(
-            f"--trigger distance at {blown.speed_mps:.4g} m/s and {timing.acceleration_mps2:.4g} "
-            f"m/s² takes a run-in of {blown.run_in_m:.4g} m to each line",
+            f"--trigger distance at {blown.speed_mps:.4g} m/s and "
+            f"{timing.acceleration_mps2:.4g} m/s² needs a run-in of "
+            f"{blown.run_in_m:.4g} m before each line",
             "give a smaller --speed or a larger --acceleration, or --trigger stop",
         )
     if bound is not None:

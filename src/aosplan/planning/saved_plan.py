@@ -28,7 +28,9 @@ def read_missions(path: str) -> tuple[Mission, ...]:
     ranges = [(flight.first, flight.last) for flight in flights]
     flown = [place for first, last in ranges for place in range(first, last + 1)]
     if flown != list(range(len(whole.waypoints))) or any(last < first for first, last in ranges):
-        raise RequestError(f"'{path}': the flights do not take each waypoint once, in order")
+        raise RequestError(
+            f"'{path}': the flights do not contain each waypoint exactly once, in order"
+        )
     return split(
         whole,
         [

@@ -93,7 +93,7 @@ def check_count(count: int, samples: int) -> None:
     """Refuse to choose from fewer views than are requested, or from more than `MOST_VIEWS`."""
     if count < samples:
         raise RequestError(
-            f"{count} positions are fewer than --samples {samples}", "ask for fewer samples"
+            f"{count} positions are fewer than --samples {samples}", "give fewer samples"
         )
     if count > MOST_VIEWS:
         raise RequestError(

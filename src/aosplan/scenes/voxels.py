@@ -297,7 +297,7 @@ def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> Requ
         enough_m *= 1.1
     width_m, depth_m, height_m = size_m
     return RequestError(
-        f"{where} takes too many voxels of {voxel_m:g} m for its {width_m:.4g} x {depth_m:.4g} x "
-        f"{height_m:.4g} m",
+        f"{where} needs too many voxels of {voxel_m:g} m for its {width_m:.4g} x "
+        f"{depth_m:.4g} x {height_m:.4g} m",
         f"voxels of {rounded_up(enough_m, 2)} m are few enough",
     )

@@ -135,8 +135,8 @@ def below_clearance(altitude_m: float, top_m: float, clearance_m: float, *, give
 def opaque_scene(name: str) -> str:
     """No ray reaches the ground of the scene."""
     return (
-        f"scene '{name}' has integrated density 1: no ray reaches the ground, and no number of "
-        "photos shows what lies there"
+        f"scene '{name}' has integrated density 1: no ray reaches the ground, so "
+        "photos cannot show the ground"
     )
 
 

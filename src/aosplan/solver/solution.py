@@ -126,7 +126,7 @@ def _limits(
         message = {
             "samples": "the fewest samples",
             "aperture": "the fewest samples within 1 % of the least aperture",
-            "time": "the number of samples that takes the least time",
+            "time": "the number of samples with the shortest time",
         }[problem.objective]
         yield Limit(
             requirement.quantity,

@@ -443,8 +443,9 @@ def _check_room() -> None:
     needed = ROOM_OCTETS + THREAD_OCTETS * (os.cpu_count() or 1)
     if limit != resource.RLIM_INFINITY and limit - used < needed:
         raise SurroundingsError(
-            f"not enough memory for a sweep: the limit leaves {max(limit - used, 0) // 10**6} MB of "
-            f"addresses, and it takes {needed // 10**6} MB",
+            "not enough memory for a sweep: the limit leaves "
+            f"{max(limit - used, 0) // 10**6} MB of addresses, but a sweep needs "
+            f"{needed // 10**6} MB",
             "ulimit -v sets the limit",
         )
 

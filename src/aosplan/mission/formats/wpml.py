@@ -267,15 +267,13 @@ def machine(mission: Mission) -> Machine:
     built_in = f"{maker}-{rest.partition('-')[0]}"
     name = settings.drone or (built_in if built_in in DRONES else None)
     if name is None:
-        raise RequestError(
-            f"{FORMAT.title} needs to know the drone", f"give --drone {', '.join(DRONES)}"
-        )
+        raise RequestError(f"{FORMAT.title} needs a drone", f"give --drone {', '.join(DRONES)}")
     drone = _known(name, DRONES, "drone")
     carried = built_in if built_in in PAYLOADS and built_in not in DRONES else None
     payload = settings.payload or drone.payload or carried
     if payload is None:
         raise RequestError(
-            f"{FORMAT.title} needs to know what the drone {name} carries",
+            f"{FORMAT.title} needs the payload of the drone {name}",
             f"give --payload {', '.join(payload for payload in PAYLOADS if payload not in DRONES)}",
         )
     check_carried(name, payload)

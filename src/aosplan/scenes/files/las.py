@@ -289,7 +289,7 @@ def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
     if rest:
         message = f"has {room - count} records after its last point that its header does not count"
         return count, [("uncounted_points", message)]
-    message = f"holds {room} points, and its header counts {count}: all of them are read"
+    message = f"contains {room} points, but its header counts {count}: all points are read"
     return room, [("uncounted_points", message)]
 
 

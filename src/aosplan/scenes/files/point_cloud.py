@@ -468,15 +468,16 @@ def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
     if voxel_m < enough_m * (1.0 - 1e-9) and volume.points_per_m2 >= SPARSE_POINTS_PER_M2:
         points = (voxel_m / spacing_m) ** 2
         message = (
-            f"columns of {voxel_m:g} m hold {points:.2g} points on average, so {math.exp(-points):.0%} "
-            "of them hold none by chance, and the canopy looks more transparent than it is: use "
-            f"voxels of {rounded_up(enough_m, 2)} m or more"
+            f"columns of {voxel_m:g} m contain {points:.2g} points on average, so "
+            f"{math.exp(-points):.0%} of them contain none by chance, and the canopy "
+            "looks more transparent than it is: use voxels of "
+            f"{rounded_up(enough_m, 2)} m or more"
         )
         yield "voxel_below_spacing", message
     if occupancy > SATURATED_OCCUPANCY:
         message = (
-            f"{occupancy:.1%} of the voxel columns hold something, which hides how dense the "
-            f"canopy is: use voxels smaller than {voxel_m:g} m"
+            f"{occupancy:.1%} of the voxel columns contain points, so the density of "
+            f"the canopy cannot be seen: use voxels smaller than {voxel_m:g} m"
         )
         if spacing_m < voxel_m:
             message += f", of {rounded_up(spacing_m, 2)} m or more for points this dense"

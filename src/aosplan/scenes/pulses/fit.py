@@ -176,7 +176,7 @@ def volume_from_pulses(
     beams, grid = sound_beams(files, grid, origin_m, trajectory, share)
     if math.prod(grid.shape) > MOST_VOXELS:
         raise UnsoundPulsesError(
-            f"the stand takes more than the {MOST_VOXELS} voxels to which pulses are fitted"
+            f"the stand needs more than the {MOST_VOXELS} voxels to which pulses can be fitted"
         )
     field = fitted_field(beams, grid)
     size_m = grid.size_m

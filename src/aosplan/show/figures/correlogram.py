@@ -54,7 +54,7 @@ class CorrelogramFigure(NamedTuple):
             f"{text}. Directions differ most at {self.lags[widest]:.3g}: from {min(column):.2f} at "
             f"{self.directions_deg[column.index(min(column))]:g}° to {max(column):.2f} at "
             f"{self.directions_deg[column.index(max(column))]:g}°, clockwise from north. The plot "
-            f"tells of lags up to {self.reach:.3g}."
+            f"is large enough for lags up to {self.reach:.3g}."
         )
 
     def document(self) -> dict[str, Any]:

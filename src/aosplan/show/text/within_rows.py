@@ -34,7 +34,7 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
     """The value of the best plan within a time, and how it is flown."""
     start = f"{row.minutes:.4g} min: "
     if row.timed is None or row.value is None:
-        return start + "nothing can be flown", ""
+        return start + "no plan is possible", ""
     shape, way, _ = row.timed.candidate
     along_m, across_m = shape.along * way.altitude_m, shape.across * way.altitude_m
     value = OBJECTIVES[objective].format(abs(row.value))
