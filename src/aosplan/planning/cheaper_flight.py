@@ -1,4 +1,4 @@
-"""A cheaper way to fly what was asked for, if that takes hours or thousands of photos."""
+"""A cheaper flight over the same area, if the plan takes hours or thousands of photos."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
 
 LONG_S = 3600.0
-"""Time of all flights from which on a cheaper way is looked for."""
+"""Time of all flights above which a cheaper flight is searched for."""
 
 CHEAPER = 0.7
-"""Part of the time that a cheaper way takes at most."""
+"""Largest time of a cheaper flight, as a share of the time of the plan."""
 
 TRIES = 4
 """Flights that are laid out in each round of the search; a no-fly zone may stop all of them."""
@@ -30,12 +30,12 @@ LONGEST_MIN = 24.0 * 60.0
 def cheaper_way(
     request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float = math.inf
 ) -> str | None:
-    """How the same target is reached over an area in less time, in words with numbers.
+    """Text that says how to reach the same target over an area in less time.
 
     Parameters
     ----------
     request
-        The request, with everything that it asks for.
+        The request.
     folder
         Where its file names are looked for before the current folder.
     loaded
@@ -46,7 +46,7 @@ def cheaper_way(
     Returns
     -------
     str or None
-        None if nothing takes less than `CHEAPER` of the time.
+        None if no flight takes less than `CHEAPER` of the time.
     """
     if not request.over_area or loaded.kind == "cloud":
         return None
@@ -82,7 +82,7 @@ def cheaper_way(
 def long_flight(
     request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float
 ) -> Iterator[Message]:
-    """The warning of flights over an area that take hours and need not."""
+    """Warn of flights over an area that take hours if a cheaper flight is known."""
     if time_s <= LONG_S:
         return
     way = cheaper_way(request, folder, loaded, time_s)
@@ -91,6 +91,6 @@ def long_flight(
 
 
 def _below(value: float | str | None) -> str:
-    """A length or a pitch to a thousandth, rounded down: a wider grid may not fit into the images."""
+    """A length or a pitch, rounded down, as a wider grid may not fit into the images."""
     assert isinstance(value, float)
     return f"{math.floor(1000.0 * value) / 1000.0:g}"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ALL = "all"
 
 RAYS_M = 50.0
-"""Kept around the place of a plan: rays of up to 45° meet a canopy of 50 m no farther off."""
+"""Margin around the area of a plan: rays of up to 45° cross a canopy of 50 m within it."""
 
 
 def asked_crop(text: str, folder: str) -> Crop | None:
@@ -26,7 +26,7 @@ def asked_crop(text: str, folder: str) -> Crop | None:
     Raises
     ------
     RequestError
-        If the bounds are none, or the file is wrong.
+        If the bounds or the file are not valid.
     """
     from aosplan.scenes.files.crop import Crop
 
@@ -55,9 +55,10 @@ def asked_crop(text: str, folder: str) -> Crop | None:
 def crop_of_plan(
     request: PlanRequest, area: Area | None, footprint_m: tuple[float, float]
 ) -> Crop | None:
-    """The surroundings of a plan; None if it has no place.
+    """The surroundings of a plan; None if it has no location.
 
-    They are the area, or what a photo from the middle and a line show, and `RAYS_M` around.
+    They are the area, or the ground that a photo from the middle and a line show, with a margin of
+    `RAYS_M`.
     """
     from aosplan.scenes.files.crop import Crop
 
@@ -71,7 +72,7 @@ def crop_of_plan(
     else:
         return None
     latitudes, longitudes = to_wgs84(origin, [west, west, east, east], [south, north, south, north])
-    # Seven digits are a centimetre.
+    # Seven decimals of a degree are about a centimetre.
     bounds = (min(longitudes), min(latitudes), max(longitudes), max(latitudes))
     west, south, east, north = (round(bound, 7) for bound in bounds)
     if east - west > 180.0:  # across the antimeridian

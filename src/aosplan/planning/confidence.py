@@ -1,4 +1,4 @@
-"""The confidence in a prediction: its standard errors, by the parts of a plot that differ."""
+"""The confidence in a prediction: its standard errors, from differences between parts of a plot."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Confidence(NamedTuple):
     flown
         The expectation over position noise of the measured model, or None.
     sensitivity
-        How the plan changes if the scene differs from what was assumed, if asked for.
+        How the plan changes if the scene differs from what was assumed; empty unless requested.
     """
 
     uncertainty: Uncertainty | None = None
@@ -43,7 +43,7 @@ class Confidence(NamedTuple):
 
 
 def confidence_of(solved: SolvedPlan) -> Confidence:
-    """The confidence in a solution: standard errors, and the sensitivity if it was asked for."""
+    """Standard errors of a solution, and its sensitivity if it is requested."""
     if solved.problem is None:
         return Confidence(uncertainty_reason="nothing is hidden")
     changes: tuple[Change, ...] = ()
@@ -82,7 +82,7 @@ def _measured(
 
 
 def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution) -> Uncertainty:
-    """Standard errors with the doubt about the opacity of a point cloud."""
+    """Standard errors with the uncertainty of the opacity of a point cloud."""
     from aosplan.models.uncertainty import OCTAVE, UNIFORM, of_clumps, with_doubt, with_part
 
     volume = model.volume
@@ -104,7 +104,7 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
 
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:
-    """A volume of voxels of twice the size: occupied if one of the eight within is."""
+    """A volume of voxels of twice the size, each occupied if one of its eight voxels is."""
     import numpy as np
 
     occupied = volume.occupied

@@ -36,10 +36,10 @@ CLEAR = (Layer(1.0, 1.1, 1e-6, 0.2),)
 """Used instead of a scene without occluders: a millionth of the ground is hidden."""
 
 FEWEST_PHOTOS = 9
-"""Photos from which a prediction is within 0.05 of simulations at the same threshold."""
+"""Fewest photos for which predictions are within 0.05 of simulations at the same threshold."""
 
 MOST_CROWN_SHARE = 0.2
-"""Share of the clutter at the scale of crowns up to which it is."""
+"""Largest share of the clutter at the scale of crowns for which this holds."""
 
 
 def slices_of(inputs: PlanInputs) -> tuple[Layer, ...]:
@@ -209,7 +209,7 @@ def detection_text(plan: PlanData) -> str:
 
 
 def _count(share: float, about: str = "") -> str:
-    """A share of a hundred, without claiming none or all where it is only nearly so."""
+    """A share as a number of a hundred; it is not rounded to none or all if it is only nearly so."""
     hundred = 100.0 * share
     if 0.0 < hundred < 0.5:
         return "fewer than 1" if hundred >= 0.05 else "0"

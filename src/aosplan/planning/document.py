@@ -1,4 +1,4 @@
-"""The plan as plain values: the JSON document that scripts rely on (schema 1)."""
+"""The plan as plain values: the JSON document of ``plan --json`` (schema 1)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def plan_document(plan: PlanData) -> dict[str, Any]:
-    """Everything of a plan as dicts, lists, text and finite numbers."""
+    """All values of a plan as dicts, lists, text and finite numbers."""
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
     requirement, inputs = plan.requirement, plan.inputs
@@ -82,7 +82,7 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
 def flight_document(plan: PlanData) -> dict[str, Any]:
     """Length and time from the first photo to the last, how it is flown, and each flight.
 
-    Length and time of a flight, and the total, count from the take-off to the landing.
+    Length and time of each flight, and the total, are from the take-off to the landing.
     """
     route = plan.route
     return {
@@ -98,7 +98,7 @@ def flight_document(plan: PlanData) -> dict[str, Any]:
 
 
 def height_document(plan: PlanData) -> dict[str, Any]:
-    """What every height of the plan is above."""
+    """The reference of each height in the document."""
     route = plan.route
     document: dict[str, Any] = {
         "altitude_m": f"above the focal plane, {plan.inputs.focal_height_m:g} m above ground",
@@ -127,14 +127,14 @@ def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
 
 
 def _noise_document(flown: NoiseExpectation) -> dict[str, float]:
-    """The expectation over position noise: how many flights were drawn, and its errors."""
+    """Expectation over position noise: the number of drawn flights, and its standard errors."""
     values = flown._asdict()
     del values["prediction"]
     return values
 
 
 def scene_document(scene: Scene) -> dict[str, Any]:
-    """A scene in a few words and numbers."""
+    """Name, kind, source and main numbers of a scene."""
     return {
         "name": scene.name,
         "kind": scene.kind,
@@ -147,7 +147,7 @@ def scene_document(scene: Scene) -> dict[str, Any]:
 
 
 def disparity_document(plan: PlanData) -> dict[str, float | None]:
-    """Disparity and size of the occluder that decides the coverage rule, at least one pixel."""
+    """Disparity and size of the occluder that decides the coverage rule, counted as at least one pixel."""
     coverage = plan.coverage
     if coverage is None:
         return {"normalized": None, "pixels": None, "occluder_pixels": None}

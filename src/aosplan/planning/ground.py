@@ -1,4 +1,4 @@
-"""What a plan shows of the ground that it is for, by rays as they are."""
+"""Visibility over the ground of a plan, with the real slant of the rays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from aosplan.planning.solved_plan import SolvedPlan
 
 MOST_TARGETS = 1_000_000
-"""Targets of a plot from which on fewer of each voxel are looked at beside the middle."""
+"""Largest number of targets of a plot that are evaluated beside the middle of the grid."""
 
 
 def ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
@@ -30,8 +30,8 @@ def ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
 
     Notes
     -----
-    The ground of one grid is what all its samples see; of a single line that is the swath, too.
-    Over an area every place has a grid whose middle is within half a pitch.
+    The ground of one grid is the ground that all its samples see; for a single line, it is the swath.
+    Over an area, every place has a grid whose middle is within half a pitch.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
     if problem is None:
@@ -53,7 +53,7 @@ def ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
         return over_ground(
             (x, y), measured_at(problem.model, solution.pattern, solution.baseline_m)
         )
-    except RequestError:  # beyond what a saved correlogram tells
+    except RequestError:  # beyond the lags of a saved correlogram
         return None
 
 
@@ -78,7 +78,7 @@ def measured_at(
         return found.density + more_p, found.expected + more_v
 
     if isinstance(model, MeasuredModel) and model.edges != "wrapped":
-        # Other places count at every offset; so the slant's effect is that on the wrapped plot.
+        # Different places count at each offset, so the effect of the slant is taken from the wrapped plot.
         alone, model = model.predict(pattern, baseline_m), model.wrapped()
         p, v = at(0.0, 0.0)
         more_p, more_v = alone.density - p, alone.expected - v

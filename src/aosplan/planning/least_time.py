@@ -1,4 +1,4 @@
-"""The least time that a flight takes, in closed form: what a search bounds candidates with.
+"""The least time of a flight in closed form, as a bound for searches.
 
 Without no-fly zones and terrain, no flight over an area is quicker than `least_time_s`.  At one
 place it is the time of the flight itself.
@@ -65,8 +65,8 @@ def least_time_s(
     Returns
     -------
     float
-        Seconds; infinite if the speed takes too long a run-in, or a battery does not last for the
-        way there and back.
+        Seconds; infinite if the speed needs too long a run-in, or if a battery does not last for the
+        path there and back.
     """
     timing = steady(flight.timing(heading_deg).at(lattice.pitch_m[0]), BOTH_WAYS)
     if timing.run_in_m > LONGEST_RUN_IN_M:
@@ -82,7 +82,7 @@ def least_time_s(
         return whole_s
     if battery_s <= ways_s:
         return math.inf
-    # Each flight more leaves out one way between lines, and adds the way there and back.
+    # Each additional flight saves one path between lines and adds the path there and back.
     flights = max(math.ceil((work_s + turn_s) / (battery_s - ways_s + turn_s) - 1e-9), 2)
     return work_s - (flights - 1) * turn_s + flights * ways_s
 
@@ -106,5 +106,5 @@ def _quicker_s(timing: Timing, x_m: float, y_m: float = 0.0) -> float:
 
 
 def _there_and_back_s(timing: Timing, away_m: float) -> float:
-    """Time of a level way there and back, in calm air: wind takes more than it gives."""
+    """Time of a level path there and back in calm air; with wind it is longer."""
     return 2.0 * timing._replace(wind=(0.0, 0.0)).leg_s(away_m)

@@ -34,7 +34,7 @@ OPACITY = ("opacity", "leaf_size", "trajectory")
 
 @dataclass(frozen=True)
 class LoadedScene:
-    """A scene, what kind of source it came from, and what else that source holds.
+    """A scene, the kind of its source, and the other content of that source.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class LoadedScene:
     volume
         Its voxels, if it has any.
     correlogram
-        Its correlogram, where the source holds one.
+        Its correlogram, if the source has one.
     reading
         The options by which it was read, with their defaults.
     from_cache
@@ -78,13 +78,13 @@ def load_scene(
     request
         The request.
     folder
-        Folder of the request file, where its file names are looked for first.
+        Folder of the request file, in which file names are looked for first.
     progress
-        Called with points read and points in all, for point clouds.
+        Called with the points read and the points in all while a point cloud is read.
     also
         More point clouds of the same stand.
     surroundings
-        Gives the part of a point cloud that the plan needs, for requests that ask for no other.
+        Returns the part of a point cloud that the plan needs, if the request does not name a part.
     """
     if request.scene is None:
         return _of_numbers(request)
@@ -133,7 +133,7 @@ def load_scene(
 
 
 def _of_numbers(request: PlanRequest) -> LoadedScene:
-    """The scene that a request describes itself."""
+    """The scene that the numbers of a request describe."""
     height, base = request.volume_height, request.volume_base
     assert height is not None  # the request has checked that its scene is complete
     assert base is not None
@@ -165,9 +165,9 @@ def _of_numbers(request: PlanRequest) -> LoadedScene:
 
 
 def without_simulated_view(request: PlanRequest) -> PlanRequest:
-    """The request that is planned for a simulation: without a view that the simulation alone takes.
+    """The request to plan for a simulation, without the view if only the simulation uses it.
 
-    The measured model predicts for a view too; the others do not.
+    Of the models, only the measured one has a view.
     """
     cloud = (request.scene or "").lower().endswith((*CLOUD_SUFFIXES, VOXEL_SUFFIX))
     measured = request.model == "measured" or (request.model is None and cloud)
@@ -175,14 +175,14 @@ def without_simulated_view(request: PlanRequest) -> PlanRequest:
 
 
 def cloud_files(name: str) -> tuple[str, ...]:
-    """Files of the point cloud that a name stands for, sorted; none where it stands for none.
+    """Files of the point cloud that a name stands for, sorted; empty if it is not a point cloud.
 
     A name is a file, a folder of tiles, or a pattern such as ``tiles/*.laz``.
 
     Raises
     ------
     RequestError
-        Where a folder or a pattern holds no point cloud.
+        If a folder or a pattern has no point cloud.
     """
     if os.path.isdir(name):
         found = [os.path.join(name, file) for file in os.listdir(name)]
@@ -199,7 +199,7 @@ def cloud_files(name: str) -> tuple[str, ...]:
 
 
 def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
-    """Refuse options about the reading of what is not read that way."""
+    """Refuse reading options that do not apply to the scene."""
     for option in options:
         if getattr(request, option) is not None:
             kind = "canopy height raster" if option == "crown_base" else "point cloud"
@@ -293,7 +293,7 @@ def _raster(request: PlanRequest, name: str) -> LoadedScene:
 
 
 def _min_height_m(request: PlanRequest) -> float:
-    """Height below which vegetation is left out."""
+    """Height below which vegetation is ignored."""
     given = request.min_height
     return float(DEFAULTS["min_height"] if given is None else given)
 

@@ -36,11 +36,11 @@ CAMERA_CONTROLS = ("mavlink", "outputs")
 
 
 LARGEST = 1e9
-"""No quantity of a request is larger, and none that is not zero smaller than its inverse."""
+"""Largest quantity of a request; its inverse is the smallest one, except zero."""
 
 
 def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
-    """A quantity within the range in which products of several of them stay numbers."""
+    """A quantity within limits, so that products of several quantities do not overflow."""
     result = parse(value, name, **unit)
     if result and not 1.0 / LARGEST <= abs(result) <= LARGEST:
         raise RequestError(
@@ -70,7 +70,7 @@ def field_of_view(value: Any, name: str) -> float:
 
 
 def target_share(value: Any, name: str) -> float | str:
-    """A target below 1, kept as it was written where a float would change it."""
+    """A target below 1; it stays text if a float would change its value."""
     exact = q.exact_share(value, name)
     if not 0 <= exact < 1:
         hint = (
@@ -105,7 +105,7 @@ def heading_or_auto(value: Any, name: str) -> float | str:
 
 
 def payload(value: Any, name: str) -> str:
-    """What a DJI drone may carry."""
+    """The name of a payload of DJI drones."""
     from aosplan.mission.dji_models import PAYLOADS
 
     return q.one_of(PAYLOADS)(value, name)
@@ -157,7 +157,7 @@ PERSON = "person"
 """A target that `target_m` knows by name."""
 
 SMALLEST_TARGET_M, LARGEST_TARGET_M = 0.1, 10.0
-"""Sides of a target."""
+"""Limits of the sides of a target."""
 
 LARGEST_CONTRAST = 1000.0
 
@@ -192,7 +192,7 @@ def target_m(name: str) -> tuple[float, float]:
 
 
 def radiance(value: Any, name: str) -> float:
-    """A radiance in units of the spread between occluders."""
+    """A radiance in units of the standard deviation between occluders."""
     found = q.number(value, name)
     if abs(found) > LARGEST_CONTRAST:
         raise RequestError(
@@ -211,7 +211,7 @@ def contrast(value: Any, name: str) -> float:
 
 
 def false_alarms(value: Any, name: str) -> float:
-    """False alarms a hectare."""
+    """False alarms per hectare."""
     found = q.positive(value, name)
     if not 1e-6 <= found <= 100.0:
         raise RequestError(f"{name} {q.shown(value)} per hectare is not between 1e-06 and 100")

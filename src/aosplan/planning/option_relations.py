@@ -1,7 +1,8 @@
 """Relations between the options of a plan: which exclude each other, and which need another.
 
-`PlanRequest` refuses what these tables exclude.  Where layers of options lie above each other, such
-as flags above a file, an upper layer takes away what the tables exclude from a lower one.
+`PlanRequest` refuses options that these tables exclude.  If there are layers of options, such as flags
+and a request file, an option of the upper layer removes the options of the lower layer that it
+excludes.
 """
 
 from __future__ import annotations
@@ -45,11 +46,11 @@ ALTERNATIVES = (
         ("fov", "image_width", "image_height"),
     ),
 )
-"""Ways to say the same thing: options of different ways contradict each other."""
+"""Alternatives: options of different alternatives in one row contradict each other."""
 
 
 OPEN = "best"
-"""Value of an option that is left to a search."""
+"""Value of an option that a search chooses."""
 
 
 class Need(NamedTuple):
@@ -194,7 +195,7 @@ OF_LANES = ("lanes", "lane_pitch")
 """Options of lanes."""
 
 LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
-"""Which of them each kind of grid takes."""
+"""The options of lanes that each kind of grid takes."""
 
 BROUGHT_BY_DRONE = (
     "speed",
@@ -208,14 +209,14 @@ BROUGHT_BY_DRONE = (
     "payload",
     "flight_time",
 )
-"""What a drone brings along, beside its camera."""
+"""Options that a drone decides, in addition to its camera."""
 
 
 BEST = ("visibility", "contrast", "detection")
-"""Objectives that a search makes as large as the time allows, without a target."""
+"""Objectives that a search maximises within the time, without a target."""
 
 LEFT_OPEN = ("grid", "heading", "trigger")
-"""Options that a search leaves open."""
+"""Options that a search chooses if they are not given."""
 
 OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
 """Options that describe a signature by numbers, all of them together."""
@@ -356,14 +357,14 @@ def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
 
 
 def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
-    """What is left of a layer of options below one that overrides it."""
+    """The options of a lower layer that the upper layer does not override or exclude."""
     dropped = set(upper)
     for alternatives in ALTERNATIVES:
         for names in alternatives:
             if names[0] in upper:
                 dropped |= _foreign(alternatives, names)
     if "scene" in upper and "scene" not in lower:
-        dropped.add("occluder_size")  # it belonged to the uniform scene below
+        dropped.add("occluder_size")  # it belonged to the uniform scene of the lower layer
     if "grid" in upper:
         dropped |= {*OF_LANES} - {*LANE_OPTIONS.get(upper["grid"], ())}
     if upper.get("trigger") == "stop":
@@ -378,7 +379,7 @@ def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a layer whose partners are in it, or in what is asked for."""
+    """The options of a layer whose partners are in the same layer or in the request."""
     together = {**own, **asked}
     unpaired = {
         name for need in NEEDS if need.waits and not need.is_met(together) for name in need.options
@@ -386,12 +387,12 @@ def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
     if together.get("grid") != "lanes":
         unpaired |= set(OF_LANES)
     left = {name: value for name, value in own.items() if name not in unpaired}
-    # An option that is left out may have been the partner of another.
+    # An option that is removed may have been the partner of another one.
     return left if len(left) == len(own) else fitting(left, asked)
 
 
 def is_search(values: Mapping[str, Any]) -> bool:
-    """Whether a request is answered by a search over flights."""
+    """Whether a request needs a search over flights."""
     if values["within"] is not None or _searches_area(values):
         return True
     names = (*LEFT_OPEN, "baseline", "samples")
@@ -408,12 +409,12 @@ def _searches_area(values: Mapping[str, Any]) -> bool:
 
 
 def default_target(values: Mapping[str, Any]) -> float:
-    """V̂ that is asked for unless another target is given; 0 if it is made as large as it can be."""
+    """Default of the target V̂; 0 if a search maximises its objective."""
     return 0.0 if is_search(values) and values["optimize"] in BEST else DEFAULTS["vhat"]
 
 
 def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of the options that were not given: open in a search, else their defaults."""
+    """Values of `LEFT_OPEN` that were not given: `OPEN` in a search, else their defaults."""
     found: dict[str, Any] = {}
     for name in LEFT_OPEN:
         if values[name] is None:
@@ -424,7 +425,7 @@ def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_search(values: Mapping[str, Any]) -> None:
-    """Refuse what a search cannot do, and what only a search can.
+    """Refuse options that do not go with a search, and options that need one.
 
     Raises
     ------
@@ -456,5 +457,5 @@ def check_search(values: Mapping[str, Any]) -> None:
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
-    """Options of the other alternatives that do not belong to one."""
+    """Options of the other alternatives that do not belong to this one."""
     return {name for others in alternatives for name in others} - set(names)

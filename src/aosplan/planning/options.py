@@ -72,8 +72,8 @@ FIND_OPTIONS = (
 class Option(NamedTuple):
     """One option: its field, how a value is read, and how help describes it.
 
-    `kind` says what a file may hold: a number, text, a whole number, a pair of numbers, or, of a
-    flag, true or false.
+    `kind` is the type of the value in a file: a number, a share, text, a whole number, a pair of
+    numbers, or true and false for a flag.
     """
 
     name: str
@@ -309,4 +309,4 @@ SHOWING = tuple(
     or option.name
     in (*FIND_OPTIONS, "coverage", "model", "view", "rays", "origin", "heading", "clearance")
 )
-"""Options that say what given positions show, whatever else is planned."""
+"""Options that decide what photos from given positions show."""

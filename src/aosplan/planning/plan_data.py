@@ -1,4 +1,4 @@
-"""The values of a plan."""
+"""`PlanData`: the values of a plan."""
 
 from __future__ import annotations
 
@@ -32,34 +32,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanData:
-    """What to fly, and what it will show: the values, without what can be made of them.
+    """The values of a plan: what is flown and what it is predicted to show.
 
     Attributes
     ----------
     inputs
-        What the request stands for, at the heading that is flown.
+        The resolved request, at the heading that is flown.
     solution
-        Pattern, baseline, prediction and what bound them.
+        Pattern, baseline and prediction, with the limits that determined them.
     grid
-        Kind of the grid: the one that was asked for, or the best.
+        Kind of the grid: the requested one, or the best.
     problem
-        What was solved; None for a scene without occluders.
+        The problem that was solved; None for a scene without occluders.
     coverage
         The coverage rule's baseline and deciding occluder; None for a scene without occluders.
     route
         Waypoints in flight order, how they are flown, and the flights of each battery.
     layout
-        The sites, and what they show of an area, or along a line.
+        The sites, and what they show of an area or along a line.
     confidence
-        How far the prediction can be trusted.
+        Standard errors and sensitivity of the prediction.
     detection
-        How likely what is looked for is found, or None.
+        Probability of detection of the target to find, or None.
     within
-        What a search within a time has compared the plan with, or None.
+        Result of a search within a time, or None.
     notices
-        Messages of the readers of the scene, and of its model.
+        Warnings of the stages of the plan: the readers of its files, its model and its area.
     warnings
-        All that the user should know: the notices, and what will not work as wished.
+        All warnings: the notices, and those about the finished plan.
     """
 
     inputs: PlanInputs
@@ -78,7 +78,7 @@ class PlanData:
 
     @property
     def request(self) -> PlanRequest:
-        """Everything that decided the plan."""
+        """The request with all values that decided the plan."""
         return self.inputs.request
 
     @property
@@ -113,10 +113,10 @@ class PlanData:
 
     @property
     def reading(self) -> str | None:
-        """How the uniform model takes the volume, or None.
+        """How the uniform model computes the volume, or None for other models.
 
-        ``rule``: d̂ at the height that decides the coverage rule, from that rule's baseline on;
-        ``slices``: below it, as slices one occluder thick.
+        ``rule``: with d̂ at the height that decides the coverage rule, for baselines of at least that
+        rule.  ``slices``: as slices that are one occluder thick, for smaller baselines.
         """
         if self.model != "uniform" or self.problem is None:
             return None
@@ -127,11 +127,11 @@ class PlanData:
 
     @property
     def edges(self) -> str | None:
-        """Which targets of a plot count: ``interior``, whose rays stay on it, or all: ``wrapped``."""
+        """Targets that count: ``interior`` (those whose rays stay on the plot) or ``wrapped`` (all)."""
         if self.model != "measured":
             return None
         of_model = getattr(self.problem and self.problem.model, "edges_of", None)
-        if of_model is None:  # nothing is hidden, or a correlogram
+        if of_model is None:  # nothing is hidden, or the scene has a correlogram alone
             return "wrapped"
         edges: str = of_model(self.solution.pattern, self.solution.baseline_m)
         return edges
@@ -143,12 +143,12 @@ class PlanData:
 
     @property
     def heading_deg(self) -> float:
-        """Direction of the flight lines, clockwise from true north: as asked for, or the best."""
+        """Direction of the flight lines, clockwise from true north: the requested one, or the best."""
         return self.inputs.heading_deg
 
     @property
     def approximation(self) -> str | None:
-        """What is used instead of the model's exact prediction (``correlogram``), or None."""
+        """The approximation that is used instead of the exact model (``correlogram``), or None."""
         return "correlogram" if self.model == "measured" and self.volume is None else None
 
     @property
@@ -168,7 +168,7 @@ class PlanData:
 
     @property
     def sensitivity(self) -> tuple[Change, ...]:
-        """How the plan changes if the scene differs from what was assumed, if asked for."""
+        """How the plan changes if the scene differs from what was assumed; empty unless requested."""
         return self.confidence.sensitivity
 
     @property
@@ -184,12 +184,15 @@ class PlanData:
 
     @property
     def aperture_m(self) -> float:
-        """Eq. 5 with the samples planned [m]."""
+        """Aperture [m] by Eq. 5 for the planned number of samples."""
         return float(aperture(self.solution.pattern.samples, self.solution.baseline_m))
 
     @property
     def common_footprint_m(self) -> tuple[float, float]:
-        """Ground that all samples see, along and across the heading [m]; negative: none."""
+        """Size of the ground that all samples see, along and across the heading [m].
+
+        It is negative if there is no such ground.
+        """
         footprint = self.camera.footprint_m(self.altitude_m)
         return footprint[0] - self.extent_m[0], footprint[1] - self.extent_m[1]
 
@@ -200,7 +203,7 @@ class PlanData:
 
     @property
     def limits(self) -> tuple[Limit, ...]:
-        """What bound the result: the solution, and the speed of the flight."""
+        """The limits that determined the solution and the speed of the flight."""
         return self.solution.limits + self.route.limits
 
     @property

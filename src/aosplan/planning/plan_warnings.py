@@ -1,4 +1,4 @@
-"""Warnings of a plan: what will not work as wished, and what would."""
+"""Warnings of a plan, each with a remedy if there is one."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SCENE_NEARBY_M = 50_000.0
 """A greater distance between a scene and the plan gives a warning, as one place may be a mistake."""
 
 HIGHEST_M = 120.0
-"""Above ground; the limit of the European open category and of many other rules."""
+"""Height above ground that the European open category and many other rules allow."""
 
 
 def with_warnings(plan: AnyPlan) -> AnyPlan:
@@ -154,7 +154,7 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
 
 
 def _oblique_rays(plan: PlanData) -> Iterator[Message]:
-    """Rays taken for nadir ones that pass clearly more wood."""
+    """Warn if slanted rays cross clearly more foliage than the nadir rays of the model."""
     if plan.inputs.rays != "nadir" or plan.coverage is None:
         return
     # Of sites spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
@@ -186,7 +186,7 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
 
 
 def _flying(plan: PlanData) -> Iterator[Message]:
-    """Warnings on the flight: the camera's pace, the battery, the law, and the ways there."""
+    """Warnings about the flight: photo interval, battery, legal height, and paths to and from it."""
     route, flight = plan.route, plan.inputs.flight
     timing, interval = route.timing, flight.photo_interval_s
     pace = timing.hold_s + timing.leg_s(plan.solution.baseline_m)

@@ -1,4 +1,4 @@
-"""The request: everything that decides a plan, and nothing about where it is written.
+"""The request: the options that decide a plan, without those of its output.
 
 `PlanRequest` has the options of ``aosplan plan`` (`aosplan.planning.options`) as fields, with underscores
 for hyphens.  Fields left None take a default, or are not used.
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)  # comparing field by field costs each start 2 ms to compile
 class PlanRequest:
-    """What ``aosplan plan`` takes, checked; fields are its options with underscores.
+    """The checked options of ``aosplan plan`` as fields, with underscores.
 
     Lengths are metres, angles degrees, times seconds, focal length and sensor millimetres.
     Text is read as on the command line (``vhat="98%"``).
@@ -43,7 +43,7 @@ class PlanRequest:
     Raises
     ------
     RequestError
-        Where a value is outside its domain, or options contradict each other.
+        If a value is outside its domain, or options contradict each other.
 
     Examples
     --------
@@ -143,7 +143,7 @@ class PlanRequest:
     altitude_frame: str = DEFAULTS["altitude_frame"]
 
     def __post_init__(self) -> None:
-        values = vars(self)  # a frozen value is filled in here alone
+        values = vars(self)  # this is the only place that fills in the frozen value
         values.update(left_open(values))
         for option in OPTIONS:
             if values[option.name] is not None:
@@ -172,12 +172,12 @@ class PlanRequest:
 
     @property
     def searches(self) -> bool:
-        """Whether what is left open is chosen by a search over flights, not by the solver."""
+        """Whether a search over flights chooses the options that are left open."""
         return is_search(vars(self))
 
     @property
     def has_place(self) -> bool:
-        """Whether the plan lies somewhere on earth."""
+        """Whether the plan has a location."""
         return self.origin is not None or self.over_area
 
     @property
@@ -187,11 +187,11 @@ class PlanRequest:
 
     @property
     def heading_deg(self) -> float:
-        """The heading asked for; north where the best one is sought."""
+        """The requested heading; north if the best one is searched for."""
         return self.heading if isinstance(self.heading, float) else 0.0
 
     def document(self) -> dict[str, Any]:
-        """The request as plain values, without what is not used: enough to run it again."""
+        """The request as plain values without unused options; it is enough to run the plan again."""
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
         return {
             name: list(value) if isinstance(value, tuple) else value
@@ -210,8 +210,8 @@ def request_from(
 ) -> PlanRequest:
     """A request from a file's values and the flags that override them.
 
-    What is given drops what it contradicts below: ``--visibility`` a file's ``vhat``, ``--gsd``
-    its ``altitude``, ``--drone`` the camera and the speeds of another.
+    An option drops the options of the layer below that contradict it: ``--visibility`` drops a
+    file's ``vhat``, ``--gsd`` its ``altitude``, ``--drone`` the camera and the speeds of another drone.
 
     Parameters
     ----------
@@ -222,12 +222,13 @@ def request_from(
     where
         The file, for messages.
     defaults, defaults_where
-        Options that both override, and their file; those that do not fit the rest are left out.
+        Options that files and flags override, and their file.  Defaults that do not fit the request
+        are ignored.
 
     Raises
     ------
     RequestError
-        Where a name is unknown or a value wrong; the message names the place.
+        If a name is unknown or a value is wrong; the message names the place.
     """
     flags, given, own = (
         {name: value for name, value in (layer or {}).items() if value is not None}
@@ -246,12 +247,12 @@ def request_from(
 
 
 def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
-    """The user's own defaults that what is asked for leaves room for.
+    """The user's own defaults that fit the requested options.
 
     Raises
     ------
     RequestError
-        Where they contradict each other, whatever is asked for.
+        If the defaults contradict each other.
     """
     own = {name: _parsed(name, value, f"{name} in {where}") for name, value in defaults.items()}
     try:

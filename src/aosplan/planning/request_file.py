@@ -1,7 +1,6 @@
-"""Documents that come from files, checked by pydantic, and their JSON Schemas.
+"""Request files and saved plans as requests, checked with pydantic.
 
-A plain command never loads this module: flags meet the same invariants in the classes that
-the documents are turned into.
+A plan that is given by flags does not load this module: `PlanRequest` checks the same rules.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ RequestDocument = create_model(
 
 
 def read_request(path: str) -> dict[str, Any]:
-    """The values of a request file: a table of options, or an earlier result that holds one."""
+    """The options in a request file, or in the request of an earlier result."""
     if not os.path.exists(path) and path.replace(".", "", 1).removeprefix("-").isdigit():
         raise RequestError(
             f"no file '{path}'",

@@ -1,6 +1,6 @@
-"""From a request to the inputs of its plan: names, files and defaults are resolved here, once.
+"""The inputs of a plan: the names, files and defaults of a request, which are resolved here once.
 
-`resolve_inputs` makes one frozen value, `PlanInputs`.  All later stages take that value, and none
+`resolve_inputs` returns one frozen value, `PlanInputs`.  All later stages take this value, and none
 of them reads the request again.
 """
 
@@ -68,9 +68,9 @@ class PlanInputs(NamedTuple):
     request
         The request with the values that its area and its scene decide, as documents show it.
     scene_name
-        How the request, or else the scene itself, names the scene.
+        Name of the scene in the request, or of the scene itself if the request describes it.
     loaded
-        The scene and what else its source holds; heights above ground.
+        The scene and the other content of its file; heights are above ground.
     camera
         The camera.
     altitude_m
@@ -94,23 +94,23 @@ class PlanInputs(NamedTuple):
     objective
         What is minimised or maximised.
     grids
-        Kinds of grid that the request leaves open.
+        Kinds of grid to compare; one if the request names one.
     heading_deg
         Direction of the flight lines, clockwise from true north.
     compares_headings
-        Whether the best heading is sought instead.
+        Whether the best heading is searched for instead.
     origin
         Latitude and longitude of the middle of the grid; None without a place or over an area.
     line_length_m
-        Length for which a line is flown on; None for one grid.
+        Length of a continuous line; None for one grid.
     line_pitch
         Distance between lines over an area in baselines, if it was asked for.
     area
-        What to cover and where not to fly; None for one grid.
+        The area to cover, and its no-fly zones; None for one grid.
     max_sites
-        More sites over an area are refused.
+        Largest number of sites over an area; more are refused.
     wants_sensitivity
-        Whether to tell how the plan changes if the scene differs from what was assumed.
+        Whether to compute how the plan changes if the scene differs from what was assumed.
     flight
         How to fly.
     folder
@@ -156,7 +156,7 @@ class PlanInputs(NamedTuple):
         return [kind.name for kind in self.grids] == ["line"]
 
     def at_heading(self, heading_deg: float) -> PlanInputs:
-        """The same with a heading that is decided."""
+        """The same inputs with a fixed heading."""
         return self._replace(heading_deg=heading_deg, compares_headings=False)
 
 
@@ -176,8 +176,8 @@ def resolve_inputs(
     folder
         Where its file names are looked for before the current folder.
     load
-        Gives the scene of a request instead of `aosplan.planning.loaded_scene.load_scene`, for
-        callers that have read it before.
+        Returns the scene of a request instead of `aosplan.planning.loaded_scene.load_scene`, if the
+        caller has read it before.
     progress
         Called with points read and points in all while a point cloud is read.
 
@@ -260,7 +260,7 @@ def resolve_inputs(
 
 
 def _filled(value: T | None) -> T:
-    """A field that `PlanRequest` has filled in, or checked to be there, as what it then is."""
+    """A field that is not None, because `PlanRequest` has filled it in or checked it."""
     assert value is not None
     return value
 
@@ -308,13 +308,13 @@ def _area_of(request: PlanRequest, folder: str) -> Area | None:
 def _common_ground(
     request: PlanRequest, camera: Camera, altitude_m: float, *, over_area: bool
 ) -> CommonGround | None:
-    """What bounds the grid so that all samples see some ground; None if that bound is lifted."""
+    """The ground that all samples have to see; None if the request allows grids without it."""
     if request.allow_no_common_ground:
         return None
     footprint = camera.footprint_m(altitude_m)
     target = 0.0 if request.find is None or over_area else max(target_m(request.find))
     wanted = max(target, camera.gsd_m(altitude_m))
-    # An image smaller than a target, or of one pixel, leaves half of itself.
+    # If an image is smaller than the target, or has one pixel, half of the image is enough.
     along, across = (min(wanted, 0.5 * size) for size in footprint)
     return CommonGround(footprint, (0.0, 0.0) if over_area else (along, across), over_area)
 
@@ -323,7 +323,7 @@ def _requirement_of(request: PlanRequest) -> Requirement:
     if request.visibility is not None:
         return Requirement("visibility", exact_share(request.visibility, "--visibility"))
     vhat = _filled(request.vhat)
-    # A float in a request is the nearest one to a decimal that was written.
+    # `repr` gives the shortest decimal that the float stands for, as it was written.
     return Requirement(
         "normalized", exact_share(vhat if isinstance(vhat, str) else repr(vhat), "--vhat")
     )
@@ -382,7 +382,7 @@ def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
 
 
 def _check_altitude(loaded: LoadedScene, altitude_m: float, request: PlanRequest) -> None:
-    """Refuse an altitude within the canopy, or nearer to it than the clearance."""
+    """Refuse an altitude within the canopy or within the clearance above it."""
     top = loaded.scene.canopy_top_m - request.focal_height
     lowest = top + request.clearance
     if altitude_m > top and altitude_m >= lowest:

@@ -1,4 +1,4 @@
-"""The plan: its values, and the documents and files that are made of them."""
+"""`Plan`: the values of a plan with the methods that make documents and files of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Plan(PlanData):
-    """What to fly, and what it will show.
+    """A plan: what is flown and what it is predicted to show.
 
     Attributes are those of `aosplan.planning.plan_data.PlanData`.
     """
@@ -27,12 +27,12 @@ class Plan(PlanData):
         return plan_document(self)
 
     def tradeoff(self) -> list[TradeoffRow]:
-        """What each number of samples takes and gives, for every kind of grid asked for.
+        """Cost and benefit of each number of samples, for every kind of grid of the request.
 
         Raises
         ------
         RequestError
-            Where no occluder is above the focal plane: there is nothing to trade.
+            If no occluder is above the focal plane, so that there is no trade-off.
         """
         from aosplan.solver.tradeoff import tradeoff
 
@@ -51,7 +51,7 @@ class Plan(PlanData):
     def tradeoff_document(self, rows: Sequence[TradeoffRow]) -> dict[str, Any]:
         """Rows of `tradeoff` as plain values: what ``tradeoff --json`` prints.
 
-        If the plan looks for something, rows have the probability of detection; None for rows for
+        If the plan looks for a target, rows have its probability of detection; None in rows for
         which it was not counted.
         """
         from aosplan import __version__
@@ -73,7 +73,7 @@ class Plan(PlanData):
         }
 
     def mission(self) -> Mission:
-        """The plan as formats take it."""
+        """The mission that file formats take."""
         document = self.document()
         del document["waypoints"]
         return Mission(self.waypoints, document, self.settings)
@@ -95,29 +95,29 @@ class Plan(PlanData):
         format: str | None = None,  # noqa: A002 (the option's name)
         force: bool = False,
     ) -> list[str]:
-        """Write the waypoints, whole or not at all.
+        """Write the waypoints to a file, completely or not at all.
 
         Parameters
         ----------
         path
-            The ending decides the format, or a name before a colon: ``csv:grid.txt``.
+            The extension decides the format, or a name before a colon: ``csv:grid.txt``.
         format
-            Name of the format, whatever the ending.
+            Name of the format, for any extension.
         force
             Whether an existing file is overwritten.
 
         Returns
         -------
         paths
-            What was written: `path`, or numbered files where one does not hold all.
+            The files that were written: `path`, or numbered files if one cannot hold all waypoints.
 
         Raises
         ------
         RequestError
-            Where the format is unknown or needs a place, the file exists, or the mission is
-            beyond the limits of the format's target.
+            If the format is unknown or needs a location, the file exists, or the mission exceeds
+            the limits of the program that reads the format.
         SurroundingsError
-            Where the file cannot be written.
+            If the file cannot be written.
         """
         from aosplan.files import write_all
         from aosplan.mission.export import choose, files

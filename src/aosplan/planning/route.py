@@ -1,8 +1,8 @@
 """The route: from a plan's sites to waypoints with turns, heights and flights.
 
-Sites come in flight order, east and north of the origin.  Flying through adds the points at which
-the drone turns, terrain those that keep it above the ground, and a battery's time cuts the whole
-into flights.
+Sites are given in flight order, east and north of the origin.  If photos are taken while flying, the
+points at which the drone turns are added.  If there is a terrain file, points that keep the drone
+above the ground are added.  The flight time of a battery splits the route into flights.
 """
 
 from __future__ import annotations
@@ -37,20 +37,21 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LEAST_RUN_IN_M = 1.0
-"""Autopilots take no shorter legs: half a metre, says DJI."""
+"""Shortest leg for autopilots; DJI documents half a metre."""
 
 LONGEST_RUN_IN_M = 1000.0
-"""Nobody flies farther only to be at speed."""
+"""Longest distance to reach the speed of a line that is accepted."""
 
 
 class Route(NamedTuple):
     """Waypoints in flight order, how they are flown, and the flights they are split into.
 
-    `length_m` and `time_s` count from the first photo to the last, whatever lies between;
-    `closer_by_m` and `farther_by_m` say how much nearer to the ground, and farther from it, the ways between
-    waypoints come than their ends, and `highest_way_m` how far above the ground the ways from the
-    take-off and back lead.  Heights of the ground count from `datum`.  `wind_delay_s` is how much
-    longer the wind makes `time_s`, and all flights from take-off to landing; None without wind.  The take-off is None where nothing depends on it.
+    `length_m` and `time_s` are those of the path from the first photo to the last.  `closer_by_m` and
+    `farther_by_m` are the largest deviations of the height above ground between waypoints, below and
+    above that at their ends.  `highest_way_m` is the greatest height above ground on the paths from
+    the take-off and back.  Heights of the ground are above `datum`.  `wind_delay_s` is the time
+    that the wind adds to `time_s`, and to all flights from take-off to landing; None without wind.
+    The take-off is None if nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -84,9 +85,9 @@ class Wind(NamedTuple):
 class FlightInputs(NamedTuple):
     """How to fly, with all defaults filled in.
 
-    `speed_mps` is the speed that was asked for, `speed_bounds` what bounds it whatever the
-    baseline.  `drone_name` is the drone as it was named, `drone` its preset, `terrain` the path of
-    its file.  A value of None was neither asked for nor known.
+    `speed_mps` is the requested speed, and `speed_bounds` are its upper limits that do not depend on
+    the baseline.  `drone_name` is the name in the request, `drone` the drone's preset, and `terrain`
+    the path of the terrain file.  A value is None if it was not requested and is not known.
     """
 
     trigger: str
@@ -115,11 +116,11 @@ class FlightInputs(NamedTuple):
 
     @property
     def bound(self) -> SpeedBound | None:
-        """What bounds the speed before the baseline is known."""
+        """The limit of the speed that applies before the baseline is known, or None."""
         return ruling(self.speed_mps, self.speed_bounds)
 
     def timing(self, heading_deg: float) -> Timing:
-        """How the drone flies before the baseline is known; axes along a heading and to its right.
+        """Speeds and times before the baseline is known; axes are along a heading and to its right.
 
         Raises
         ------
@@ -147,9 +148,9 @@ class FlightInputs(NamedTuple):
 def speed_bounds(
     drone: DronePreset | None, blur: tuple[float, float] | None, gsd_m: float
 ) -> tuple[SpeedBound, ...]:
-    """What bounds the speed whatever the baseline: the drone, and motion blur.
+    """The limits of the speed that do not depend on the baseline: the drone, and motion blur.
 
-    Motion blur [px] and exposure time [s] are given if photos are taken in passing.
+    `blur` is the motion blur [px] and the exposure time [s] if photos are taken while flying.
     """
     bounds = []
     if drone is not None:
@@ -167,7 +168,7 @@ def speed_bounds(
 def flown(
     flight: FlightInputs, heading_deg: float, baseline_m: float
 ) -> tuple[Timing, Limit | None]:
-    """How a plan is flown once its baseline is known, and what bound the speed.
+    """Speeds and times once the baseline is known, and the limit of the speed.
 
     The axes are east and north.
     """
@@ -236,14 +237,14 @@ def build_route(
     Raises
     ------
     RequestError
-        Where the terrain does not cover the route, or there is no waypoint to resume at.
+        If the terrain does not cover the route, or there is no waypoint to resume at.
     InfeasibleError
-        Where the wind is too strong, or a battery too small for any site.
+        If the wind is too strong, or a battery does not last for any site.
     """
     timing, limit = flown(flight, heading_deg, baseline_m)
 
     def sites_from(photo: int) -> Sites:
-        """The way from a photo on, with the points at which it turns."""
+        """The sites from a photo on, with the points at which the drone turns."""
         first = [place for place, taken in enumerate(sites.photo) if taken][photo] if photo else 0
         left = Sites(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
@@ -257,7 +258,7 @@ def build_route(
 
         terrain = Terrain(flight.terrain, flight.terrain_units)
     with terrain or nullcontext():
-        # A way over the trees may sag only as far as the clearance lets it.
+        # Between sites, the path may come closer to the ground only within the clearance.
         tolerance = min(flight.terrain_tolerance_m, altitude_m - canopy_top_m - flight.clearance_m)
         ground = _grounded(sites_from(0), terrain, origin, tolerance)
         takeoff = _takeoff(flight, ground, terrain, origin)
@@ -270,7 +271,7 @@ def build_route(
         least_m = canopy_top_m + flight.clearance_m
         takeoff, lowest = _safe_ways(track, takeoff, terrain, origin, least_m)
         flights = flights_of(track, timing, takeoff, battery_s)
-        # Where heights or several flights depend on the take-off, it is said where that is.
+        # If heights or several flights depend on the take-off, its position is part of the plan.
         known = flight.takeoff
         if known is None and origin is not None and (terrain or len(flights) > 1):
             (latitude,), (longitude,) = to_wgs84(origin, [takeoff.east_m], [takeoff.north_m])
@@ -357,11 +358,11 @@ def _safe_ways(
     origin: tuple[float, float] | None,
     least_m: float,
 ) -> tuple[TakeoffPoint, list[float]]:
-    """The take-off with the heights of the ways to each waypoint, and the lowest ground below each.
+    """The take-off with the heights of the paths to each waypoint, and the lowest ground below each.
 
-    A way is flown on the level of its waypoint, or `least_m` above the highest ground on it, and
-    `LEAST_CLIMB_M` above the take-off at least.  The way back from any waypoint is on the highest of
-    these levels.
+    The path to a waypoint is flown at the height of the waypoint, or at `least_m` above the highest
+    ground below the path, and at least `LEAST_CLIMB_M` above the take-off.  The path back from any
+    waypoint is at the greatest of these heights.
     """
     if terrain is None:
         lowest = highest = [takeoff.up_m] * len(track.up_m)
@@ -383,7 +384,7 @@ def _safe_ways(
 def _highest_way_m(
     flights: Sequence[Flight], takeoff: TakeoffPoint, lowest: Sequence[float]
 ) -> float:
-    """Greatest height above ground on the ways from the take-off to the flights and back."""
+    """Greatest height above ground on the paths from the take-off to the flights and back."""
     return takeoff.up_m + max(
         max(flight.climb_m - lowest[flight.first], flight.return_m - lowest[flight.last])
         for flight in flights
@@ -393,7 +394,7 @@ def _highest_way_m(
 def _waypoints(
     ground: Ground, altitude_m: float, flights: Sequence[Flight], *, known: bool
 ) -> Waypoints:
-    """The waypoints that belong to a flight, with the ground's height where that is known."""
+    """The waypoints of all flights, with the height of the ground if it is known."""
     kept = [place for flight in flights for place in range(flight.first, flight.last + 1)]
 
     def column(values: Sequence[T]) -> list[T]:
@@ -410,7 +411,7 @@ def _waypoints(
 
 
 def _counted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
-    """Flights by the places of their waypoints among those that are kept."""
+    """The flights with the indices of their waypoints among those that are kept."""
     counted, first = [], 0
     for flight in flights:
         last = first + flight.last - flight.first
@@ -420,7 +421,7 @@ def _counted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 
 
 def _first_photo_to_last(track: Track, timing: Timing) -> tuple[float, float]:
-    """Length and time from the first photo to the last, the holds included."""
+    """Length and time from the first photo to the last, with the holds."""
     first = track.photo.index(True)
     last = len(track.photo) - 1 - track.photo[::-1].index(True)
     lengths, times = track.lengths_m, track.times_s(timing)

@@ -11,7 +11,7 @@ from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
 MOST_BYTES = 1024 * 1024 * 1024
-"""A saved plan of the most waypoints that there may be has 0.8 GB."""
+"""Largest size of a saved plan; one with the largest number of waypoints has 0.8 GB."""
 
 
 def read_mission(path: str) -> Mission:

@@ -1,4 +1,4 @@
-"""Scenes as files that are read at once."""
+"""Scenes and stands as files that are quick to read."""
 
 from __future__ import annotations
 

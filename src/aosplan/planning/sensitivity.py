@@ -38,14 +38,14 @@ FACTORS = (0.8, 1.2)
 QUANTITIES = ("density", "occluder_size", "height")
 
 SEED = 1
-"""Seed of the voxels that are taken away or added."""
+"""Random seed of the voxels that are removed or added."""
 
 
 class Change(NamedTuple):
     """One change of a scene, and what it does to a plan.
 
-    `visibility` and `normalized` are those of the planned grid, `samples` and `baseline_m` what
-    would be planned; None where there is no such number, and then the `reason`.
+    `visibility` and `normalized` are those of the planned grid; `samples` and `baseline_m` are those
+    of the grid that would be planned.  A value that does not exist is None, and `reason` says why.
     """
 
     quantity: str
@@ -58,7 +58,7 @@ class Change(NamedTuple):
 
 
 def changes_of(solved: SolvedPlan) -> Iterator[Change]:
-    """All changes of a scene, and what each does to a solution."""
+    """All changes of a scene, and the effect of each on a solution."""
     inputs, solution = solved.inputs, solved.solution
     for quantity in QUANTITIES:
         for factor in FACTORS:
@@ -91,12 +91,12 @@ def changes_of(solved: SolvedPlan) -> Iterator[Change]:
 
 
 def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
-    """The problem that a changed scene poses, or None where nothing is left to hide anything.
+    """The problem of a changed scene; None if nothing is hidden in it.
 
     Raises
     ------
     RequestError
-        Where there is no such scene.
+        If there is no such scene.
     """
     higher = factor if quantity == "height" else 1.0
     loaded = inputs.loaded
@@ -132,7 +132,7 @@ def changed(scene: Scene, quantity: str, factor: float) -> Scene:
     Raises
     ------
     RequestError
-        Where a density would be 1 or more.
+        If a density would be 1 or more.
     """
     if isinstance(scene, UniformScene):
         return _changed_volume(scene, quantity, factor)
@@ -181,10 +181,10 @@ def _below_one(density: float) -> float:
 
 
 def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
-    """A volume with a factor as many occupied voxels in every slice, by a seeded draw.
+    """A volume whose number of occupied voxels in every slice is multiplied by a factor.
 
-    Below 1 some are taken away, whichever; above 1 some of the empty voxels beside an occupied one
-    are filled, or all of them where they are too few.
+    The voxels are drawn with a seed.  For a factor below 1, occupied voxels are removed.  For a factor
+    above 1, empty voxels beside occupied ones are filled; if there are too few, all of them.
     """
     import numpy as np
 

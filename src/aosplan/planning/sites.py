@@ -1,4 +1,4 @@
-"""What is flown beyond the grid that was solved for: an area, or one long line."""
+"""The sites of a plan: one grid, a long line, or many grids over an area."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ class Layout(NamedTuple):
     origin
         Latitude and longitude; None without a place.
     survey
-        What the sites cover, where an area is given.
+        What the sites cover of an area; None without an area.
     continuous
-        What a line flown on and on shows, where the grid is one.
+        The integrals along a continuous line; None for other grids.
     area
-        What is covered, and where not to fly.
+        The area and its no-fly zones.
     """
 
     sites: Sites
@@ -49,12 +49,12 @@ class Layout(NamedTuple):
 
     @property
     def notices(self) -> tuple[Message, ...]:
-        """What the area's files, and its no-fly zones, had to say."""
+        """Warnings of the area's files and its no-fly zones."""
         return self.survey.notices if self.survey is not None else ()
 
 
 def layout_of(solved: SolvedPlan) -> Layout:
-    """The sites of a solution: one grid, one line, or as many as an area takes."""
+    """The sites of a solution: one grid, one line, or as many as the area needs."""
     inputs, solution = solved.inputs, solved.solution
     continuous = _continuous_for(solved)
     if inputs.area is not None:
@@ -70,9 +70,9 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
     from aosplan.areas.survey import survey_of
 
     footprint, pattern = inputs.footprint_m, solution.pattern
-    assert isinstance(pattern, Pattern)  # over an area no spiral is asked for, nor compared
+    assert isinstance(pattern, Pattern)  # spirals are refused over an area
     if inputs.is_line and solution.baseline_m > 0.0:
-        # Each line serves all the ground beside it that its images show.
+        # Each line covers all the ground beside it that its images show.
         widest = footprint[1] / solution.baseline_m
         pattern = pattern._replace(row_pitch=min(inputs.line_pitch or widest, widest))
     return survey_of(
@@ -100,13 +100,13 @@ def route_of(inputs: PlanInputs, layout: Layout, baseline_m: float) -> Route:
 
 
 def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
-    """Warnings of ways to the sites and back that pass through no-fly zones.
+    """Warn of paths to the sites and back that pass through no-fly zones.
 
     Raises
     ------
     InfeasibleError
-        Where the drone does on its way from site to site: run-ins of lines that are flown
-        through do not go around zones.
+        If a path between sites passes through a zone: the run-ins of lines that are flown through
+        do not go around zones.
     """
     area, takeoff_at = inputs.area, inputs.flight.takeoff
     if area is None or area.keep_out.is_empty:
@@ -139,12 +139,12 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
 
 
 def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
-    """The pattern that is flown where no area is given: the grid, or a longer line.
+    """The pattern that is flown without an area: the grid, or a longer line.
 
     Raises
     ------
     RequestError
-        Where the line is shorter than one integral.
+        If the line is shorter than one integral.
     """
     length_m = inputs.line_length_m
     if length_m is None or solution.baseline_m == 0.0:
@@ -162,7 +162,7 @@ def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
 
 
 def _continuous_for(solved: SolvedPlan) -> Continuous | None:
-    """What a line shows that is flown on and on; None for other grids."""
+    """The integrals along a continuous line; None for other grids."""
     inputs, solution = solved.inputs, solved.solution
     if solved.problem is None or not inputs.is_line:
         return None

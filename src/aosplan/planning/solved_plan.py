@@ -1,4 +1,4 @@
-"""The solved plan: from the inputs of a plan to the problem that they pose, and its solution."""
+"""`solve_inputs`: the problem of a plan's inputs, and its solution."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 
 MOST_SLICES = 512
-"""Slices that a uniform volume is cut into for a prediction: with more, 1 - V̂ changes by 0.02 %."""
+"""Largest number of slices of a uniform volume; with more, 1 - V̂ changes by 0.02 %."""
 
 
 class Memo:
-    """What functions have returned for the same arguments.
+    """Stored results of functions, by their arguments.
 
-    Numbers and text are the same if they are equal, anything else only if it is the same object.
-    An entry keeps its arguments alive, so that no other object takes their identity.
+    Numbers and text are compared by value, and other arguments by identity.  An entry keeps its
+    arguments alive, so that no other object gets the same identity.
     """
 
     def __init__(self) -> None:
         self._entries: dict[tuple[Any, ...], tuple[Any, ...]] = {}
 
     def __call__(self, make: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        """What a function returns for its arguments, computed once."""
+        """The result of a function for its arguments, computed once."""
         key = (make, *map(_identity, arguments), *sorted(named.items()))
         if key not in self._entries:
             self._entries[key] = make(*arguments, **named), arguments
@@ -47,14 +47,14 @@ class Memo:
 
 
 class SolvedPlan(NamedTuple):
-    """The inputs of a plan, and the grid that answers them.
+    """The inputs of a plan, its problem and its solution.
 
     Attributes
     ----------
     inputs
         The inputs, at the heading that is flown.
     problem, coverage
-        What was solved, and the coverage rule; None if nothing is hidden.
+        The problem, and the baseline of the coverage rule; None if nothing is hidden.
     solution, grid
         The solution, and its kind of grid.
     """
@@ -81,19 +81,19 @@ def solve_inputs(
     inputs
         The inputs of the plan.
     on_trial
-        As of `aosplan.planning.planner.plan`.
+        As in `aosplan.planning.planner.plan`.
     memo
-        What other inputs over the same scene have made of it.
+        Results that plans over the same scene share.
     count_required, seek_remedy
-        Whether the fewest samples at the answer's baseline are wanted, and the hints of targets out
-        of reach; each takes a search.
+        Whether to count the fewest samples at the baseline of the solution, and whether to compute
+        the hint for a target out of reach; each takes a search.
 
     Raises
     ------
     RequestError
         If the scene cannot be solved with this model.
     InfeasibleError
-        If nothing meets the target.
+        If no grid meets the target.
     """
     posed = problem_of(inputs, memo or Memo())
     if posed is None:
@@ -117,7 +117,7 @@ def best_alternative(inputs: PlanInputs, problem: Problem) -> Alternative:
 
 
 def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaseline] | None:
-    """The problem that inputs pose, and its coverage rule; None if nothing is hidden."""
+    """The problem of a plan's inputs, and its coverage rule; None if nothing is hidden."""
     altitude, focal = inputs.altitude_m, inputs.camera.focal_length_px
     above, density = memo(_above, inputs.loaded.scene, inputs.focal_height_m)
     if above is None or density == 0.0:
@@ -174,7 +174,7 @@ def _of_statistics(
 
 
 def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, VisibilityModel | None]:
-    """The measured model, and the surrogate to search with."""
+    """The measured model, and the surrogate for searches."""
     from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.measured import MeasuredModel
     from aosplan.scenes.correlogram import correlogram
@@ -198,11 +198,11 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
     bounds, edges = inputs.bounds, inputs.edges
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
         return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
-    # A search compares all grids by the same targets, which under auto are those of the whole plot.
+    # A search compares all grids by the same targets: with `auto`, those of the whole plot.
     seen["edges"] = "interior" if edges == "interior" else "wrapped"
     model = memo(MeasuredModel, volume, altitude, **seen)
     if model.view == "perspective" or edges == "interior":
-        # The correlogram is telecentric, of the wrapped plot; fewer targets do instead.
+        # A correlogram is telecentric and of the wrapped plot, so the surrogate is a model with fewer targets.
         sparse = memo(MeasuredModel, volume, altitude, targets_per_voxel=1, **seen)
         return model, sparse
     if table is None or focal_height > 0.0:
@@ -211,7 +211,7 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
 
 
 def _above(scene: Scene, height_m: float) -> tuple[Scene | None, float]:
-    """What stands above a height, and its density."""
+    """The part of a scene above a height, and its density."""
     above = scene.above(height_m)
     return above, above.integrated_density if above is not None else 0.0
 
@@ -231,7 +231,7 @@ def _layered(
 def _sliced(
     above: Scene, altitude_m: float, focal_length_px: float, **common: Any
 ) -> VisibilityModel:
-    """A uniform volume, or another scene's slabs, as slices one occluder thick."""
+    """A uniform volume, or the slabs of another scene, as slices that are one occluder thick."""
     from aosplan.models.layered import LayeredModel
 
     layers = above.slices(MOST_SLICES) if isinstance(above, UniformScene) else above.slices()
@@ -239,12 +239,12 @@ def _sliced(
 
 
 def _identity(argument: Any) -> Any:
-    """What tells arguments apart: numbers and text by their values, anything else by itself."""
+    """The key of an argument: its value if it is a number or text, else its identity."""
     return argument if isinstance(argument, (float, int, str)) else id(argument)
 
 
 def _clear_view(inputs: PlanInputs) -> tuple[GridKind, Solution]:
-    """One sample, or as many as were asked for, over a scene in which nothing is hidden."""
+    """One sample, or the requested number, for a scene in which nothing is hidden."""
     grid, bounds = inputs.grids[0], inputs.bounds
     pattern = grid.pattern(bounds.samples or 1)
     return grid, Solution(

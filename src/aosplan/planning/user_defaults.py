@@ -1,10 +1,10 @@
-"""The user's own defaults: my drone, my camera, my take-off, so that a plan is one short line.
+"""The user's own defaults, such as their drone, camera and take-off.
 
-A TOML file of options as a request file has them.  It is ``aosplan/defaults.toml`` in the folder
-for settings (``$XDG_CONFIG_HOME`` or ``~/.config``; ``%APPDATA%`` on Windows), or what
-``AOSPLAN_DEFAULTS`` or ``--defaults`` name; ``none`` is no file at all.  A request file and flags
-override it, and so does each scenario of a sweep; an earlier result is complete and takes nothing
-from it.
+The defaults are in a TOML file of options, like a request file.  It is ``aosplan/defaults.toml`` in
+the settings folder (``$XDG_CONFIG_HOME`` or ``~/.config``; ``%APPDATA%`` on Windows), or the file
+that ``AOSPLAN_DEFAULTS`` or ``--defaults`` names; ``none`` means that no file is read.  A request
+file, flags and each scenario of a sweep override the defaults.  An earlier result is complete, so
+defaults are not used with it.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ FILE_OPTIONS = (
 
 
 def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> str:
-    """Where a user's defaults lie; empty where the surroundings do not say."""
+    """Path of the user's defaults; empty if the environment does not name a settings folder."""
     if platform == "win32":
         folder = environment.get("APPDATA", "")
     else:
-        # A relative folder is to be ignored, says the XDG base directory specification.
+        # The XDG base directory specification says that a relative folder is to be ignored.
         folder = environment.get("XDG_CONFIG_HOME", "")
         if not os.path.isabs(folder):
             home = environment.get("HOME", "")
@@ -40,12 +40,12 @@ def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> 
 
 
 def find_defaults(chosen: str | None, environment: Mapping[str, str] | None = None) -> str | None:
-    """The file of defaults that counts: the chosen one, the environment's, or the usual one.
+    """The file of defaults: the one that an option or the environment names, or the usual one.
 
     Raises
     ------
     RequestError
-        Where a file was named that does not exist.
+        If a file is named that does not exist.
     """
     known = os.environ if environment is None else environment
     for name, what in ((chosen, "--defaults"), (known.get("AOSPLAN_DEFAULTS"), "AOSPLAN_DEFAULTS")):
@@ -83,7 +83,7 @@ def request_of(
     flags
         Options by name; None counts as not given.
     defaults
-        What ``--defaults`` said.
+        The value of ``--defaults``.
     """
     values: dict[str, Any] = {}
     complete = False

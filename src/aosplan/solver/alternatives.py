@@ -1,8 +1,9 @@
 """The best of several kinds of grid, or of several headings.
 
-Each kind is solved by itself, so each answer is the best of its kind; then the objective decides.
-What its slack lets pass for equal is decided by fewer samples, and then by less flight time.
-Grids over no ground that all samples see are taken only where every kind has such a one.
+Each kind of grid is solved by itself, and the objective then selects the best of these solutions.
+Between solutions that are equal within the slack of the objective, the one with fewer samples is
+selected, and then the one with less flight time.  A grid without ground that all samples see is
+selected only if every kind has such a grid.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
 COMPARED = ("trimmed", "lanes", "spiral", "line")
-"""What ``--grid best`` compares: whole rectangles and squares are among the trimmed grids."""
+"""Kinds that ``--grid best`` compares.  Trimmed grids include whole rectangles and squares."""
 
 LANES = (2, 3, 4, 5)
 """Numbers of lanes that are compared."""
@@ -33,16 +34,17 @@ LANE_PITCHES = (1.5, 2.0, 3.0, 4.0, 6.0)
 """Pitches of lanes, and of the turns of a spiral, that are compared."""
 
 HEADING_STEP_DEG = 5.0
-"""Between the headings that a surrogate compares, over half a circle: a grid turned round is itself."""
+"""Step of the headings that a surrogate compares, within half a circle: a grid that is turned by 180
+degrees is the same grid."""
 
 HEADINGS_JUDGED, HEADINGS_APART_DEG = 3, 15.0
-"""How many of them the model judges, and how far apart they are."""
+"""Number of headings that the model then compares, and the least difference between two of them."""
 
 FIRST_HEADINGS_DEG = (0.0, 90.0, 45.0, 135.0)
-"""Where a search for the best heading begins; farther on only where a target is out of reach."""
+"""Headings at which a search for the best heading begins; the next one if no grid meets the target."""
 
 HEADING_MATTERS = 0.03
-"""Gain of normalised visibility from which another heading is worth a word."""
+"""Least gain of normalised visibility for a notice that another heading is better."""
 
 MEASURES = {
     "samples": "number of samples",
@@ -51,7 +53,7 @@ MEASURES = {
     "visibility": "visibility",
     "contrast": "contrast",
 }
-"""What the objectives compare."""
+"""Quantities that the objectives compare."""
 
 
 class Alternative(NamedTuple):
@@ -62,7 +64,7 @@ class Alternative(NamedTuple):
 
     @property
     def measure(self) -> float:
-        """What the objective makes small, or the last two great."""
+        """Value of the objective; the last two objectives are maximised."""
         pattern, baseline, prediction = self.solution[:3]
         return {
             "samples": lambda: float(pattern.samples),
@@ -79,7 +81,7 @@ class Alternative(NamedTuple):
         return path.time_s(self.solution.baseline_m, self.problem.timing)
 
     def has_ground(self, footprint_m: tuple[float, float], *, over_area: bool = False) -> bool:
-        """Whether there is ground that all samples see; over an area, a whole cell between them."""
+        """Whether all samples see some common ground; over an area, a whole cell between sites."""
         pattern, baseline = self.solution[:2]
         cell = pattern.pitch if over_area else (0.0, 0.0)
         sides = zip(pattern.extent, cell, footprint_m, strict=True)
@@ -97,9 +99,9 @@ def kinds(
     *,
     spirals: bool = True,
 ) -> tuple[GridKind, ...]:
-    """The kinds of grid that are compared for what was asked: each option a value, or ``best``.
+    """The kinds of grid to compare; each option is a value, or ``best`` for all its values.
 
-    Without `spirals`, the best is sought among grids of straight lines.
+    Spirals are compared only if `spirals` is true.
     """
 
     def all_of(name: str) -> Iterator[GridKind]:
@@ -133,12 +135,12 @@ def solve_best(
     footprint_m
         Ground that a photo shows along and across the heading.
     over_area
-        Whether the grid is repeated over an area, where it has to show a cell more.
+        Whether the grid is repeated over an area; all samples then have to see a whole cell.
 
     Raises
     ------
     InfeasibleError
-        Where none of them has a solution: the message of the first.
+        If none of them has a solution; the message is that of the first.
     """
     found: list[Alternative] = []
     failed: list[InfeasibleError] = []
@@ -163,7 +165,7 @@ def solve_best(
 
 
 def _no_worse(problem: Problem, found: Sequence[Alternative]) -> Problem:
-    """A problem with the bound that what was found sets: no more samples are of interest."""
+    """The problem without solutions that have more samples than the best one so far."""
     if problem.objective != "samples" or not found or problem.bounds.samples is not None:
         return problem
     fewest = min(choice.solution.pattern.samples for choice in found)
@@ -192,7 +194,7 @@ def _best(found: Sequence[Alternative]) -> Alternative:
 
 
 def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Problem]) -> Solution:
-    """The best solution, with a limit that says against what it was chosen."""
+    """The best solution, with a limit that names the alternatives it was compared with."""
     objective = best.problem.objective
     hopeless = [p.name for p in problems if p.name not in (best.problem.name, *notes)]
     message = f"{best.problem.name} is the best by {MEASURES[objective]}, {best.measure:.4g}"
@@ -201,13 +203,13 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
     if hopeless:
         message += f"; {_some(hopeless)} cannot be better"
     limit = Limit("choice", best.measure, best.measure, message)
-    # Not the limits it was solved with: a bound of our own is none to speak of.
+    # Bounds that the comparison itself has added are not limits for the user.
     limits = limits_of(best.problem, best.solution)
     return best.solution._replace(limits=(*limits, limit))
 
 
 def _some(texts: Sequence[str]) -> str:
-    """The first four of some texts, and how many more there are."""
+    """The first four texts, and the number of the others."""
     more = f" and {len(texts) - 4} more" if len(texts) > 4 else ""
     return ", ".join(texts[:4]) + more
 
@@ -218,9 +220,9 @@ def _none_of(problems: Sequence[Problem], failed: Sequence[InfeasibleError]) -> 
 
 
 def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[float, float]]:
-    """Headings [deg] at which a surrogate sees a solution do best, each with its V̂, best first.
+    """The best headings [deg] for a solution by the surrogate, each with its V̂, the best first.
 
-    They are at least `HEADINGS_APART_DEG` apart, on a half circle.
+    They are within half a circle and at least `HEADINGS_APART_DEG` apart.
     """
     count = round(180.0 / HEADING_STEP_DEG)
     rated = sorted(
@@ -241,7 +243,7 @@ def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[fl
 
 
 def other_heading(chosen: Alternative) -> str:
-    """A word on another heading that would show more, where a correlogram can tell at once."""
+    """Text of a notice that another heading is better, if a correlogram is there to compare them."""
     problem, solution = chosen
     pattern, baseline = solution[:2]
     surrogate = problem.surrogate or problem.model
@@ -265,9 +267,9 @@ def solve_best_heading(
 ) -> Alternative:
     """The best of the problems at the best heading.
 
-    What is best at the first of `FIRST_HEADINGS_DEG` that has a solution, the surrogate rates at all
-    headings; the model then solves that kind of grid at those it rates highest, and the objective
-    decides.
+    The problems are solved at the first of `FIRST_HEADINGS_DEG` that has a solution.  The surrogate
+    then compares all headings for the best solution, the model solves its kind of grid at the best
+    of them, and the objective selects one.
     """
     best = partial(solve_best, footprint_m=footprint_m, over_area=over_area)
     first = _first_heading(problems, best)

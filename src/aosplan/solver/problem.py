@@ -1,4 +1,4 @@
-"""What is asked of the solver, and what it answers: targets, bounds, grids, solutions."""
+"""The problem that the solver takes: target, bounds, kind of grid, and objective."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ if TYPE_CHECKING:
     OnTrial = Callable[["Problem", Sites, float], None]
 
 OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast", "detection")
-"""What a plan may minimise, or, the last three, maximise.  Detection is not for the solver."""
+"""Objectives of a plan.  The last three are maximised.  The solver does not know detection."""
 
 TOLERANCE = 1e-12
 """Relative tolerance on the shortfall when samples are counted."""
 
 ROUNDING = 1e-15
-"""The same when a baseline is solved for: no more than rounding may excuse."""
+"""Relative tolerance on the shortfall if a baseline is solved for: the size of rounding errors."""
 
 
 class Requirement(NamedTuple):
-    """A target: normalised visibility V̂, or absolute visibility V; exact as it was written."""
+    """A target for the normalised visibility V̂ or the visibility V, exactly as it was written."""
 
     quantity: str
     target: Fraction
 
     def value_of(self, prediction: Prediction) -> float:
-        """What a prediction reaches of this quantity."""
+        """The predicted value of this quantity."""
         return prediction.normalized if self.quantity == "normalized" else prediction.expected
 
     @property
     def symbol(self) -> str:
-        """How messages call the quantity."""
+        """The symbol of the quantity in messages."""
         return "V̂" if self.quantity == "normalized" else "V"
 
     @property
@@ -58,20 +58,20 @@ class Requirement(NamedTuple):
         return self.excess(prediction, tolerance) <= 0.0
 
     def excess(self, prediction: Prediction, tolerance: float = TOLERANCE) -> float:
-        """What a prediction lacks to the target; at most 0 where it is met."""
+        """How far a prediction is below the target; at most 0 if the target is met."""
         normalized = self.quantity == "normalized"
         error = prediction.shortfall if normalized else prediction.mean_squared_error
         return error - _left_by(self.target) * (1.0 + tolerance)
 
     def fewest_independent(self, model: VisibilityModel) -> int | None:
-        """Samples that would do if all were independent: a lower bound where K >= 1/N.
+        """Number of samples that would meet the target if all were independent (K = 1/N).
 
-        So it is for every pattern of a model that rises with the baseline, and only those are asked.
-        Of voxels, and of oblique rays, K can be a little below: views that hide unlike shares
-        spread less than their mean does.
+        This is a lower bound if K >= 1/N, which holds for every pattern of a model that rises with
+        the baseline; it is used only for these models.  For voxels and for oblique rays K may be a
+        little smaller, because views that hide different shares vary less than their mean does.
 
-        None where no number of samples reaches the target.  With K = 1/N, `is_met` reads
-        1/N <= 1 - V̂ or p (p + T/N) <= 1 - V; both are solved in exact arithmetic.
+        None if no number of samples meets the target.  With K = 1/N, `is_met` is 1/N <= 1 - V̂ or
+        p (p + T/N) <= 1 - V.  Both are solved in exact arithmetic.
         """
         allowed = (1 - self.target) * (1 + Fraction(TOLERANCE))
         if self.quantity == "normalized":
@@ -83,21 +83,21 @@ class Requirement(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _left_by(target: Fraction) -> float:
-    """What a target leaves to 1."""
+    """The difference between the target and 1."""
     return float(1 - target)
 
 
 class CommonGround(NamedTuple):
-    """The ground that all samples have to see, which bounds the grid.
+    """The ground that all samples have to see; it limits the size of the grid.
 
     Attributes
     ----------
     footprint_m
         Ground that a photo shows, along and across the heading.
     least_m
-        What of it all samples have to see along either: the size of a target, or a pixel.
+        Size of the ground that all samples have to see: that of a target, or a pixel.
     over_area
-        Whether the grid is repeated over an area: then they have to see a cell between sites.
+        Whether the grid is repeated over an area; all samples then have to see a cell between sites.
     """
 
     footprint_m: tuple[float, float]
@@ -105,7 +105,7 @@ class CommonGround(NamedTuple):
     over_area: bool = False
 
     def widest_m(self, sites: Sites | AnyFrame) -> float:
-        """Widest baseline at which a pattern leaves so much ground; infinite for a single sample."""
+        """Largest baseline at which all samples see enough common ground; infinite for one sample."""
         if sites.longer_side == 0.0:
             return math.inf
         cell = sites.pitch if self.over_area else (0.0, 0.0)
@@ -115,12 +115,12 @@ class CommonGround(NamedTuple):
         )
 
     def allows(self, sites: Sites | AnyFrame, baseline_m: float) -> bool:
-        """Whether a pattern at a baseline leaves so much ground."""
+        """Whether the samples of a pattern see enough common ground."""
         return baseline_m <= self.widest_m(sites) * (1.0 + TOLERANCE)
 
 
 class Bounds(NamedTuple):
-    """Bounds on the unknowns, or fixed values for them."""
+    """Bounds on the baseline, the samples and the extent, or fixed values."""
 
     max_aperture_m: float | None = None
     max_samples: int | None = None
@@ -135,7 +135,7 @@ class Bounds(NamedTuple):
 
 
 class GridKind(NamedTuple):
-    """A kind of grid by name, and what it needs to know."""
+    """A kind of grid by name, with the parameters of lanes and spirals."""
 
     name: str = "trimmed"
     lanes: int = 3
@@ -143,13 +143,13 @@ class GridKind(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The kind as messages call it."""
+        """The kind as it is shown in messages."""
         if self.name == "lanes":
             return f"{self.lanes} lanes of pitch {self.lane_pitch:g}"
         return f"spiral of pitch {self.lane_pitch:g}" if self.name == "spiral" else self.name
 
     def frame(self, index: int) -> AnyFrame:
-        """The frame at a place of the sequence, from 1."""
+        """The frame at an index of the sequence of this kind, counted from 1."""
         return frame_at(self.name, index, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def pattern(self, samples: int) -> Sites:
@@ -157,17 +157,17 @@ class GridKind(NamedTuple):
         return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def index_of(self, samples: int) -> int:
-        """Place of the first frame that takes this many samples."""
+        """Index of the first frame that holds this many samples."""
         return index_for(self.name, samples, lanes=self.lanes)
 
 
 class Problem(NamedTuple):
     """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
 
-    `surrogate` is a quick approximation of a model whose visibility need not rise with the baseline.  Where
-    nobody asks for the fewest samples at the answer's baseline, they need not be counted, nor a
-    remedy be sought where nobody reads it.
-    `on_trial` is told of the problem, a pattern and a baseline [m] before a search looks at them.
+    `surrogate` is a quick approximation of a model whose visibility may fall with the baseline.
+    `count_required` says whether the fewest samples at the baseline of the solution are counted, and
+    `seek_remedy` whether a remedy is computed for the hint of an error; both cost time.  A search
+    calls `on_trial` with the problem, a pattern and a baseline [m] before it evaluates them.
     """
 
     model: VisibilityModel
@@ -183,7 +183,7 @@ class Problem(NamedTuple):
 
     @property
     def name(self) -> str:
-        """How messages tell it from others: its kind of grid, and its heading where it has one."""
+        """The problem in messages: its kind of grid, and its heading if it has one."""
         heading = self.model.heading_deg
         return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
 
@@ -194,7 +194,7 @@ class Problem(NamedTuple):
             return self
         model = self.model.at_heading(heading_deg)
         surrogate = None if self.surrogate is None else self.surrogate.at_heading(heading_deg)
-        # The wind stays where it is, while the axes of the path turn.
+        # The axes of the path turn, but the wind does not.
         turn = math.radians(heading_deg - before)
         x, y = self.timing.wind
         wind = (x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn))
@@ -202,7 +202,7 @@ class Problem(NamedTuple):
         return self._replace(model=model, surrogate=surrogate, timing=timing)
 
     def surrogate_prediction(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """What the surrogate, or the model where there is none, says of a pattern at a baseline."""
+        """Prediction of the surrogate, or of the model if there is no surrogate."""
         return (self.surrogate or self.model).predict(pattern, baseline_m)
 
     def meets(self, pattern: Sites, baseline_m: float, tolerance: float = TOLERANCE) -> bool:
@@ -210,9 +210,9 @@ class Problem(NamedTuple):
         return self.requirement.is_met(self.model.predict(pattern, baseline_m), tolerance)
 
     def widest_m(self, sites: Sites | AnyFrame) -> float:
-        """Widest baseline worth trying for a pattern, or those of a frame.
+        """Largest baseline to try for a pattern, or for the patterns of a frame.
 
-        Beyond it nothing is gained, or the bound on the aperture is broken.
+        A larger one does not improve the visibility, or it exceeds the bound on the aperture.
         """
         cap, side = self.widest_baseline_m / sites.nearest, sites.longer_side
         if self.bounds.ground is not None:
@@ -221,22 +221,23 @@ class Problem(NamedTuple):
 
     @property
     def widest_baseline_m(self) -> float:
-        """Baseline beyond which nothing is gained, or nothing but what position noise takes.
+        """Baseline beyond which the visibility does not improve.
 
-        The latter where that is worth no aperture of three times the size: unless the number of
-        samples is fixed, or aperture or time tell what it is worth.
+        With position noise, baselines that are larger still improve it, but at the price of a much
+        larger aperture.  They are tried only if the number of samples is fixed, or if aperture or time
+        is the objective.
         """
         priced = self.objective in ("aperture", "time") or self.bounds.samples is not None
         return self.model.independent_baseline_m if priced else self.model.sharp_baseline_m
 
     @property
     def widest_aperture_m(self) -> float:
-        """Largest extent that the bounds, and what is known of the scene, allow."""
+        """Largest extent that the bounds and the size of the scene allow."""
         bound = self.bounds.max_aperture_m
         return min(math.inf if bound is None else bound, self.model.widest_aperture_m)
 
     def smallest_baseline_m(self, pattern: Sites) -> float | None:
-        """Smallest baseline at which a pattern meets the target; None where none within bounds."""
+        """Smallest baseline within the bounds at which a pattern meets the target, or None."""
         widest = self.widest_m(pattern)
         if not self.meets(pattern, widest):
             return None

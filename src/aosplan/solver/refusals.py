@@ -1,7 +1,7 @@
-"""What is said of requests and targets that cannot be met, each text once.
+"""Error messages for requests and targets that cannot be met.
 
-Single plans and the columns of a sweep share these texts.  `symbol` is V̂ or V, `target` the value
-asked for.
+Single plans and the columns of a sweep share these texts.  `symbol` is V̂ or V, and `target` is the
+requested value.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ LIFT_GROUND = (
     "fly higher, use a wider camera, give a lower target, or remove this "
     "limit with --allow-no-common-ground"
 )
-"""What to do if the ground that all samples see bounds the grid too narrowly."""
+"""Hint for grids that are too small because all samples have to see common ground."""
 
 
 def target_text(symbol: str, target: float) -> str:

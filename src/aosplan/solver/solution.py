@@ -1,4 +1,4 @@
-"""Answers: a solution with what bound it, and values as messages show them."""
+"""Solutions with the limits that determined them, and values as messages show them."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ BEST = {
     "contrast": "the best contrast",
     "detection": "the best detection",
 }
-"""What the objectives that are maximised look for."""
+"""Names of the objectives that are maximised."""
 
 
 def solution_of(
     problem: Problem, pattern: Sites, baseline_m: float, samples_required: int | None
 ) -> Solution:
-    """The solution of a pattern at a baseline, with what bound it."""
+    """The solution for a pattern at a baseline, with its limits."""
     prediction = problem.model.predict(pattern, baseline_m)
     return Solution(
         pattern=pattern,
@@ -40,7 +40,7 @@ def solution_of(
 
 
 def limits_of(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
-    """What bound a solution."""
+    """The limits that determined a solution."""
     return tuple(_limits(problem, *solution[:3]))
 
 
@@ -139,7 +139,7 @@ def _limits(
 def out_of_scan(
     problem: Problem, reached: tuple[Sites, float, Prediction] | None, most: int
 ) -> InfeasibleError:
-    """The error of a target that nothing searched meets: the most that is reached, and by what."""
+    """The error for a target that no searched grid meets; it names the best value and its grid."""
     requirement, widest = problem.requirement, problem.widest_aperture_m
     if reached is None:
         return InfeasibleError(
@@ -158,13 +158,13 @@ def out_of_scan(
 
 
 def value_text(problem: Problem, prediction: Prediction) -> str:
-    """What a prediction reaches of the wanted quantity."""
+    """The predicted value of the target's quantity."""
     requirement = problem.requirement
     return reached_text(requirement.symbol, requirement.value_of(prediction))
 
 
 class Solution(NamedTuple):
-    """A pattern and its baseline, with what they show and what bound them."""
+    """A pattern and its baseline, with their prediction and the limits that determined them."""
 
     pattern: Sites
     baseline_m: float

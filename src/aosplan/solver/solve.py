@@ -1,4 +1,4 @@
-"""The solution of a problem, by the solver that its model and its objective admit."""
+"""`solve`: the solution of a problem by the solver that suits its model and objective."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def solve(problem: Problem) -> Solution:
-    """Baseline and number of samples that meet a target best.
+    """The baseline and the number of samples that are best for a problem.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def solve(problem: Problem) -> Solution:
     """
     rises, ground = problem.model.rises_with_baseline, problem.bounds.ground
     if rises and ground is not None and problem.objective == "samples":
-        # What the footprint does not bind is solved without it, which takes no search by frames.
+        # If the footprint does not limit the solution, solving without it needs no search of frames.
         with suppress(InfeasibleError):
             free = problem.bounds._replace(ground=None)
             found = _solve(problem._replace(bounds=free, seek_remedy=False))

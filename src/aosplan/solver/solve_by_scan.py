@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 THINNED_FROM = 64
-"""Samples up to which every pattern is looked at for the least extent and the best value."""
+"""Samples up to which every pattern is evaluated for the least extent and the best value."""
 
 SCAN_RATIO, SCAN_STEPS = 8.0 / 7.0, 30
 """A scan's baselines begin at about one fiftieth of the widest."""
@@ -73,17 +73,17 @@ Correlograms are off by the most where samples are few: of generated stands, by 
 shortfall at 4 to 16 samples, and by 0 to 3 % at 49."""
 
 CAUTION = 1.5
-"""How much more than the largest error of a surrogate is allowed for."""
+"""Factor of the margins over the largest error of the surrogate that was seen."""
 
 VISIBILITY_SLACK = 0.005
-"""How far below the best visibility the fewest samples may stay, where that is 0.5 or more."""
+"""Slack below the best visibility for the fewest samples, if it is 0.5 or more."""
 
 RELATIVE_SLACK = 0.01
-"""The same for lower visibilities and for contrast, as a share of the best."""
+"""The same slack for lower visibilities and for contrast, as a share of the best value."""
 
 
 def near_best(objective: str, best: float) -> float:
-    """The least visibility or contrast that counts as near the best."""
+    """The least visibility or contrast within the slack of the best."""
     enough = best * (1.0 - RELATIVE_SLACK)
     return enough if objective == "contrast" else max(enough, best - VISIBILITY_SLACK)
 
@@ -101,12 +101,12 @@ class Candidate(NamedTuple):
 
 
 def solve_by_scan(problem: Problem) -> Solution:
-    """Baseline and number of samples for a model whose visibility need not rise with either.
+    """Baseline and number of samples for a model whose visibility may fall with either.
 
     Raises
     ------
     InfeasibleError
-        Where nothing meets the target; the message says what is reachable.
+        If no grid meets the target; the message says what is reachable.
     """
     bounds = problem.bounds
     scan = Scan(problem)
@@ -129,7 +129,7 @@ def solve_by_scan(problem: Problem) -> Solution:
 
 
 class Scan:
-    """What the model says of patterns at baselines, and what the surrogate says that it may say."""
+    """Predictions of the model for patterns at baselines, and bounds on them by the surrogate."""
 
     def __init__(self, problem: Problem, errors: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.problem = problem
@@ -140,7 +140,7 @@ class Scan:
         self._by_surrogate: dict[Candidate, Prediction] = {}
 
     def until_margins_hold(self, look: Callable[[Scan], Found]) -> Found:
-        """What a search finds once the margins that it was made with prove wide enough."""
+        """The result of a search, which is repeated until its margins are wide enough."""
         if self.problem.surrogate is not None and not any(self.errors):
             self._probe()
         while True:
@@ -150,7 +150,7 @@ class Scan:
                 return found
 
     def _wanted_margins(self) -> tuple[float, ...]:
-        """The margins that the largest errors of the surrogate ask for."""
+        """The margins for the largest errors of the surrogate so far."""
         return tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
 
     def _probe(self) -> None:
@@ -167,7 +167,7 @@ class Scan:
                     self.predict(Candidate(pattern, baseline))
 
     def predict(self, candidate: Candidate) -> Prediction:
-        """The model's prediction; the surrogate is measured by it."""
+        """Prediction of the model; the error of the surrogate is updated with it."""
         known = self._known.get(candidate)
         if known is None:
             self._tell(candidate)
@@ -185,7 +185,7 @@ class Scan:
         return known
 
     def optimistic(self, candidate: Candidate) -> Prediction:
-        """The best that the model might say."""
+        """The best prediction that the model may give, by the surrogate and its margins."""
         if self.problem.surrogate is None or candidate in self._known:
             return self.predict(candidate)
         shortfall, transparency, _ = self._margins
@@ -195,7 +195,7 @@ class Scan:
         return Prediction(1.0 - clear, clear, least)
 
     def value(self, prediction: Prediction) -> float:
-        """What is maximised: the objective, or what the target asks for."""
+        """The value that is maximised: the objective, or the quantity of the target."""
         if self.problem.objective == "contrast":
             return prediction.contrast
         if self.problem.objective == "visibility":
@@ -203,17 +203,17 @@ class Scan:
         return self.problem.requirement.value_of(prediction)
 
     def near(self, value: float) -> float:
-        """The least value that counts as near the best."""
+        """The least value within the slack of the best."""
         return near_best(self.problem.objective, value)
 
     def optimistic_value(self, candidate: Candidate) -> float:
-        """The highest value that the model might say."""
+        """The highest value that the model may give, by the surrogate and its margins."""
         if self.problem.surrogate is None or candidate in self._known:
             return self.value(self.predict(candidate))
         return self.value(self._guess(candidate)) / max(1.0 - self._margins[2], 0.5)
 
     def meets(self, candidate: Candidate) -> bool:
-        """Whether a candidate meets the target; the model is asked only where it may."""
+        """Whether a candidate meets the target; the model is evaluated only if it may."""
         requirement = self.problem.requirement
         return requirement.is_met(self.optimistic(candidate)) and requirement.is_met(
             self.predict(candidate)
@@ -238,11 +238,11 @@ class Scan:
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
     ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
-        """The patterns that may be planned, in families: the densest one, and all of them.
+        """The patterns that may be planned, by families: the densest of each, and all of it.
 
-        Those of one frame, which are of one size, are a family.  Where each count has a size of its
-        own, it is one by itself; or, `thinned` and above `thinned_from` samples, one with the
-        counts of one frame of the trimmed grid.
+        The patterns of one frame have one size and are a family.  If each sample count has its own
+        size, each is a family by itself.  With `thinned`, the counts above `thinned_from` samples are
+        grouped as those of the frames of the trimmed grid.
         """
         bounds, grid = self.problem.bounds, self.problem.grid
         if bounds.samples is not None:
@@ -262,7 +262,7 @@ class Scan:
             first = frame.most + 1
 
     def baselines_m(self, sites: Sites | AnyFrame) -> list[float]:
-        """The baselines of the scan that a pattern may have, rising."""
+        """The baselines of the scan for a pattern, in rising order."""
         problem = self.problem
         fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
         if fixed is not None:
@@ -280,7 +280,7 @@ class Scan:
     def refined(
         self, pattern: Sites, lower: float, baseline: float, halvings: int = REFINEMENTS
     ) -> Candidate:
-        """The smallest baseline that meets the target, between one that does not and one that does."""
+        """Bisect between a baseline that misses the target and one that meets it."""
         if self.problem.bounds.baseline_m is None:
             for _ in range(halvings):
                 middle = 0.5 * (lower + baseline)
@@ -341,7 +341,7 @@ def _least_aperture(scan: Scan) -> Candidate | None:
 
 
 def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate], bool]) -> bool:
-    """Whether a pattern passes a test at the widest baseline that an extent leaves it."""
+    """Whether a pattern passes a test at the largest baseline within an extent."""
     widest, side = scan.problem.widest_m(pattern), pattern.longer_side
     fixed = scan.problem.bounds.baseline_m
     if fixed is not None:
@@ -409,7 +409,7 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
 
 
 def _highest(scan: Scan) -> Candidate | None:
-    """The candidate of the highest value among the densest patterns, to half the slack."""
+    """The candidate with the highest value among the densest patterns, within half the slack."""
     best: Candidate | None = None
     enough = -math.inf
     waiting: list[tuple[float, int, int, Candidate]] = []
@@ -429,7 +429,7 @@ def _highest(scan: Scan) -> Candidate | None:
 
 
 def _best(scan: Scan) -> Candidate | None:
-    """The fewest samples that come near the best visibility or contrast there is."""
+    """The fewest samples whose visibility or contrast is within the slack of the best."""
     best = _highest(scan)
     if best is None:
         return None
@@ -450,7 +450,7 @@ def _best(scan: Scan) -> Candidate | None:
 
 
 def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
-    """Fewest samples that meet the target at one baseline; None where none that was looked at."""
+    """Fewest samples that meet the target at one baseline; None if no searched number does."""
     problem = scan.problem
     if problem.model.rises_with_baseline:
         from aosplan.solver.solve_monotone import fewest_at

@@ -1,9 +1,9 @@
-"""Solving for the baseline b and the number of samples N.
+"""The solver for models whose V̂ rises with the baseline b and with the number of samples N.
 
-For a pattern that keeps its shape, V̂ rises with b, so a smallest baseline exists for every
-pattern that can meet the target at all.  Along the frames of a kind of grid (`aosplan.grid.patterns`)
-V̂ rises with N while b is fixed; within one frame it always does.  The solver uses both, and
-evaluates no pattern that cannot be the answer.
+For a pattern of one shape, V̂ rises with b, so every pattern that can meet the target has a smallest
+baseline.  At a fixed b, V̂ rises with N from frame to frame of a kind of grid
+(`aosplan.grid.patterns`), and within each frame.  The solver uses both to skip patterns that cannot
+be the solution.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
 
 
 HOPELESS = 0.05
-"""By what share of the shortfall the densest grid may miss a target that sparser ones could reach."""
+"""Relative excess of the densest grid's shortfall for which a sparser grid may still meet the target."""
 
 MANY_SAMPLES = 2000
-"""Samples from which on that is asked first."""
+"""Samples above which the densest grid is evaluated first."""
 
 APERTURE_SLACK = 1.01
-"""How far the least aperture may be exceeded to save samples."""
+"""Factor on the least aperture within which fewer samples are preferred."""
 
 SEARCHED_FRAMES = 2000
-"""Frames that a search looks at: squares of up to a million samples, lines of some thousand."""
+"""Largest number of frames in a search: squares up to a million samples, lines up to 2000."""
 
 SEARCHED_SAMPLES = 400
-"""Samples up to which the objectives search that would add samples without end."""
+"""Largest number of samples for the objectives that improve with every sample."""
 
 
 def solve_monotone(problem: Problem) -> Solution:
-    """Baseline and number of samples that meet a target best, if V̂ rises with the baseline.
+    """The baseline and the number of samples that are best, if V̂ rises with the baseline.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def solve_monotone(problem: Problem) -> Solution:
 
 
 def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
-    """Fewest samples that meet the target at one baseline; None where no count up to the limit does.
+    """Fewest samples that meet the target at one baseline; None if no number up to the limit does.
 
     V̂ of whole frames rises from frame to frame, and within a frame with every sample.
     """
@@ -156,7 +156,7 @@ def _fewest_samples(problem: Problem) -> Solution:
     if not _may_be_dense_enough(problem):
         raise _out_of_reach(problem)
     for frame in _candidate_frames(problem):
-        # The frame is as wide as the bound lets it be, so its fewest samples lie at one baseline.
+        # The frame has the largest extent that is allowed, so its fewest samples are at one baseline.
         baseline = problem.widest_m(frame)
         most = min(frame.most, _most_samples(problem))
         if problem.meets(frame.pattern(most), baseline):
@@ -166,9 +166,10 @@ def _fewest_samples(problem: Problem) -> Solution:
 
 
 def _may_be_dense_enough(problem: Problem) -> bool:
-    """Whether the most samples that are searched come near the target within the bounds.
+    """Whether the largest number of samples comes near the target within the bounds.
 
-    Within an extent denser grids show more: what the densest misses by far, no other one reaches.
+    Within one extent, denser grids have a higher visibility.  If the densest grid misses the target
+    by far, no other grid meets it.
     """
     grid, most = problem.grid, _most_samples(problem)
     fewest = _fewest_independent(problem)
@@ -189,9 +190,9 @@ def _least_aperture(problem: Problem) -> Solution:
 
 
 def _least_aperture_or_none(problem: Problem) -> Solution | None:
-    """The fewest samples within 1 % of the least extent; None where nothing meets the target."""
-    # Within a frame more samples need less baseline, so its best is its densest pattern; and one
-    # look at the extent that is to be beaten tells whether a frame can.
+    """The fewest samples within 1 % of the least extent; None if no grid meets the target."""
+    # Within a frame, more samples need a smaller baseline, so its densest pattern has the least
+    # extent.  One prediction at the least extent so far tells whether the frame can be better.
     least = math.inf
     for frame in _candidate_frames(problem):
         densest = _densest(problem, frame)
@@ -218,17 +219,17 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
 
 
 def _densest(problem: Problem, frame: AnyFrame) -> Sites:
-    """The pattern of the most samples of a frame that may be planned."""
+    """The pattern of a frame with the largest number of samples that is allowed."""
     return frame.pattern(min(frame.most, _most_samples(problem)))
 
 
 def _least_time(problem: Problem) -> Solution:
     timing = problem.timing
-    # Without a least run-in the time rises with the baseline, and bounds what is flown.
+    # Without a least run-in, the time rises with the baseline and gives a bound.
     rising = timing._replace(least_run_in_m=0.0)
     calm = rising._replace(wind=(0.0, 0.0))
     if timing.fly_through and timing.transit.speed_mps > timing.speed_mps:
-        # A gap between lines may be crossed faster than the photos are taken.
+        # The drone may fly faster between lines than while it takes photos.
         calm = calm.transit
     best: tuple[float, Sites, float] | None = None
     for frame in _candidate_frames(problem):
@@ -237,8 +238,8 @@ def _least_time(problem: Problem) -> Solution:
         if best is not None:
             if fewest * timing.hold_s >= best[0]:
                 break
-            # No leg is shorter than a baseline, and no pattern of the frame needs less than its
-            # densest: one look there tells whether any of them can be faster.
+            # No leg is shorter than the baseline, and the densest pattern of a frame needs the
+            # smallest one.  One prediction for it tells whether any pattern can be faster.
             shortest = Path.shortest(fewest, timing)
             allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame))
             if allowed is None or not problem.meets(frame.pattern(most), allowed):
@@ -247,7 +248,7 @@ def _least_time(problem: Problem) -> Solution:
             pattern = frame.pattern(samples)
             path = path_of(pattern, timing)
             if best is not None:
-                # One look at the widest baseline that is still faster spares most searches.
+                # One prediction at the largest baseline that is still faster avoids most searches.
                 allowed = _widest_within(path, rising, best[0], problem.widest_m(frame))
                 if allowed is None or not problem.meets(pattern, allowed):
                     continue
@@ -263,7 +264,7 @@ def _least_time(problem: Problem) -> Solution:
 
 
 def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -> float | None:
-    """Widest baseline, up to a limit, at which a path takes no longer than a time."""
+    """Largest baseline, up to a limit, at which a path takes no longer than a given time."""
     if path.time_s(0.0, timing) >= time_s:
         return None
     if path.time_s(widest_m, timing) < time_s:
@@ -272,7 +273,7 @@ def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -
 
 
 def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
-    """Frames from the first that could meet the target to the most samples allowed."""
+    """Frames from the first that may meet the target to the largest number of samples."""
     grid = problem.grid
     most = _most_samples(problem)
     first = grid.index_of(_fewest_independent(problem))
@@ -292,7 +293,7 @@ def _most_samples(problem: Problem) -> int:
 
 
 def _fewest_independent(problem: Problem) -> int:
-    """Lower bound of the samples; an error where no number of them reaches the target."""
+    """Lower bound of the number of samples; an error if no number of samples meets the target."""
     fewest = problem.requirement.fewest_independent(problem.model)
     if fewest is None:
         low, high = problem.model.transparency, problem.model.density
@@ -318,7 +319,7 @@ def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) 
 
 
 def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
-    """The model's own rule where it has one and samples are the objective, else the smallest."""
+    """The baseline of the model's rule if samples are the objective, else the smallest baseline."""
     rule = problem.model.rule_baseline_m
     if rule is not None and problem.objective == "samples":
         preferred = min(rule / pattern.nearest, problem.widest_m(pattern))
@@ -339,7 +340,7 @@ def _solution(problem: Problem, pattern: Sites, baseline_m: float) -> Solution:
 
 
 def _out_of_reach(problem: Problem) -> InfeasibleError:
-    """The error of a target that the bounds exclude: what they allow, and what would do."""
+    """The error for a target that the bounds exclude, with the best value and a remedy."""
     bounds, asked = problem.bounds, problem.requirement.asked
     fewest = problem.grid.pattern(_fewest_independent(problem)).samples
     if bounds.max_samples is not None and bounds.max_samples < fewest:
@@ -370,7 +371,7 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
 
 
 def _best_within(problem: Problem) -> str:
-    """The best that the bounds allow, as text."""
+    """The best value within the bounds, as text."""
     limit = problem.bounds.max_samples or SEARCHED_SAMPLES
     searched = map(problem.grid.frame, range(1, SEARCHED_FRAMES + 1))
     frames = takewhile(lambda frame: frame.fewest <= limit, searched)
@@ -389,7 +390,7 @@ def _best_within(problem: Problem) -> str:
 
 
 def _ground_binds(problem: Problem) -> bool:
-    """Whether grids within the other bounds would be wider than the common ground lets them be."""
+    """Whether the common ground limits grids more than the other bounds do."""
     if problem.bounds.ground is None:
         return False
     pattern = problem.grid.pattern(_fewest_independent(problem))
@@ -398,7 +399,7 @@ def _ground_binds(problem: Problem) -> bool:
 
 
 def _remedy(problem: Problem) -> str:
-    """What would reach the target if the aperture were free."""
+    """The remedy without a bound on the aperture, as text."""
     if problem.bounds.max_aperture_m is None and _ground_binds(problem):
         return refusals.LIFT_GROUND
     free = Bounds(max_samples=problem.bounds.max_samples)

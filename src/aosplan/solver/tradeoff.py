@@ -1,14 +1,15 @@
-"""The trade-off: for each number of samples, the baseline it takes and what it costs and shows.
+"""The trade-off: baseline, visibility, extent and flight time for each number of samples.
 
-A row is a pattern at the smallest baseline that meets the target, or, where none does, at the one
-that comes nearest to it; under the objectives that are maximised, at the best baseline.  A row is
-on the front where no other row that meets the target is as good in samples, extent and flight
-time, and better in one of them (objectives that are maximised: any row, and in their value too).
+A row is a pattern at the smallest baseline that meets the target.  If no baseline meets it, the row
+has the baseline that comes nearest; if the objective is maximised, it has the best baseline.  A row
+is on the front if no other row that meets the target is at least as good in samples, extent and
+flight time and better in one of them.  For objectives that are maximised, their value is compared
+too, and with any row.
 
-Models that rise with the baseline have a row for every number of samples (spirals above 64: for
-the numbers of whole rectangles); the measured one for
-the densest pattern of each rectangle, and as many lines, lanes and spirals, by the scan of
-`aosplan.solver.solve_by_scan` with a step halved `REFINEMENTS` times.
+For models that rise with the baseline there is a row for every number of samples; for spirals above
+64 samples, only for the numbers of whole rectangles.  For the measured model there is a row for the
+densest pattern of each rectangle, and the same number of lines, lanes and spirals, by the scan of
+`aosplan.solver.solve_by_scan` with a step that is halved `REFINEMENTS` times.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ if TYPE_CHECKING:
     from aosplan.solver.solution import Solution
 
 REFINEMENTS = 4
-"""Halvings of a scan's step: baselines to a hundredth."""
+"""Number of times that the step of a scan is halved: baselines are exact to 1 %."""
 
 MEASURED_SAMPLES = 100
-"""Samples up to which a measured stand has rows, unless more were asked for or chosen."""
+"""Largest number of samples with a row for a measured stand, unless the request has more."""
 
 
 class TradeoffRow(NamedTuple):
@@ -49,12 +50,12 @@ class TradeoffRow(NamedTuple):
 
     @property
     def meets(self) -> bool:
-        """Whether it meets the target."""
+        """Whether the row meets the target."""
         return self.problem.requirement.is_met(self.prediction)
 
     @property
     def path(self) -> Path:
-        """The way from the first site to the last."""
+        """The path from the first site to the last."""
         return path_of(self.pattern, self.problem.timing)
 
     @property
@@ -89,7 +90,7 @@ class TradeoffRow(NamedTuple):
 
 
 def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -> list[TradeoffRow]:
-    """Rows of all kinds of grid, in rising order of samples within each; the plan's own among them.
+    """Rows of all kinds of grid, by rising number of samples within each kind, with the plan's own row.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def _most(problem: Problem, chosen: int) -> int:
 
 
 def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
-    """Every number of samples, where visibility rises with the baseline."""
+    """A row for every number of samples, for models that rise with the baseline."""
     bounds, grid = problem.bounds, problem.grid
     last = None
     counts = _counts(problem, most) if bounds.samples is None else [bounds.samples]
@@ -138,7 +139,7 @@ def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
 
 
 def _counts(problem: Problem, most: int) -> Iterator[int]:
-    """Every number of samples; of spirals, which take longer, above 64 those of whole rectangles."""
+    """The numbers of samples: all of them; for spirals above 64, only those of whole rectangles."""
     from aosplan.solver.solve_by_scan import THINNED_FROM
 
     for samples in range(1, most + 1):
@@ -149,7 +150,7 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
 
 
 def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
-    """The densest patterns, by the scan: rated by the surrogate first, then judged by the model."""
+    """Rows of the densest patterns by the scan: first by the surrogate, then by the model."""
     from aosplan.solver.solve_by_scan import Candidate, Scan
 
     if problem.bounds.samples is None:
@@ -169,7 +170,7 @@ def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
 
 
 def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
-    """The same rows, those on the front marked."""
+    """The same rows, with a mark on those of the front."""
     best = bool(rows) and rows[0].problem.objective in BEST
 
     def measures(row: TradeoffRow) -> tuple[float, ...]:
@@ -181,7 +182,7 @@ def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
     rated = sorted((measures(row), index) for index, row in enumerate(rows) if best or row.meets)
     front: list[tuple[float, ...]] = []
     marked = set()
-    for measured, index in rated:  # whatever is as good in all measures comes before
+    for measured, index in rated:  # a row that is at least as good in all measures comes first
         if not any(all(map(float.__le__, other, measured)) for other in front):
             front.append(measured)
             marked.add(index)
