@@ -157,7 +157,7 @@ def compared(name: str, request: PlanRequest) -> dict[str, Any]:
         "seconds": round(seconds, 2),
         "predicted": found.within.predicted,
         "laid_out": found.within.laid_out,
-        "brute_force": round(tried.best, 4),
+        "brute_force": round(tried.best, 4) if tried.description else "",
         "brute_seconds": round(time.process_time() - start, 1),
         "combinations": tried.combinations,
         "brute_laid_out": tried.laid_out,

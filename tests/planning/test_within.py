@@ -9,7 +9,8 @@ from support.command_line import FIELD
 from aosplan import PlanRequest, plan
 from aosplan.errors import InfeasibleError, RequestError
 from aosplan.planning.loaded_scene import load_scene
-from aosplan.planning.within import NEARLY, WithinSearch
+from aosplan.planning.within import WithinSearch
+from aosplan.planning.within_altitude import NEARLY
 
 HARD = {"scene": "dense-forest", "find": "person", "optimize": "detection", "drone": "dji-m3t"}
 """A search that does not find all targets."""
@@ -178,7 +179,7 @@ def test_a_request_without_a_search_is_as_it_was():
 def test_no_small_step_from_what_is_flown_is_better_within_the_time():
     request = PlanRequest(area=FIELD[1], within=6.0, **(HARD | {"altitude": 60.0}))
     loaded = load_scene(request)
-    search = WithinSearch(request, "", lambda _: loaded)
+    (search,) = WithinSearch(request, "", lambda _: loaded).levels
     best = search.best(360.0)
     score = search.score(best.candidate.shape)
     for shape in search.space.neighbours(best.candidate.shape):

@@ -86,6 +86,7 @@ FIELD_DESCRIPTIONS = {
     "flown_photos": "Mean number of recorded photos that see a place.",
     "gap_share": "Share of the ground that is a gap.",
     "gap_m2": "Area of the gaps.",
+    "gap_share_completed": "Share of the ground that is a gap after the top-up.",
     "AreaCoverageDocument.gaps": "Number of connected gaps.",
     "AreaCoverageDocument.rule": "Whether photos are counted, or the probability of detection is compared with that of the plan.",
     # Simulated searches

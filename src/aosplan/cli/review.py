@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,7 @@ def run(
     positions: str,
     plan: str | None,
     tolerance: str | None,
+    within: str | None,
     out: list[str] | None,
     format: str | None,  # noqa: A002 (the option's name)
     force: bool,
@@ -54,7 +56,8 @@ def run(
     from aosplan.units import positive
 
     wanted = request_of(plan, flags, defaults=defaults)
-    within = None if tolerance is None else positive(tolerance, "--tolerance", "m")
+    tolerance_m = None if tolerance is None else positive(tolerance, "--tolerance", "m")
+    longest_s = math.inf if within is None else 60.0 * positive(within, "--within", "min")
     chosen = chosen_outputs(out or [], format, force=force)
     maps = coverage_map or []
     _check_maps(maps, [path for _, path in chosen], area=wanted.area is not None, force=force)
@@ -67,7 +70,8 @@ def run(
         found = review(
             wanted,
             views,
-            tolerance_m=within,
+            tolerance_m=tolerance_m,
+            longest_s=longest_s,
             folder=os.path.dirname(plan or ""),
             progress=bar,
             on_trial=bar.on_trial,
@@ -169,6 +173,8 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
     yield "Sites", f"{total - len(found.missing)} of {total} have a photo"
     if found.coverage is not None:
         yield from _coverage_rows(found.coverage)
+    if found.after is not None and found.topup is not None:
+        yield "", f"{found.after.gap_share:.1%} after the top-up"
     if found.topup is None:
         return
     named = ", ".join(map(str, found.missing[:MOST_NAMED]))
@@ -232,7 +238,13 @@ COMMAND = command(
             "M",
             "Largest distance between a photo and its site.  [half the smaller pitch]",
         ),
-        *request_options(lambda option: option.name not in ("resume_at", "sensitivity")),
+        text_option(
+            "--within",
+            "MIN",
+            "Longest time of the top-up, from take-off to landing: it takes the photos that close "
+            "most of the gaps.  [all missing photos]",
+        ),
+        *request_options(lambda option: option.name not in ("resume_at", "sensitivity", "within")),
         defaults_option(),
         *output_options(),
         TyperOption(

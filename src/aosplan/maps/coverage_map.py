@@ -237,6 +237,14 @@ class Coverage:
                 return fewer
         return np.arange(len(missing_m))
 
+    def gains(self, found: CoverageMap, missing_m: Floats) -> Whole:
+        """Number of cells with gaps that a photo at each of some sites helps to close."""
+        size_m = self._window_m if self._predict is None else self._plan.inputs.footprint_m
+        gaps = self._places[found.gaps]
+        sets = photo_sets(gaps, missing_m, size_m, self._plan.heading_deg)
+        counts: Whole = np.bincount(sets.photos, minlength=len(missing_m))
+        return counts
+
     @property
     def _needed(self) -> Whole:
         """Number of photos that each place needs: as many as planned, but at most those of the

@@ -204,6 +204,7 @@ def threshold(clutter: Clutter, seen: SeenShare, false_alarms: float) -> float:
     false_alarms
         Number of false alarms per hectare, above 0.
     """
+    from scipy.optimize import brentq
     from scipy.special import ndtr
 
     deviation = clutter.total_deviation(seen.variance)
@@ -214,10 +215,9 @@ def threshold(clutter: Clutter, seen: SeenShare, false_alarms: float) -> float:
         passed = float(seen.weights @ ndtr((mean - level * deviation) / spread))
         return passed - wanted
 
-    low, high = 0.0, 8.0
+    high = 8.0
     while surplus(high) > 0.0 and high < 1e3:
         high *= 2.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if surplus(middle) > 0.0 else (low, middle)
-    return 0.5 * (low + high) * deviation
+    if surplus(0.0) <= 0.0 or surplus(high) > 0.0:
+        return 0.0 if surplus(0.0) <= 0.0 else high * deviation
+    return float(brentq(surplus, 0.0, high, xtol=1e-12)) * deviation

@@ -160,14 +160,27 @@ class DetectionModel:
 
     def predict(self, pattern: Sites, baseline_m: float) -> Detection:
         """Detection with a pattern flown at a baseline."""
-        offsets = baseline_m * np.array(list(pattern.offsets()), dtype=np.float64)
-        return self._predict(offsets, *_offsets_of(pattern, baseline_m))
+        return self._detect(*self._of_pattern(pattern, baseline_m))
+
+    def probability(self, pattern: Sites, baseline_m: float) -> float:
+        """Probability of detection with a pattern: that of `predict`, without the rest of it."""
+        clutter, seen = self._of_pattern(pattern, baseline_m)
+        level = threshold(clutter, seen, self.false_alarms)
+        return detected(clutter, seen, level, abs(self.signature.contrast), self._kept)
 
     def predict_positions(self, positions_m: Floats) -> Detection:
         """Detection with photos from any positions, shape (N, 2), along the axes of the occluders."""
-        return self._predict(np.asarray(positions_m, dtype=np.float64), *_apart(positions_m))
+        points = np.asarray(positions_m, dtype=np.float64)
+        return self._detect(*self._statistics(points, *_apart(points)))
 
-    def _predict(self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats) -> Detection:
+    def _of_pattern(self, pattern: Sites, baseline_m: float) -> tuple[Clutter, SeenShare]:
+        offsets = baseline_m * np.array(list(pattern.offsets()), dtype=np.float64)
+        return self._statistics(offsets, *_offsets_of(pattern, baseline_m))
+
+    def _statistics(
+        self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats
+    ) -> tuple[Clutter, SeenShare]:
+        """Clutter and seen share for photos, of which the distances have a share of all pairs."""
         mean = self._mean(x_m, y_m, share)
         transparency = self.pairs.transparency
         mean = self._with_crowns(mean, sites_m)
@@ -180,7 +193,7 @@ class DetectionModel:
             self.pairs.layers, self.pairs.altitude_m, sites_m, self.target, rigid=self._rigid
         )
         seen = SeenShare.of_moments(transparency, float(mean.window[0, 0]), alone, looks)
-        return self._detect(clutter, seen)
+        return clutter, seen
 
     def _mean(self, x_m: Floats, y_m: Floats, share: Floats) -> Pairs:
         """Means of the integrals over offsets, weighted by their shares of all pairs."""

@@ -251,19 +251,6 @@ def request_of(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
     )
 
 
-def near_shares(
-    shape: Shape, shares: tuple[float, ...], filled: Callable[[Shape], tuple[float, float]]
-) -> Iterator[tuple[float, float]]:
-    """Shares next to those that a shape fills."""
-    apart = [[abs(share - each) for each in shares] for share in filled(shape)]
-    places = [each.index(min(each)) for each in apart]
-    for along in (-1, 0, 1):
-        for across in (-1, 0, 1):
-            x, y = places[0] + along, places[1] + across
-            if 0 <= x < len(shares) and 0 <= y < len(shares):
-                yield shares[x], shares[y]
-
-
 def last_number(most: int, holds: Callable[[int], bool]) -> int:
     """The largest number up to `most` for which something holds that ends somewhere; 0 for none."""
     low, high = 0, most + 1

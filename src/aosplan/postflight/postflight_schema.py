@@ -87,6 +87,7 @@ class AreaCoverageDocument(OpenDocument):
     gap_share: Finite
     gap_m2: Finite
     gaps: int
+    gap_share_completed: Finite
     rule: Literal["photos", "detection"]
 
 

@@ -15,14 +15,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan import __version__
-from aosplan.flight.photo_trigger import Sites
 from aosplan.messages import SCHEMA, Message
 from aosplan.models.model import prediction_document
 from aosplan.planning.document import flight_document
-from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.planner import plan
-from aosplan.planning.sites import route_of, ways_in_zones
+from aosplan.planning.sites import route_of
 from aosplan.postflight.best_views import MOST_VIEWS
+from aosplan.postflight.topup import TopUp, topup_within
 from aosplan.postflight.views import Views, along_heading, in_axes, predicted
 
 if TYPE_CHECKING:
@@ -81,7 +80,7 @@ class Review:
         Photos that the prediction includes.
     topup
         The plan with a path through the missing sites only; over an area, through those that close
-        its gaps.  None if there are none.
+        its gaps, and within a time, through as many of them as it allows.  None if there are none.
     warnings
         Warnings for the user.
     detection
@@ -89,6 +88,8 @@ class Review:
         or if there is no single prediction.
     coverage
         Coverage of an area by the photos, place by place; None without an area.
+    after
+        The same with the photos of the top-up.
     """
 
     plan: Plan
@@ -107,6 +108,7 @@ class Review:
     warnings: tuple[Message, ...]
     detection: FlownDetection | None = None
     coverage: CoverageMap | None = None
+    after: CoverageMap | None = None
 
     @property
     def strays(self) -> list[int]:
@@ -143,7 +145,7 @@ class Review:
             "flown": None if self.flown is None else prediction_document(self.flown),
             **({} if self.detection is None else {"detection": self.detection._asdict()}),
             "completed": None if self.completed is None else prediction_document(self.completed),
-            **({} if self.coverage is None else {"coverage": self.coverage.document()}),
+            **({} if self.coverage is None else {"coverage": self._coverage_document()}),
             "missing": [
                 {
                     name: value
@@ -167,12 +169,18 @@ class Review:
             "warnings": [warning._asdict() for warning in self.warnings],
         }
 
+    def _coverage_document(self) -> dict[str, Any]:
+        assert self.coverage is not None
+        assert self.after is not None
+        return {**self.coverage.document(), "gap_share_completed": self.after.gap_share}
+
 
 def review(
     wanted: PlanRequest,
     views: Views,
     *,
     tolerance_m: float | None = None,
+    longest_s: float = math.inf,
     folder: str = "",
     progress: Callable[[int, int], None] | None = None,
     on_trial: OnTrial | None = None,
@@ -188,6 +196,8 @@ def review(
         location is placed where most of its sites have a photo.
     tolerance_m
         Largest distance of a photo from its site; default: half the smaller pitch.
+    longest_s
+        Longest time of the top-up, from take-off to landing.
     folder, progress, on_trial
         As in `aosplan.planning.planner.plan`.
 
@@ -195,6 +205,8 @@ def review(
     ------
     RequestError
         As `plan` does, and if a place is too far from the plan.
+    InfeasibleError
+        As `plan` does, and if no missing photo can be taken within the time of the top-up.
     """
     # The flight is compared with the whole plan, not only with the part of the last battery.
     wanted = replace(wanted, resume_at=None, sensitivity=False)
@@ -227,22 +239,25 @@ def review(
     warnings += _of_distances(near, off_m, tolerance_m)
     warnings += _of_altitudes(planned, views)
     counted = points_m[near | _sees_middle(planned, points_m)]
-    chosen, coverage, area_detection = missing, None, None
+    area = None
     if planned.layout.survey is not None:
-        places = _AreaReview(planned, points_m, sites_m, there, site_of, near)
-        chosen = [missing[place] for place in places.chosen]
-        coverage, area_detection = places.coverage, places.detection
+        area = _AreaReview(planned, points_m, sites_m, there, site_of, near)
+    topup = _topup_of(planned, missing, area, longest_s)
+    more_m = sites_m[np.searchsorted(sites, [] if topup is None else topup.sites)]
+    if topup is not None:
+        warnings += topup.messages(longest_s)
+    coverage = after = detection = None
+    if area is not None:
+        coverage, after = area.coverage, area.after(more_m)
+        detection = _mean_detections(coverage, after)
     reason = _unpredictable(planned, len(sites), len(counted) + len(missing))
-    flown = completed = detection = None
+    flown = completed = None
     if reason is not None:
         warnings.append(reason)
     else:
-        flown, completed = _predictions(planned, counted, sites_m[~there])
-        detection = _detections(planned, counted, sites_m[~there])
+        flown, completed = _predictions(planned, counted, more_m)
+        detection = detection or _detections(planned, counted, more_m)
         warnings += _of_blind(len(points_m) - len(counted))
-    topup = _quickest_topup(planned, chosen) if chosen else None
-    if topup is not None:
-        warnings += topup.notices
     return Review(
         planned,
         views,
@@ -256,11 +271,22 @@ def review(
         flown,
         completed,
         len(counted),
-        topup,
+        None if topup is None else topup.plan,
         tuple(warnings),
-        area_detection or detection,
+        detection,
         coverage,
+        after,
     )
+
+
+def _topup_of(
+    planned: Plan, missing: list[int], area: _AreaReview | None, longest_s: float
+) -> TopUp | None:
+    """The flight to the missing sites, over an area to those that close its gaps."""
+    gains = np.ones(len(missing))
+    if area is not None:
+        missing, gains = [missing[place] for place in area.closing], area.gains
+    return topup_within(planned, missing, gains, longest_s) if missing else None
 
 
 class _AreaReview:
@@ -277,65 +303,35 @@ class _AreaReview:
     ) -> None:
         from aosplan.maps.coverage_map import Coverage
 
-        ground = Coverage(planned)
+        self._ground = ground = Coverage(planned)
         # All photos of a site are counted once, at the position of the site.
-        sites = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
-        self.coverage = ground.of(points_m, sites)
-        self.chosen = ground.closing(points_m, sites, sites_m[~there]).tolist()
-        self.detection: FlownDetection | None = None
-        if self.coverage.planned_detection is not None:
-            more = sites_m[~there][self.chosen]
-            after = ground.of(np.vstack([points_m, more]), np.vstack([sites, more]))
-            inside = self.coverage.cells.inside_rows
-            self.detection = FlownDetection(
-                *(
-                    float(each[inside].mean())
-                    for each in (
-                        self.coverage.planned_detection,
-                        self.coverage.flown_detection,
-                        after.flown_detection,
-                    )
-                    if each is not None
-                )
-            )
+        self._points_m = points_m
+        self._sites_m = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
+        self.coverage = ground.of(points_m, self._sites_m)
+        self.closing = ground.closing(points_m, self._sites_m, sites_m[~there]).tolist()
+        gains = ground.gains(self.coverage, sites_m[~there][self.closing])
+        self.gains = gains.astype(np.float64)
+
+    def after(self, more_m: NDArray[np.float64]) -> CoverageMap:
+        """The coverage with additional photos."""
+        if not len(more_m):
+            return self.coverage
+        points, sites = (np.vstack([each, more_m]) for each in (self._points_m, self._sites_m))
+        return self._ground.of(points, sites)
 
 
-def _quickest_topup(planned: Plan, sites: list[int]) -> Plan:
-    """The fastest path through some sites: in the order of the plan, or in that of a new tour."""
-    usual = _topup(planned, sites)
-    survey = planned.layout.survey
-    if survey is None or len(sites) < 3:
-        return usual
-    own = _topup(planned, _toured(planned, sites, survey.pitch_m))
-    return min(usual, own, key=lambda topup: topup.route.total_time_s)
-
-
-def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> list[int]:
-    """Sites of a lattice in the order of a new tour."""
-    import shapely
-
-    from aosplan.areas.no_fly import NoFlyZones
-    from aosplan.areas.tour import tour_of
-
-    ways, heading = planned.waypoints, planned.heading_deg
-    points = along_heading(
-        [ways.east_m[index] for index in sites], [ways.north_m[index] for index in sites], heading
+def _mean_detections(coverage: CoverageMap, after: CoverageMap) -> FlownDetection | None:
+    """Probability of detection as means over an area; None for a plan without a target."""
+    inside = coverage.cells.inside_rows
+    planned, flown, completed = (
+        None if each is None else float(each[inside].mean())
+        for each in (
+            coverage.planned_detection,
+            coverage.flown_detection,
+            after.flown_detection,
+        )
     )
-    column, row = np.rint((points - points.min(axis=0)) / pitch_m).astype(np.int64).T
-    stride = int(column.max()) + 2
-    order = np.argsort(row * stride + column)
-    assert planned.layout.area is not None  # a plan with a survey has an area
-    zones = shapely.transform(
-        planned.layout.area.keep_out, lambda each: along_heading(each[:, 0], each[:, 1], heading)
-    )
-    tour = tour_of(
-        (row * stride + column)[order],
-        stride,
-        points[order],
-        planned.route.timing,
-        NoFlyZones(zones),
-    )
-    return [sites[place] for place in order[tour.order].tolist()]
+    return None if planned is None else FlownDetection(planned, flown, completed)
 
 
 def _detections(
@@ -421,27 +417,6 @@ def _predictions(
         return completed, completed
     flown = predicted(planned, in_axes(planned, *flown_m.T)) if len(flown_m) else None
     return flown, completed
-
-
-def _topup(planned: Plan, missing: list[int]) -> Plan:
-    """The plan with a path through the missing sites only, in their order and from its take-off
-    point.
-    """
-    ways, inputs = planned.waypoints, planned.inputs
-    if planned.route.takeoff is not None:
-        inputs = inputs._replace(flight=inputs.flight._replace(takeoff=planned.route.takeoff))
-    points = np.array([(ways.east_m[index], ways.north_m[index]) for index in missing])
-    taken = [True] * len(missing)
-    if inputs.area is not None and not inputs.area.keep_out.is_empty:
-        from aosplan.areas.no_fly import NoFlyZones
-        from aosplan.areas.survey import routed
-
-        points, taken = routed(points, NoFlyZones(inputs.area.keep_out))
-    sites = Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken)
-    layout = planned.layout._replace(sites=sites)
-    route = route_of(inputs, layout, planned.solution.baseline_m)
-    warnings = tuple(ways_in_zones(inputs, route))
-    return with_warnings(replace(planned, route=route, notices=warnings))
 
 
 def _of_origin(planned: Plan, flown: str, alike: int) -> Message:
