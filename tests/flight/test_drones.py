@@ -64,14 +64,14 @@ def test_a_drone_flies_no_faster_than_it_can():
     (limit,) = [limit for limit in result.limits if limit.quantity == "speed_mps"]
     assert limit.value == limit.bound == 10.0
     assert "DJI Mini 3 Pro" in limit.message
-    assert "not the 14 asked for" in limit.message
+    assert "instead of the requested 14 m/s" in limit.message
 
 
 def test_a_camera_too_slow_for_short_stops_is_a_warning():
     result = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=0, baseline=0.5, samples=9))
     (warning,) = [warning for warning in result.warnings if warning.code == "photo_interval"]
     # 0.5 m from stop to stop takes one second at 2 m/s²; the camera needs two.
-    assert "hold 1 s" in warning.message
+    assert "give --hold 1" in warning.message
     held = plan(PlanRequest(altitude=40, drone="dji-m3t", hold=1, baseline=0.5, samples=9))
     assert "photo_interval" not in {warning.code for warning in held.warnings}
 

@@ -31,7 +31,7 @@ def ruling(result):
         ({"exposure_time": 0.02}, 40 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
         ({"exposure_time": 0.02, "max_blur": 0.5}, 20 * 7.68 / 640 / 9.1 / 0.02, "--max-blur"),
         # 2.8 m every 2 s.
-        ({"photo_interval": 2}, 1.4, "each 2 s"),
+        ({"photo_interval": 2}, 1.4, "the camera needs 2 s"),
         ({"photo_interval": 2, "exposure_time": 0.1}, 40 * 7.68 / 640 / 9.1 / 0.1, "--max-blur"),
         (
             {"speed": 20, "drone": "dji-mini-3-pro", "exposure_time": 1e-4, "photo_interval": 0.1},
