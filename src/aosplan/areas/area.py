@@ -129,8 +129,8 @@ def read_area(
     path
         GeoJSON, KML or KMZ file with polygons, of which the union is used.
     around_m
-        If given, the file has points instead, and the area is all that is within this distance of
-        one of them.
+        If given, the area is everything within this distance of a point of the file, instead of
+        the polygons.
     clear
         File with parts that have no canopy; only their intersection with the area is used.
     no_fly

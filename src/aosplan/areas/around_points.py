@@ -29,9 +29,9 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
     Parameters
     ----------
     path
-        GeoJSON, KML or KMZ file with points.  Its lines and polygons are left out.
+        GeoJSON, KML or KMZ file with points.  Lines and polygons in it are ignored.
     radius_m
-        Distance from a point up to which its surroundings belong to the area.
+        Radius of the disc around each point that belongs to the area.
 
     Raises
     ------

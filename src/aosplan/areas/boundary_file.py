@@ -1,7 +1,7 @@
 """Boundaries on earth from GeoJSON, KML, KMZ and other vector files, read with limits.
 
-The content and not the name determines the type of a file.  Only polygons are used; points and
-lines are counted and reported.  Heights are ignored.  XML document types, and therefore entities,
+The content and not the name determines the type of a file.  Polygons and points are read; lines are
+only counted and reported.  Heights are ignored.  XML document types, and therefore entities,
 are refused.  Of a KMZ archive only one member is read, up to a size limit.
 """
 
@@ -58,7 +58,7 @@ DEEPEST = 60
 
 
 class Point(NamedTuple):
-    """A point of a file: its place there, the position as read, and the coordinate reference system."""
+    """A point of a file: its place in the file, its unchecked position, and its reference system."""
 
     place: str
     position: Any
@@ -70,8 +70,8 @@ class Outline(NamedTuple):
 
     A ring has shape (n, 2) with longitude and latitude [deg]; the last position equals the first.
     `places` has the place of each polygon in the file, for messages.  `ignored` counts objects
-    without an area by their kind.  `points` has the points among
-    them, each as it is read and not checked.  `notices` are warnings about the file.
+    without an area by their kind.  `points` has the points among them as they were read, without
+    checks.  `notices` are warnings about the file.
     """
 
     path: str
@@ -110,7 +110,7 @@ def read_shapes(path: str) -> Outline:
     Raises
     ------
     RequestError
-        As of `read_outline`.
+        As in `read_outline`, except that polygons may be missing.
     """
     outline = Outline(path, [], [], Counter(), [], [])
     if path != "-" and is_vector_file(path, read_start(path, 2000)):
@@ -280,7 +280,7 @@ def check_position(position: Any, place: str) -> None:
     Raises
     ------
     RequestError
-        If it does not.
+        If the position does not begin with two numbers.
     """
     if (
         not isinstance(position, list)
@@ -297,7 +297,7 @@ def check_globe(ring: NDArray[np.float64], place: str) -> None:
     Raises
     ------
     RequestError
-        If one is not; the message names the first.
+        If a position is not on earth; the message names the first one.
     """
     finite = np.isfinite(ring).all(axis=1)
     inside = finite & (np.abs(ring[:, 0]) <= 180.0) & (np.abs(ring[:, 1]) <= 90.0)

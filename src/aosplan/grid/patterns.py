@@ -237,7 +237,7 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
 
 
 def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
-    """Rows and columns of the frame at an index, or at many, of any kind but lanes and spirals."""
+    """Rows and columns of the frames at one index or an array of them, except lanes and spirals."""
     if grid == "line":
         return 1, index
     if grid == "square":
@@ -271,7 +271,7 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 
 
 def index_by_side(grid: str, samples: Any, side: Any) -> Any:
-    """The same as `index_for` for one sample count or many, without lanes and spirals.
+    """The same as `index_for` for one sample count or an array of them, except lanes and spirals.
 
     `side` is the whole part of the square root of `samples`.
     """

@@ -11,10 +11,10 @@ The smallest K does not give the largest V if views hide different shares p of t
 that share least are far apart and look through more of the canopy.  For V = 1 - ΣΣ_S J_ik / N², c
 is replaced by the share that both views hide, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Nor is the integral of either set the most similar to that of all M views, because views that are
-far apart have another mean.  The expected squared difference of both integrals is
-ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  Its first two terms are those of a sum
-over pairs if -2 N/M Σ_all J_ik is added to each J_ii, so the same search makes it smallest.
+Neither of these sets has the integral that is most similar to that of all M views, because views
+that are far apart have another mean.  The expected squared difference of both integrals is
+ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  Its first two terms are a sum over pairs
+if -2 N/M Σ_all J_ik is added to each J_ii, so the same search minimises it.
 
 Only the correlations of the model are used, not the voxels of the stand, because a set that is
 optimised for the gaps of one plot is worse for other places.
@@ -120,8 +120,9 @@ def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray
 
 
 def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """J with a diagonal for which the least ΣΣ_S has the integral that is most similar to that of
-    all views.
+    """J with another diagonal, so that the views with the smallest ΣΣ_S represent all views.
+
+    The integral of these views is then the most similar to that of all views.
     """
     changed = joint.copy()
     np.fill_diagonal(changed, joint.diagonal() - 2.0 * samples * joint.mean(axis=1))
