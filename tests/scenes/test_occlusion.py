@@ -10,8 +10,10 @@ from support.paths import CLOUDS
 
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites, pattern_for
+from aosplan.scenes import hidden_counts
 from aosplan.scenes import occlusion as occlusion_module
-from aosplan.scenes.occlusion import HiddenCount, Occlusion, joint_counts, popcount
+from aosplan.scenes.hidden_counts import HiddenCount, joint_counts, popcount
+from aosplan.scenes.occlusion import Occlusion
 from aosplan.scenes.voxels import VoxelVolume
 
 DATA = CLOUDS
@@ -294,7 +296,7 @@ def test_how_work_is_divided_changes_nothing(scrub, monkeypatch):
     monkeypatch.setattr(occlusion_module, "OCTETS_AT_ONCE", 3000)
     assert (occlusion.masks(offsets) == whole).all()
     counts = joint_counts(whole)
-    monkeypatch.setattr(occlusion_module, "TARGETS_AT_ONCE", 1000)
+    monkeypatch.setattr(hidden_counts, "TARGETS_AT_ONCE", 1000)
     assert (joint_counts(whole) == counts).all()
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from aosplan.scenes.occlusion import Occlusion, popcount
+from aosplan.scenes.hidden_counts import popcount
+from aosplan.scenes.occlusion import Occlusion
 from aosplan.scenes.voxels import VoxelVolume
 
 

@@ -281,7 +281,8 @@ def test_a_saved_scene_asks_for_no_measurement(saved, monkeypatch):
 
 
 def test_the_density_by_angle_is_that_of_single_views(saved, capsys):
-    from aosplan.scenes.occlusion import Occlusion, popcount
+    from aosplan.scenes.hidden_counts import popcount
+    from aosplan.scenes.occlusion import Occlusion
 
     assert run(["scene", str(saved["laz"]), "--json", "--quiet"]) == 0
     pairs = json.loads(capsys.readouterr().out)["density_by_angle"]

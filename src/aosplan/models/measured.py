@@ -41,7 +41,9 @@ from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
 from aosplan.models.memo import remembered
 from aosplan.models.model import Prediction
-from aosplan.scenes.occlusion import HiddenCount, Occlusion, PlotWindow, joint_counts
+from aosplan.scenes.hidden_counts import HiddenCount, joint_counts, popcount
+from aosplan.scenes.occlusion import PlotWindow
+from aosplan.scenes.sampled_targets import SampledOcclusion, views_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -129,7 +131,7 @@ class MeasuredModel:
         self.edges = edges
         self.heading_deg = heading_deg
         self.hold_error_m = hold_error_m
-        self.occlusion = Occlusion(
+        self.occlusion = views_of(
             volume,
             altitude_m,
             view=view,
@@ -157,10 +159,11 @@ class MeasuredModel:
 
     def beside_the_middle(self, most_targets: int) -> MeasuredModel:
         """A telecentric model of the same stand; with more than `most_targets` targets, one per
-        voxel.
+        voxel or a sample of them.
         """
         volume, altitude_m, focal_height_m = self._stand
-        if self.view == "telecentric" and self.occlusion.targets <= most_targets:
+        sampled = isinstance(self.occlusion, SampledOcclusion)
+        if self.view == "telecentric" and (sampled or self.occlusion.targets <= most_targets):
             return self
         return MeasuredModel(
             volume,
@@ -203,7 +206,8 @@ class MeasuredModel:
             return None
         occlusion = self.occlusion
         columns, rows = (np.array([occlusion.columns, occlusion.rows]) - first - last).tolist()
-        found = columns * rows if min(columns, rows) > 0 else 0
+        window = PlotWindow(int(first[1]), int(first[0]), rows, columns)
+        found = occlusion.targets_in(window)
         if self.edges == "interior" and not found:
             raise RequestError(
                 "--edges interior: from every place of the plot, some ray of this grid "
@@ -212,7 +216,7 @@ class MeasuredModel:
             )
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
             return None
-        return PlotWindow(int(first[1]), int(first[0]), rows, columns)
+        return window
 
     def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Width of the margins, in targets, at both ends of x and y from which some ray leaves the
@@ -388,7 +392,7 @@ class MeasuredModel:
         for mask in views:
             tally.add(mask if inside is None else mask & inside)
         hidden, squares = tally.moments()
-        targets = self.occlusion.targets if window is None else window.rows * window.columns
+        targets = self.occlusion.targets if inside is None else int(popcount(inside))
         rays = tally.views * targets
         clear = rays - hidden
         shortfall = (
@@ -413,13 +417,11 @@ class MeasuredModel:
         tally = HiddenCount(self.occlusion.words)
         for mask in self._views(at):
             tally.add(mask)
-        hidden = np.zeros((self.occlusion.rows, self.occlusion.columns))
-        for digit, plane in enumerate(tally.planes):
-            hidden += self.occlusion.unpack(plane[np.newaxis])[0] * float(1 << digit)
         window = self.interior(at)
-        if window is not None:
-            rows = slice(window.row, window.row + window.rows)
-            hidden = hidden[rows, window.column : window.column + window.columns]
+        hidden: NDArray[np.float64] = np.zeros(1)
+        for digit, plane in enumerate(tally.planes):
+            bits = self.occlusion.unpack(plane[np.newaxis], window)[0]
+            hidden = hidden + bits * float(1 << digit)
         return hidden / tally.views
 
     def hidden_at_places(self, pattern: Sites, baseline_m: float) -> list[NDArray[np.float64]]:
@@ -460,7 +462,8 @@ class MeasuredModel:
         views, window = np.stack(list(self._views(positions_m))), self.interior(positions_m)
         if window is None:
             return joint_counts(views) / self.occlusion.targets
-        return joint_counts(views & self.occlusion.mask_of(window)) / (window.rows * window.columns)
+        inside = self.occlusion.mask_of(window)
+        return joint_counts(views & inside) / int(popcount(inside))
 
     def _views(self, positions_m: ArrayLike) -> Iterator[Words]:
         """Masks of the views; those of earlier calls are reused if they are still stored."""

@@ -72,7 +72,7 @@ def _measured(
     if model.view == "perspective":
         errors = of_apertures(model.hidden_at_places(*plan))
     else:
-        errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_voxel)
+        errors = of_targets(model.hidden_share(*plan), model.occlusion.targets_per_cell)
     errors = _with_opacity(errors, model, solution)
     if edges != "wrapped" and model.edges_of(*plan) == "wrapped":
         inside = model.interior_prediction(*plan)
@@ -105,12 +105,12 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:
     """A volume of voxels of twice the size, each occupied if one of its eight voxels is."""
-    import numpy as np
-
     occupied = volume.occupied
     for axis in range(3):
-        starts = np.arange(0, occupied.shape[axis], 2)
-        occupied = np.logical_or.reduceat(occupied, starts, axis=axis)
+        along = occupied.swapaxes(0, axis)
+        pairs = along[0::2].copy("K")
+        pairs[: len(along) // 2] |= along[1::2]
+        occupied = pairs.swapaxes(0, axis)
     return replace(volume, occupied=occupied, voxel_m=2.0 * volume.voxel_m)
 
 

@@ -5,6 +5,7 @@
 - `aosplan.scenes.inventory`: scenes from stems, crowns and leaf area.
 - `aosplan.scenes.voxels`: a stand as voxels.
 - `aosplan.scenes.occlusion`: the targets that each view through the voxels sees.
+- `aosplan.scenes.hidden_counts`: how many views hide each target, and pairs of views together.
 - `aosplan.scenes.integral_image`: integral images of the ground below occluders with radiances.
 - `aosplan.scenes.matched_window`: the detector that searches integral images for a target.
 - `aosplan.scenes.correlogram`: correlation of two views by the distance between their cameras.

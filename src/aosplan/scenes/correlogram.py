@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from aosplan.scenes.occlusion import popcount
+from aosplan.scenes.hidden_counts import popcount
 from aosplan.scenes.sampled_targets import views_of
 
 if TYPE_CHECKING:

@@ -87,7 +87,7 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
     Only a few views are computed; the correlogram (`aosplan.scenes.correlogram`) has many.
     """
-    from aosplan.scenes.occlusion import popcount
+    from aosplan.scenes.hidden_counts import popcount
     from aosplan.scenes.sampled_targets import views_of
 
     altitude_m = 2.0 * volume.canopy_top_m + 1.0  # the result does not depend on the altitude

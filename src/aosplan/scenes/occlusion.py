@@ -72,13 +72,6 @@ OCTETS_AT_ONCE = 1 << 24
 OCTETS_KEPT = 1 << 27
 """Memory for slices that later views may reuse [bytes]."""
 
-TARGETS_AT_ONCE = 1 << 24
-"""Number of targets of all views that are unpacked at once; float32 counts exactly up to 2^24."""
-
-BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
-    axis=1, dtype=np.uint8
-)
-
 
 class _Tiles(NamedTuple):
     """Slices as seen by a band of targets, as flat octets, prepared for the shifts of some views.
@@ -185,9 +178,18 @@ class Occlusion:
         return self._per_voxel
 
     @property
+    def targets_per_cell(self) -> int:
+        """Targets along either side of a cell of what `unpack` returns: those of a voxel."""
+        return self._per_voxel
+
+    @property
     def targets(self) -> int:
         """Number of targets."""
         return self.rows * self.columns
+
+    def targets_in(self, window: PlotWindow) -> int:
+        """Number of targets in a window; 0 if it has none along either axis."""
+        return max(window.rows, 0) * max(window.columns, 0)
 
     @property
     def words(self) -> int:
@@ -250,11 +252,15 @@ class Occlusion:
         octets = np.packbits(inside, axis=1, bitorder="little").T
         return np.ascontiguousarray(octets).reshape(-1).view(np.uint64)
 
-    def unpack(self, masks: Words) -> NDArray[np.bool_]:
-        """Masks as boolean arrays of shape (N, rows, columns), true if the target is hidden."""
+    def unpack(self, masks: Words, window: PlotWindow | None = None) -> NDArray[np.bool_]:
+        """Masks as boolean arrays of shape (N, rows, columns), true if the target is hidden.
+
+        With a window, the arrays contain only its targets.
+        """
         octets = masks.view(np.uint8).reshape(-1, self._width, self.rows)
         bits = np.unpackbits(octets.transpose(0, 2, 1), axis=2, bitorder="little")
-        return bits[:, :, : self.columns].astype(np.bool_)
+        row, column, rows, columns = window or (0, 0, self.rows, self.columns)
+        return bits[:, row : row + rows, column : column + columns].astype(np.bool_)
 
     def _telecentric(self, masks: Octets, offsets: NDArray[np.float64], row: int) -> None:
         """Set masks of shape (views, width, rows) for the targets in a band that begins at `row`."""
@@ -435,65 +441,3 @@ def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
     # A multiplication is as fast as the other operations on octets; a shift to the left is slower.
     moved |= tile[stride:] * np.uint8(1 << (8 - bit))
     return moved
-
-
-def popcount(words: Words) -> NDArray[np.int64]:
-    """Number of set bits along the last axis."""
-    if hasattr(np, "bitwise_count"):
-        bits = np.bitwise_count(words)
-    else:  # numpy 1 has no bitwise_count
-        bits = BYTE_COUNTS[np.ascontiguousarray(words).view(np.uint8)]
-    return np.asarray(bits.sum(axis=-1, dtype=np.int64))
-
-
-class HiddenCount:
-    """Count of how often each target is hidden over any number of views, as binary digits.
-
-    Plane i contains bit i of every target's count c.  A view is added with a few operations on
-    words, and Σ c and Σ c² follow from the numbers of bits in planes and in pairs of planes.
-    """
-
-    def __init__(self, words: int) -> None:
-        self.views = 0
-        self._words = words
-        self._planes: list[Words] = []
-
-    def add(self, mask: Words) -> None:
-        """Add a view, shape (words,)."""
-        self.views += 1
-        if self.views.bit_length() > len(self._planes):
-            self._planes.append(np.zeros(self._words, dtype=np.uint64))
-        carry = mask
-        for plane in self._planes:
-            overflow = plane & carry
-            np.bitwise_xor(plane, carry, out=plane)
-            carry = overflow
-
-    @property
-    def planes(self) -> Words:
-        """Binary digits of the counts, the lowest first, as masks: shape (digits, words)."""
-        return np.stack(self._planes)
-
-    def moments(self) -> tuple[int, int]:
-        """Σ c and Σ c² over all targets, exact."""
-        joint = [[int(popcount(one & other)) for other in self._planes] for one in self._planes]
-        squares = sum(bits << (i + k) for i, row in enumerate(joint) for k, bits in enumerate(row))
-        return sum(row[i] << i for i, row in enumerate(joint)), squares
-
-
-def joint_counts(masks: Words) -> NDArray[np.int64]:
-    """Number of targets hidden from both views of every pair, shape (N, N).
-
-    Parameters
-    ----------
-    masks
-        Shape (N, words), as `Occlusion.masks` returns them.
-    """
-    octets = masks.view(np.uint8)
-    counts = np.zeros((len(masks), len(masks)), dtype=np.int64)
-    step = max(TARGETS_AT_ONCE // (8 * max(len(masks), 1)), 1)
-    for start in range(0, octets.shape[1], step):
-        # A matrix product counts faster than operations on bits.
-        bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
-        counts += (bits @ bits.T).astype(np.int64)
-    return counts

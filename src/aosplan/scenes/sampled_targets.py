@@ -4,11 +4,12 @@ The share of targets that a view hides, and the share that two views both hide, 
 targets of a plot.  A tile of 500 m has 64 million targets, and a million of them give the same
 means to within 0.001.
 
-**Lattices.**  The sample consists of four lattices.  Each has one target in every M-th voxel along
+**Lattices.**  The sample consists of sixteen lattices.  Each has one target in every M-th voxel along
 both axes.  The lattices differ in the voxel at which they start and in the position of the target
-within its voxel, so that all parts of a voxel are represented equally.  M is odd, or 2, so that the
-lattices are not in step with trees that are planted in rows.  Because neighbouring targets are
-correlated, lattices have a smaller error than randomly drawn targets.
+within its voxel, one of 4 x 4.  All parts of a voxel are represented equally, on which depends what
+two views a short distance apart both hide.  M is odd, or 2, so that the lattices are not in step with
+trees that are planted in rows.  Because neighbouring targets are correlated, lattices have a smaller
+error than randomly drawn targets.
 
 **Views are shifts**, as in `aosplan.scenes.occlusion`.  A lattice that is shifted by n voxels meets
 the voxels n mod M of every M-th, so each slice is sorted into its M x M lattices of voxels once.
@@ -22,12 +23,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from aosplan.scenes.occlusion import Occlusion, checked_positions
+from aosplan.scenes.hidden_counts import popcount
+from aosplan.scenes.occlusion import Occlusion, PlotWindow, checked_positions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from aosplan.scenes.occlusion import Words
+    from aosplan.scenes.occlusion import ViewKind, Words
     from aosplan.scenes.voxels import VoxelVolume
 
     Octets = NDArray[np.uint8]
@@ -38,9 +40,11 @@ SAMPLE = 1_000_000
 FEW_TARGETS = 4 * SAMPLE
 """Largest number of targets of a plot that is not sampled."""
 
-LATTICES = 4
-# A solution of the four queens problem: no two lattices share a row, a column or a diagonal.
-OTHER_AXIS = np.array([1, 3, 0, 2])
+ABREAST = 4
+"""Lattices along each side of the square in which they start,"""
+
+LATTICES = ABREAST**2
+"""and in all."""
 
 
 class SampledOcclusion:
@@ -56,32 +60,102 @@ class SampledOcclusion:
         Smallest number of targets.
     """
 
-    def __init__(self, occlusion: Occlusion, volume: VoxelVolume, sample: int = SAMPLE) -> None:
+    def __init__(self, occlusion: Occlusion, volume: VoxelVolume, sample: int) -> None:
         self._all = occlusion
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        # Four lattices with every second voxel contain all voxels, so a step of 2 need not be odd.
+        # Lattices with every second voxel contain all voxels, so a step of 2 need not be odd.
         self._step = step if step == 2 else step - 1 + step % 2
-        order = np.arange(LATTICES)
-        # Along x and y: position within a voxel [targets], and first voxel.
-        places = np.column_stack([order, OTHER_AXIS])
-        self._within = ((places + 0.5) * (occlusion.targets_per_voxel / LATTICES)).astype(np.intp)
-        self._first = np.column_stack([OTHER_AXIS, order]) * self._step // LATTICES
+        row, column = np.divmod(np.arange(LATTICES), ABREAST)
+        # Along x and y: position within a voxel [targets], which differs along each row and column
+        # of the lattices, and first voxel.
+        places = np.column_stack([column + row, column + 2 * row]) % ABREAST
+        self._within = ((places + 0.5) * (occlusion.targets_per_voxel / ABREAST)).astype(np.intp)
+        self._first = np.column_stack([column, row]) * self._step // ABREAST
         self._across, self._down = (-(-length // self._step) for length in (columns, rows))
         # Octets are along y and padded along x so that a lattice has whole 64-bit words.
         self._height = -(-self._down // 8)
         self._padded = -(-self._across // 8) * 8
-        east = self._first[:, :1] + self._step * np.arange(self._padded) < columns
-        north = self._first[:, 1:] + self._step * np.arange(8 * self._height) < rows
-        bits = np.packbits(north, axis=1, bitorder="little")
-        self._valid = bits[:, :, np.newaxis] * east[:, np.newaxis]
-        self.targets = int((north.sum(axis=1) * east.sum(axis=1)).sum())
+        whole = PlotWindow(0, 0, self.rows, self.columns)
+        self._valid = self._octets_of(whole)
+        self.targets = int(popcount(self.mask_of(whole)))
+
+    @property
+    def rows(self) -> int:
+        """Rows of all targets of the plot, of which windows are rectangles."""
+        return self._all.rows
+
+    @property
+    def columns(self) -> int:
+        """Columns of all targets of the plot."""
+        return self._all.columns
+
+    @property
+    def targets_per_voxel(self) -> int:
+        """Of all targets of the plot, those along either side of a voxel."""
+        return self._all.targets_per_voxel
+
+    @property
+    def targets_per_cell(self) -> int:
+        """Targets along either side of a cell of what `unpack` returns: one of each lattice."""
+        return ABREAST
 
     @property
     def words(self) -> int:
         """Number of 8-byte words of a mask."""
         return int(self._valid.size) // 8
+
+    def targets_in(self, window: PlotWindow) -> int:
+        """Number of the sample's targets in a window; 0 if it has not even a cell of each lattice."""
+        if min(self._cells(window)[1]) <= 0:
+            return 0
+        east, north = self._inside(window)
+        return int((north.sum(axis=1) * east.sum(axis=1)).sum())
+
+    def mask_of(self, window: PlotWindow) -> Words:
+        """The sample's targets in a window as a mask, shape (words,)."""
+        words: Words = self._octets_of(window).reshape(-1).view(np.uint64)
+        return words
+
+    def unpack(self, masks: Words, window: PlotWindow | None = None) -> NDArray[np.bool_]:
+        """Masks as arrays, true where the target is hidden: shape (N, 4 rows, 4 columns) of cells.
+
+        A cell has as many voxels along either side as lie between neighbours of a lattice, and one
+        target of each lattice, about where it lies.  Cells that the window, or the plot, does not
+        have completely are left out.
+        """
+        octets = masks.view(np.uint8).reshape(len(masks), LATTICES, self._height, self._padded)
+        first, (rows, columns) = self._cells(window or PlotWindow(0, 0, self.rows, self.columns))
+        bits = np.unpackbits(octets, axis=2, bitorder="little")
+        cells = bits[:, :, first[0] : first[0] + rows, first[1] : first[1] + columns]
+        square = cells.reshape(len(masks), ABREAST, ABREAST, rows, columns).transpose(0, 3, 1, 4, 2)
+        return square.reshape(len(masks), ABREAST * rows, ABREAST * columns).astype(np.bool_)
+
+    def _cells(self, window: PlotWindow) -> tuple[tuple[int, int], tuple[int, int]]:
+        """The first row and column of the cells that lie in a window, and how many of each."""
+        size = self._step * self.targets_per_voxel
+        first = -(-window.row // size), -(-window.column // size)
+        end = (window.row + window.rows) // size, (window.column + window.columns) // size
+        return first, (end[0] - first[0], end[1] - first[1])
+
+    def _inside(self, window: PlotWindow) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which places of each lattice along x, and along y, lie in a window."""
+        lengths = self._padded, 8 * self._height
+        bounds = (window.column, window.columns), (window.row, window.rows)
+        inside = []
+        for axis, (length, (low, count)) in enumerate(zip(lengths, bounds, strict=True)):
+            voxels = self._first[:, axis, np.newaxis] + self._step * np.arange(length)
+            targets = voxels * self.targets_per_voxel + self._within[:, axis, np.newaxis]
+            inside.append((low <= targets) & (targets < low + count))
+        return inside[0], inside[1]
+
+    def _octets_of(self, window: PlotWindow) -> Octets:
+        """The sample's targets in a window, shape (lattices, height, padded)."""
+        east, north = self._inside(window)
+        bits = np.packbits(north, axis=1, bitorder="little")
+        octets: Octets = bits[:, :, np.newaxis] * east[:, np.newaxis]
+        return octets
 
     def masks(self, positions_m: ArrayLike) -> Words:
         """Targets of the sample that are hidden from each camera.
@@ -195,16 +269,34 @@ def views_of(
     volume: VoxelVolume,
     altitude_m: float,
     *,
+    view: ViewKind = "telecentric",
     targets_per_voxel: int | None = None,
     focal_height_m: float = 0.0,
 ) -> Occlusion | SampledOcclusion:
-    """Telecentric views of all targets of a plot, or of a sample of them if the plot is large.
+    """Views of all targets of a plot, or of a sample of them if the plot is large.
+
+    Perspective views are not shifts.  On a large plot they have fewer targets per voxel instead.
+
 
     The parameters are those of `Occlusion`.
     """
     occlusion = Occlusion(
-        volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
+        volume,
+        altitude_m,
+        view=view,
+        targets_per_voxel=targets_per_voxel,
+        focal_height_m=focal_height_m,
     )
     if occlusion.targets <= FEW_TARGETS:
         return occlusion
-    return SampledOcclusion(occlusion, volume)
+    if view == "telecentric":
+        return SampledOcclusion(occlusion, volume, SAMPLE)
+    _, rows, columns = volume.occupied.shape
+    fewer = max(math.isqrt(FEW_TARGETS // (rows * columns)), 1)
+    return Occlusion(
+        volume,
+        altitude_m,
+        view=view,
+        targets_per_voxel=min(fewer, occlusion.targets_per_voxel),
+        focal_height_m=focal_height_m,
+    )

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from aosplan.scenes.occlusion import HiddenCount, Occlusion, PlotWindow
+from aosplan.scenes.hidden_counts import HiddenCount
+from aosplan.scenes.occlusion import Occlusion, PlotWindow
 from aosplan.simulation.moments import Counts
 
 if TYPE_CHECKING:

@@ -1,0 +1,81 @@
+"""Counts of hidden targets in the bit masks of `aosplan.scenes.occlusion`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.occlusion import Words
+
+TARGETS_AT_ONCE = 1 << 24
+"""Number of targets of all views that are unpacked at once; float32 counts exactly up to 2^24."""
+
+BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
+    axis=1, dtype=np.uint8
+)
+
+
+def popcount(words: Words) -> NDArray[np.int64]:
+    """Number of set bits along the last axis."""
+    if hasattr(np, "bitwise_count"):
+        bits = np.bitwise_count(words)
+    else:  # numpy 1 has no bitwise_count
+        bits = BYTE_COUNTS[np.ascontiguousarray(words).view(np.uint8)]
+    return np.asarray(bits.sum(axis=-1, dtype=np.int64))
+
+
+class HiddenCount:
+    """Count of how often each target is hidden over any number of views, as binary digits.
+
+    Plane i contains bit i of every target's count c.  A view is added with a few operations on
+    words, and Σ c and Σ c² follow from the numbers of bits in planes and in pairs of planes.
+    """
+
+    def __init__(self, words: int) -> None:
+        self.views = 0
+        self._words = words
+        self._planes: list[Words] = []
+
+    def add(self, mask: Words) -> None:
+        """Add a view, shape (words,)."""
+        self.views += 1
+        if self.views.bit_length() > len(self._planes):
+            self._planes.append(np.zeros(self._words, dtype=np.uint64))
+        carry = mask
+        for plane in self._planes:
+            overflow = plane & carry
+            np.bitwise_xor(plane, carry, out=plane)
+            carry = overflow
+
+    @property
+    def planes(self) -> Words:
+        """Binary digits of the counts, the lowest first, as masks: shape (digits, words)."""
+        return np.stack(self._planes)
+
+    def moments(self) -> tuple[int, int]:
+        """Σ c and Σ c² over all targets, exact."""
+        joint = [[int(popcount(one & other)) for other in self._planes] for one in self._planes]
+        squares = sum(bits << (i + k) for i, row in enumerate(joint) for k, bits in enumerate(row))
+        return sum(row[i] << i for i, row in enumerate(joint)), squares
+
+
+def joint_counts(masks: Words) -> NDArray[np.int64]:
+    """Number of targets hidden from both views of every pair, shape (N, N).
+
+    Parameters
+    ----------
+    masks
+        Shape (N, words), as `Occlusion.masks` returns them.
+    """
+    octets = masks.view(np.uint8)
+    counts = np.zeros((len(masks), len(masks)), dtype=np.int64)
+    step = max(TARGETS_AT_ONCE // (8 * max(len(masks), 1)), 1)
+    for start in range(0, octets.shape[1], step):
+        # A matrix product counts faster than operations on bits.
+        bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
+        counts += (bits @ bits.T).astype(np.int64)
+    return counts
