@@ -294,3 +294,29 @@ def test_a_path_of_windows_is_a_hint(folder):
     with pytest.raises(RequestError, match="line 1") as caught:
         read_table("a.toml")
     assert "single quotes" in caught.value.hint
+
+
+DOTS = "a.b." * 100
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (f'x = "{DOTS}" # {DOTS}', DOTS),
+        (f"x = '{DOTS}'", DOTS),
+        (f'x = """{DOTS}"""', DOTS),
+        (f"x = '''{DOTS}''''", DOTS + "'"),
+        (f'x = "\\"{DOTS}"', '"' + DOTS),
+        (f'# "{DOTS}\nx = """\n#"{DOTS}\\""""', '#"' + DOTS + '"'),
+    ],
+)
+def test_dots_in_texts_and_comments_are_no_depth(folder, text, value):
+    (folder / "a.toml").write_text(text)
+    assert read_table("a.toml") == {"x": value}
+
+
+@pytest.mark.parametrize("key", [DOTS + "c", "'a'.\"b\" . " * 40 + "c", f"x = '#'\n[{DOTS}c]\ny"])
+def test_dotted_keys_are_depth(folder, key):
+    (folder / "a.toml").write_text(f"{key} = 1")
+    with pytest.raises(RequestError, match="nested too deeply"):
+        read_table("a.toml")

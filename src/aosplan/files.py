@@ -167,6 +167,16 @@ def _from_json(text: str, *, with_nan: bool) -> Any:
     return json.loads(text, parse_constant=constant, object_pairs_hook=table)
 
 
+_TOML_TEXT = (
+    r'(?s)"""(?:[^"\\]|\\.?|"(?!""))*+(?:""")?'
+    r"|'''(?:[^']|'(?!''))*+(?:''')?"
+    r'|"(?:[^"\\\n]|\\.?)*+"?'
+    r"|'[^'\n]*+'?"
+    r"|#[^\n]*+"
+)
+"""Strings and comments of TOML.  One that is not closed ends with its line or with the text."""
+
+
 def _from_toml(text: str) -> Any:
     import re
     import tomllib
@@ -174,11 +184,11 @@ def _from_toml(text: str) -> Any:
     # tomllib creates a table for every part of a dotted key and walks through all of them again for
     # each part, so the depth has to be checked before parsing. Possessive quantifiers keep the
     # search linear.
-    part = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
-    if re.search(rf"(?<![\w-])(?:{part}\.[ \t]*+){{{DEEPEST}}}", text):
+    names = re.sub(_TOML_TEXT, lambda found: "" if found[0][0] == "#" else "_", text)
+    if re.search(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}", names):
         raise RecursionError
-    headers = re.findall(r"(?m)^[ \t]*\[|\.[ \t]*[^\d\s]", text)
-    if text.count("=") + text.count("{") + len(headers) > MOST_NAMES:
+    headers = re.findall(r"(?m)^[ \t]*\[|\.[ \t]*[^\d\s]", names)
+    if names.count("=") + names.count("{") + len(headers) > MOST_NAMES:
         raise ValueError(f"it has more than {MOST_NAMES} names")
     return tomllib.loads(text)
 

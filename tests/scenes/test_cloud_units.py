@@ -1,6 +1,7 @@
 """One stand in all units, reference systems, records and tiles of LAS files gives the same voxels."""
 
 import os
+import re
 import struct
 
 import numpy as np
@@ -12,6 +13,7 @@ from support.dresses import EAST_M, NORTH_M, UNITS, geo_keys, wkt, write_dressed
 
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
+from aosplan.scenes.files.las import PointFile
 from aosplan.scenes.files.point_cloud import read_voxels
 
 pytest.importorskip("lazrs")
@@ -279,12 +281,16 @@ def test_extended_records_are_not_taken_for_points(tmp_path):
     assert "extended records" in refusal(path).message or "truncated" in refusal(path).message
 
 
-def test_compressed_points_that_are_not_counted_are_said(tmp_path):
-    xyz, kind = stand(count=120_000)
-    path = write_cloud(tmp_path / "a.laz", xyz, kind)
-    volume = read_voxels(patched(path, 247, struct.pack("<Q", 30_000)))
-    assert "uncounted_points" in codes(volume)
-    assert volume.points == 30_000
+@pytest.mark.parametrize("point_format", [0, 1, 3, 6, 7])
+@pytest.mark.parametrize("counted", [30_000, 50_000, 59_000])  # chunks have 50,000 points
+def test_compressed_points_that_are_not_counted_are_said(tmp_path, point_format, counted):
+    xyz, kind = stand(count=60_000)
+    path = write_cloud(tmp_path / "a.laz", xyz, kind, point_format=point_format)
+    assert "uncounted_points" not in [code for code, _ in PointFile(str(path)).warnings]
+    position, layout = (247, "<Q") if point_format >= 6 else (107, "<I")
+    file = PointFile(str(patched(path, position, struct.pack(layout, counted))))
+    assert file.count == counted
+    assert "uncounted_points" in [code for code, _ in file.warnings]
 
 
 def test_a_bird_is_named_and_the_plan_says_it_too(tmp_path):
@@ -332,3 +338,15 @@ def test_a_scene_from_elsewhere_is_named(tmp_path, origin, said):
     assert read_voxels(path).place == pytest.approx((46.9530, 15.0), abs=1e-3)
     found = plan(PlanRequest(altitude=60, scene=str(path), origin=origin, vhat=0.5))
     assert [code for code, _ in found.warnings if code == "scene_elsewhere"] == said
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("away_m", [-300.0, 800.0])
+def test_points_far_beside_a_cloud_are_named(tmp_path, axis, away_m):
+    xyz, kind = stand()
+    xyz[axis, :2] = xyz[axis].min() + away_m, xyz[axis].min() + 0.9 * away_m
+    volume = read_voxels(write_cloud(tmp_path / "a.laz", xyz, kind))
+    (message,) = [text for code, text in volume.warnings if code == "points_far_beside"]
+    assert message.startswith("2 of ")
+    x, y = re.search(r"near x (\S+), y (\S+),", message).groups()
+    assert (float(x), float(y)) == pytest.approx(xyz[:2, 0], abs=0.3)

@@ -7,6 +7,7 @@ damaged header they would try to read billions of records, or crash because of a
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import struct
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
@@ -35,6 +36,15 @@ PLAIN_CHUNK_POINTS = 200_000
 """The same for uncompressed files: small enough to stay in a processor's cache."""
 
 LAST_POINT_FORMAT = 10
+
+LAYERED_FORMAT = 6
+"""First point format that is compressed in layers."""
+
+PROBED_POINTS = 100
+"""Points that are decoded beyond the last one; from bytes that belong to no point come a few at most."""
+
+LARGEST_PROBED_CHUNK = 1_000_000
+"""Points of the largest chunk that is decoded for that."""
 
 
 class PointFile:
@@ -95,7 +105,7 @@ class PointFile:
             self.offsets_m: Floats = header.offsets * metres
             _check_scaling(self.scales_m, self.offsets_m, name)
             if header.are_points_compressed:
-                self.warnings += _check_compression(header, stream)
+                self.warnings += _uncounted(header, stream, *_check_compression(header, stream))
 
     @property
     def metres(self) -> Floats:
@@ -304,14 +314,14 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
         )
 
 
-def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
+def _check_compression(header: Any, stream: IO[bytes]) -> tuple[bytes, list[tuple[int, int]]]:
     """Check that the compressed chunks fit into the file, because the decoder allocates by their
     table.
 
     Returns
     -------
-    list
-        A warning if the chunks contain more points than the header states.
+    tuple
+        The record that describes the compression, and points and bytes of each chunk.
     """
     with needs_extra("reading compressed point clouds", EXTRA):
         import lazrs
@@ -325,21 +335,58 @@ def _check_compression(header: Any, stream: IO[bytes]) -> list[Warned]:
     if not start < table < size or _integer_at(stream, table + 4, "<I") * 16 > size:
         raise ValueError("its table of chunks does not fit into the file")
     stream.seek(start)
-    layout = lazrs.LazVlr(layouts[0].record_data)
-    chunks = lazrs.read_chunk_table(stream, layout)
+    layout: bytes = layouts[0].record_data
+    chunks: list[tuple[int, int]] = lazrs.read_chunk_table(stream, lazrs.LazVlr(layout))
     if sum(length for _, length in chunks) > size - start:
         raise ValueError("its chunks do not fit into the file")
     stream.seek(start)
-    # If all chunks have the same size, the last one may be filled partly.
-    held = [points for points, _ in chunks]
-    least = sum(held) if layout.uses_variable_size_chunks() else sum(held[:-1]) + 1
-    if not held or least <= header.point_count:
+    return layout, chunks
+
+
+def _uncounted(
+    header: Any, stream: IO[bytes], layout: bytes, chunks: list[tuple[int, int]]
+) -> list[Warned]:
+    """A warning if the compressed chunks contain more points than the header states."""
+    import lazrs
+
+    count = header.point_count
+    if not chunks:
         return []
-    message = (
-        f"has compressed points after the {header.point_count} that its header "
-        "counts: they are not read"
-    )
+    before = sum(points for points, _ in chunks[:-1])
+    if lazrs.LazVlr(layout).uses_variable_size_chunks():
+        more = before + chunks[-1][0] > count
+    elif before >= count:
+        more = True
+    else:  # The table gives all chunks the same size, and the last one may be filled partly.
+        length = chunks[-1][1]
+        stream.seek(header.offset_to_point_data + 8 + sum(size for _, size in chunks[:-1]))
+        chunk = stream.read(length)
+        width = header.point_format.size
+        if header.point_format.id >= LAYERED_FORMAT:
+            # Such a chunk has its number of points after its first point.
+            more = before + struct.unpack_from("<I", chunk, width)[0] > count
+        else:
+            probed = count - before + PROBED_POINTS
+            more = probed <= LARGEST_PROBED_CHUNK and _decodes(layout, chunk, probed * width)
+    if not more:
+        return []
+    message = f"has compressed points after the {count} that its header counts: they are not read"
     return [("uncounted_points", message)]
+
+
+def _decodes(layout: bytes, chunk: bytes, size: int) -> bool:
+    """Whether a compressed chunk contains so many bytes of points."""
+    import lazrs
+
+    alone = io.BytesIO(struct.pack("<q", 8 + len(chunk)) + chunk)
+    alone.seek(0, os.SEEK_END)
+    lazrs.write_chunk_table(alone, [(1, len(chunk))], lazrs.LazVlr(layout))
+    alone.seek(0)
+    try:
+        lazrs.LasZipDecompressor(alone, layout).decompress_many(np.zeros(size, dtype=np.uint8))
+    except lazrs.LazrsError:
+        return False
+    return True
 
 
 def _integer_at(stream: IO[bytes], position: int, layout: str) -> int:

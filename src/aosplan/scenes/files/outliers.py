@@ -26,6 +26,9 @@ GAP_M = 10.0
 FEW = 0.001
 """Voxels above a gap are outliers if they are at most this share of all occupied voxels."""
 
+NARROW = 0.5
+"""Points are far beside a cloud if it is narrower without them than this share of its length."""
+
 GROUND_STEP_M = 10.0
 STEEPEST = 2.0
 """A ground point is suspect if it is far from its neighbours and the slope to them is steeper."""
@@ -57,6 +60,39 @@ def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
         )
         yield "points_far_above", message
         return
+
+
+def beside(columns: NDArray[np.bool_], volume: VoxelVolume) -> Iterator[tuple[str, str]]:
+    """Yield a warning about a few points far beside all others, which enlarge the plot.
+
+    Parameters
+    ----------
+    columns
+        Voxel columns with points, shape (rows, columns).
+    volume
+        The voxels.
+    """
+    total = int(np.count_nonzero(columns))
+    for axis, name in ((1, "x"), (0, "y")):
+        counts = np.count_nonzero(columns, axis=1 - axis)
+        few, length = max(FEW * total, 1), columns.shape[axis]
+        low = int(np.argmax(np.cumsum(counts) > few))
+        high = length - 1 - int(np.argmax(np.cumsum(counts[::-1]) > few))
+        if high - low + 1 >= NARROW * length:
+            continue
+        at_start = low > length - 1 - high
+        places = np.argwhere(columns)
+        row, column = places[np.argmin(places[:, axis]) if at_start else np.argmax(places[:, axis])]
+        x = volume.x_min_m + (column + 0.5) * volume.voxel_m
+        y = volume.y_min_m + (row + 0.5) * volume.voxel_m
+        away_m = (low if at_start else length - 1 - high) * volume.voxel_m
+        count = int((counts[:low] if at_start else counts[high + 1 :]).sum())
+        message = (
+            f"{count} of {total} voxel columns with points are far from all others along {name}; the "
+            f"farthest, near x {x:.1f}, y {y:.1f}, is {away_m:.4g} m away and enlarges the plot.  Give its "
+            "points class 7, or crop the cloud (--crop)"
+        )
+        yield "points_far_beside", message
 
 
 def of_ground(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:

@@ -216,9 +216,16 @@ def read_voxels(
     )
     spacing_m = 1.0 / math.sqrt(volume.points_per_m2)
     squares = math.ceil(SPACINGS_ACROSS * spacing_m / voxel_m)
-    covered = footprint(touched.reshape(plot.rows, plot.columns), squares)
+    columns = touched.reshape(plot.rows, plot.columns)
+    covered = footprint(columns, squares)
     doubts = _doubts(volume, covered, assumed=ground == "auto")
-    known = (*warnings, *strange, *outliers.above(volume), *doubts)
+    known = (
+        *warnings,
+        *strange,
+        *outliers.above(volume),
+        *outliers.beside(columns, volume),
+        *doubts,
+    )
     if found is None:
         return replace(volume, warnings=(*known, *_of_opacity(volume, spacing_m)))
     return replace(
@@ -366,10 +373,15 @@ class _Plot:
             )
         # The ground filter takes very long for a cloud that is kilometres high.
         if max(size) > MAX_EXTENT_M or size[2] > MAX_RISE_M:
+            bounds = ", ".join(
+                f"{axis} {first:.1f} to {last:.1f}"
+                for axis, first, last in zip("xyz", low.tolist(), high.tolist(), strict=True)
+            )
             raise RequestError(
                 f"point cloud {source} measures {size[0]:.3g} x {size[1]:.3g} x "
-                f"{size[2]:.3g} m, which is too large for a stand",
-                "check its scale and offset, and that all files are of one place",
+                f"{size[2]:.3g} m ({bounds}), which is too large for a stand",
+                "check its scale and offset, that all files are of one place, and that no single "
+                "point is far from all others",
             )
         if not fits((size[0], size[1], 0.0), voxel_m):
             raise too_many_voxels(size, voxel_m, f"point cloud {source}")
