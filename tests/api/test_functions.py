@@ -189,6 +189,22 @@ def test_integrals_say_what_the_command_says(tmp_path, document):
     assert [each._asdict() for each in found.warnings] == said["warnings"]
     assert repr(found).startswith("Integral of 4 views, ")
     assert found.plot().get_xlabel() == "x [m]"
+    assert found.focus is None
+
+
+def test_a_focus_is_the_one_of_the_command(tmp_path, document):
+    views = list(sites(9))
+    images = [photo(*view, height=1.0) for view in views]
+    poses, folder = write_recording(tmp_path, views, images, camera=False)
+    chosen = {"focus": (-2.0, 4.0), "equalize": True, "feather": True, "slope": (0.01, 0.0)}
+    found = aosplan.integrate(poses, folder, fov_deg=FOV_DEG, **chosen)
+    line = [poses, folder, "--fov", FOV_DEG, "--focus=-2..4", "--equalize", "--feather"]
+    said = document("integrate", *line, "--slope", "0.01,0", "--out", tmp_path / "i.png")
+    assert found.focus.document() == said["focus"]
+    assert [each._asdict() for each in found.warnings] == said["warnings"]
+    assert "Focus" in found.summary()[1]
+    with pytest.raises(RequestError, match="align needs focus"):
+        aosplan.integrate(poses, folder, fov_deg=FOV_DEG, align="yaw")
 
 
 def test_results_are_frozen_and_can_be_replaced(placed):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from aosplan.api.summarized import Summarized, warnings_text
+from aosplan.errors import RequestError
 from aosplan.postflight.integral import integral as integrals
 from aosplan.units import percent
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from aosplan.messages import Message
+    from aosplan.postflight.integral.focus import Focus
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,6 +29,8 @@ class Integral(Summarized, integrals.Integral):
     pixel size [m]).
     """
 
+    focus: Focus | None = None
+    """Result of the search for the focus, if there was one: curve, peaks and corrections."""
     warnings: tuple[Message, ...] = ()
     """Warnings for the user."""
 
@@ -41,6 +45,8 @@ class Integral(Summarized, integrals.Integral):
             "Bands": str(bands),
             "Seen": f"{percent(float((self.coverage > 0.0).mean()))} of the pixels by some view",
         }
+        if self.focus is not None:
+            facts["Focus"] = f"ground at {self.focus.ground.place:.3g} m"
         return headline, facts | warnings_text(self.warnings)
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -71,7 +77,11 @@ def integrate(
     photos: str | os.PathLike[str],
     images: str | os.PathLike[str] | None = None,
     *,
-    focal_height_m: float = 0.0,
+    focal_height_m: float | None = None,
+    focal_surface: str | os.PathLike[str] | None = None,
+    slope: tuple[float, float] = (0.0, 0.0),
+    focus: str | tuple[float, float] | None = None,
+    align: str | None = None,
     up: str | None = None,
     camera: str | os.PathLike[str] | None = None,
     fov_deg: float | None = None,
@@ -84,6 +94,8 @@ def integrate(
     views: str | None = None,
     aperture_m: float | None = None,
     pitch_m: float | None = None,
+    equalize: bool = False,
+    feather: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Integral:
     """Average recorded images on a focal plane.
@@ -95,7 +107,15 @@ def integrate(
     images
         The folder of the images, if `photos` has the poses.
     focal_height_m
-        Height of the focal plane along the world's upward axis.
+        Height of the focal plane along the world's upward axis; by default 0, or found by `focus`.
+    focal_surface
+        A GeoTIFF of ground heights, to focus on the ground at all heights.
+    slope
+        Rise of the plane per metre to the east and to the north.
+    focus, align
+        ``auto``, or the lowest and the highest plane [m] of a search for the height of the ground;
+        and what it corrects in the poses: ``positions``, ``yaw`` or ``none``, by default
+        ``positions`` for photos.
     up
         ``z``, ``-z``, ``y`` or ``-y``; by default z or -z, opposite to the viewing directions.
     camera, fov_deg
@@ -111,34 +131,52 @@ def integrate(
     views, aperture_m, pitch_m
         The views to use: numbers from 1, ranges and names; those within a square of this side;
         views that are at least this far apart.
+    equalize, feather
+        Whether to equalise the exposure of the photos, and to reduce their weight towards their
+        edges.
     progress
         Function that is called with the number of views done.
 
     Raises
     ------
     RequestError
-        If the poses or images are not valid, or no camera is known.
+        If the poses or images are not valid, no camera is known, or no plane is in focus.
     """
     from aosplan.postflight.integral.camera_pose import named_camera
-    from aosplan.postflight.integral.integral_warnings import integral_warnings
+    from aosplan.postflight.integral.focus import focus_recording, search_of
+    from aosplan.postflight.integral.integral_warnings import focus_warnings, integral_warnings
     from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
     from aosplan.postflight.integral.recording import Recording, least_views
+    from aosplan.postflight.integral.seeing import adjustment
     from aosplan.postflight.integral.view_subset import ViewSubset
     from aosplan.units import positive
 
+    surface = None if focal_surface is None else os.fspath(focal_surface)
+    heights, height_m = search_of(focus, focal_height_m, surface)
+    if focus is None and align is not None:
+        raise RequestError("align needs focus", "focus='auto'")
     recording = Recording(
         os.fspath(photos),
         None if images is None else os.fspath(images),
-        focal_height_m=focal_height_m,
+        focal_height_m=height_m or 0.0,
+        slope=slope,
         up=up,
         camera=named_camera(None if camera is None else os.fspath(camera), fov_deg),
         photos=PhotoOptions(
             check_band(band), None if plan is None else os.fspath(plan), altitude_m, heading_deg
         ),
     )
+    choice = ViewSubset(pitch_m, aperture_m, views)
+    indices = recording.choose(choice)
+    found_focus = focus_recording(recording, indices, heights, align=align)
     raster = recording.raster(extent, None if gsd_m is None else positive(gsd_m, "gsd_m", "m"))
-    found = recording.integrate(ViewSubset(pitch_m, aperture_m, views), raster, progress=progress)
+    adjust = adjustment(recording, indices, raster, equalize=equalize, feather=feather)
+    found = recording.integrate(choice, raster, surface=surface, adjust=adjust, progress=progress)
     return Integral(
         **{field.name: getattr(found, field.name) for field in fields(found)},
-        warnings=tuple(integral_warnings(recording, found, least_views("10%", found.views))),
+        focus=found_focus,
+        warnings=(
+            *integral_warnings(recording, found, least_views("10%", found.views)),
+            *focus_warnings(found_focus),
+        ),
     )

@@ -16,7 +16,7 @@ from aosplan.cli.integrate_outputs import (
     contents_of,
     figure_bytes,
 )
-from aosplan.cli.integrate_summary import described, doubts_of, show_summary
+from aosplan.cli.integrate_summary import described, show_summary
 from aosplan.cli.options import command
 from aosplan.cli.output import drawn, print_json
 from aosplan.errors import RequestError
@@ -27,10 +27,7 @@ from aosplan.units import number, positive
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from aosplan.postflight.integral.focal_plane import Raster
-    from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
-    from aosplan.postflight.integral.recording import Recording
 
 
 def run(
@@ -73,10 +70,11 @@ def run(
     """Average recorded images on a focal surface, and compare subsets of them."""
     from aosplan.files import write_all
     from aosplan.postflight.integral.camera_pose import named_camera
-    from aosplan.postflight.integral.integral_warnings import integral_warnings
+    from aosplan.postflight.integral.focus import focus_recording, search_of
+    from aosplan.postflight.integral.integral_warnings import focus_warnings, integral_warnings
     from aosplan.postflight.integral.photo_poses import PhotoOptions, check_band
     from aosplan.postflight.integral.recording import Recording, least_views
-    from aosplan.postflight.integral.seeing import together
+    from aosplan.postflight.integral.seeing import adjustment
     from aosplan.postflight.integral.surface import read_slope, read_stack
     from aosplan.postflight.integral.view_subset import read_view_subset, view_subset_of
 
@@ -86,11 +84,11 @@ def run(
     reference = None if compare is None else read_view_subset(compare, "--compare")
     if not (out or anomalies or hot_spots) and reference is None:
         raise RequestError("no output is requested", "give --out integral.png, or --compare all")
-    heights, focal_height = _heights(focus, focal_height, focal_surface)
+    height_m = None if focal_height is None else _place(focal_height, "--focal-height")
+    heights, height_m = search_of(focus, height_m, focal_surface)
     if focus is None and (align is not None or focus_figure is not None):
         raise RequestError("--align and --focus-figure need --focus", "--focus auto")
-    if focus_figure is not None:
-        check_figure(focus_figure)
+    check_figure(focus_figure)
     looks = IntegralDisplay(
         stretch=stretch,
         local_m=None if local is None else positive(local, "--local", "m"),
@@ -103,7 +101,7 @@ def run(
     recording = Recording(
         photos,
         images,
-        focal_height_m=0.0 if focal_height is None else _place(focal_height, "--focal-height"),
+        focal_height_m=height_m or 0.0,
         slope=(0.0, 0.0) if slope is None else read_slope(slope),
         up=up,
         camera=named_camera(camera, None if fov is None else number(fov, "--fov", "deg")),
@@ -115,15 +113,14 @@ def run(
         ),
     )
     indices = recording.choose(choice)
-    found_focus = _focused(recording, indices, heights, align, quiet=quiet)
+    with _bar(1, quiet=quiet, doing="focusing") as advance:
+        found_focus = focus_recording(recording, indices, heights, align=align, progress=advance)
     raster = recording.raster(corners, None if gsd is None else positive(gsd, "--gsd", "m"))
     least = least_views("10%" if min_views is None else min_views, len(indices))
     other = None if reference is None else recording.choose(reference)
     with _bar(len(indices) + (0 if other is None else len(other)), quiet=quiet) as advance:
-        steps = _steps(recording, indices, raster, equalize=equalize, feather=feather)
-        averaged = partial(
-            recording.integrate, raster=raster, surface=focal_surface, adjust=together(steps)
-        )
+        adjust = adjustment(recording, indices, raster, equalize=equalize, feather=feather)
+        averaged = partial(recording.integrate, raster=raster, surface=focal_surface, adjust=adjust)
         integral = averaged(choice, progress=advance)
         comparison = None
         if reference is not None and other is not None:
@@ -149,7 +146,7 @@ def run(
         "comparison": comparison,
         "warnings": [
             *(each._asdict() for each in integral_warnings(recording, integral, least)),
-            *([] if found_focus is None else doubts_of(found_focus)),
+            *(each._asdict() for each in focus_warnings(found_focus)),
         ],
     }
     if not quiet:
@@ -173,75 +170,6 @@ def _similarity(
         255.0 if against.is_byte else None,
     )
     return found._asdict()
-
-
-def _heights(
-    focus: str | None, focal_height: str | None, surface: str | None
-) -> tuple[tuple[float, float] | str | None, str | None]:
-    """Heights to search (or ``auto``), and the height of the plane."""
-    from aosplan.postflight.integral.focus import read_heights
-
-    if focus is None:
-        return None, focal_height
-    found = read_heights(focus)
-    if isinstance(found, float):
-        if focal_height is not None:
-            raise RequestError("--focus H and --focal-height both set the height", "leave one out")
-        return None, repr(found)
-    if surface is not None:
-        raise RequestError(
-            f"--focus {focus} searches for a plane, which contradicts --focal-surface",
-            "--focal-height M raises the surface",
-        )
-    return "auto" if found is None else found, focal_height
-
-
-def _focused(
-    recording: Recording,
-    indices: Any,
-    heights: tuple[float, float] | str | None,
-    align: str | None,
-    *,
-    quiet: bool,
-) -> Focus | None:
-    """Find the focus of a recording and move its plane there; return the result."""
-    if heights is None:
-        return None
-    from aosplan.postflight.integral.focus import ALIGNMENTS, find_focus
-
-    if align is None:
-        align = "none" if recording.sigma_m is None else "positions"
-    if align not in ALIGNMENTS:
-        raise RequestError(f"--align '{align}' is not one of {', '.join(ALIGNMENTS)}")
-    with _bar(1, quiet=quiet, doing="focusing") as advance:
-        found = find_focus(
-            recording,
-            indices,
-            None if isinstance(heights, str) else heights,
-            align=align,
-            sigma_m=recording.sigma_m or 0.5,
-            progress=advance,
-        )
-    chosen = [recording.views[index] for index in indices]
-    recording.refocus(
-        found.ground.place, found.correction.applied(chosen, recording.plane.frame), indices
-    )
-    return found
-
-
-def _steps(
-    recording: Recording, indices: Any, raster: Raster, *, equalize: bool, feather: bool
-) -> list[Any]:
-    """Adjustments of each photo, in their order."""
-    from aosplan.postflight.integral.seeing import equalized, faded
-
-    steps: list[Any] = []
-    if equalize:
-        chosen = [recording.sources[index] for index in indices]
-        steps.append(equalized(chosen, recording.plane, raster))
-    if feather:
-        steps.append(faded)
-    return steps
 
 
 def _extent(text: str | None) -> str | list[float]:

@@ -57,8 +57,10 @@ def check_outputs(out: tuple[str, ...], others: list[str], *, stacked: bool, for
             raise RequestError(f"output '{path}' is given twice")
 
 
-def check_figure(path: str) -> None:
+def check_figure(path: str | None) -> None:
     """Refuse a figure if its format is unknown or matplotlib is not installed."""
+    if path is None:
+        return
     from aosplan.show.figures.canvas import check_extra, form_of
 
     form_of(path)

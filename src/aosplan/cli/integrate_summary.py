@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
 
@@ -89,23 +88,3 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
             f"{focus['yaw_deviation_deg']:.2g} degrees, moved {focus['moved_m']:.2g} m "
             "(root mean square)",
         )
-
-
-def doubts_of(found: Focus) -> list[dict[str, str]]:
-    """Warnings about a focus."""
-    said = []
-    if found.at_end:
-        said.append(
-            (
-                "focus_at_end",
-                f"the views agree best at {found.ground.place:.4g} m, which is an end of "
-                "the searched heights: the ground may be outside; give other heights with "
-                "--focus H1..H2",
-            )
-        )
-    if found.aligned and found.aligned < len(found.correction.shifts_m):
-        count = len(found.correction.shifts_m)
-        said.append(
-            ("unaligned", f"{count - found.aligned} of {count} views show too little to be aligned")
-        )
-    return [{"code": code, "message": message} for code, message in said]

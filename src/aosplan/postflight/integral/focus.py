@@ -136,6 +136,77 @@ def read_heights(text: str) -> tuple[float, float] | float | None:
     return heights[0] if len(heights) == 1 else (heights[0], heights[1])
 
 
+def search_of(
+    focus: str | tuple[float, float] | None, focal_height_m: float | None, surface: str | None
+) -> tuple[tuple[float, float] | str | None, float | None]:
+    """Heights to search (or ``auto``; None for no search), and the height of the plane [m].
+
+    Raises
+    ------
+    RequestError
+        If ``--focus`` is not valid, or contradicts another option.
+    """
+    if focus is None:
+        return None, focal_height_m
+    found = read_heights(focus) if isinstance(focus, str) else focus
+    if isinstance(found, float):
+        if focal_height_m is not None:
+            raise RequestError("--focus H and --focal-height both set the height", "leave one out")
+        return None, found
+    if surface is not None:
+        raise RequestError(
+            f"--focus {focus} searches for a plane, which contradicts --focal-surface",
+            "--focal-height M raises the surface",
+        )
+    return "auto" if found is None else found, focal_height_m
+
+
+def focus_recording(
+    recording: Recording,
+    indices: NDArray[np.intp],
+    heights_m: tuple[float, float] | str | None,
+    *,
+    align: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Focus | None:
+    """Find the focus of a recording (`find_focus`), and move its plane and its views there.
+
+    Parameters
+    ----------
+    recording, indices, progress
+        As for `find_focus`.
+    heights_m
+        Lowest and highest plane, or ``auto``; None for no search, which returns None.
+    align
+        One of `ALIGNMENTS`; by default ``positions`` if the standard deviation of the recorded
+        positions is known, as for photos, and ``none`` otherwise.
+
+    Raises
+    ------
+    RequestError
+        As from `find_focus`.
+    """
+    if heights_m is None:
+        return None
+    if align is None:
+        align = "none" if recording.sigma_m is None else "positions"
+    if align not in ALIGNMENTS:
+        raise RequestError(f"--align '{align}' is not one of {', '.join(ALIGNMENTS)}")
+    found = find_focus(
+        recording,
+        indices,
+        None if isinstance(heights_m, str) else heights_m,
+        align=align,
+        sigma_m=recording.sigma_m or 0.5,
+        progress=progress,
+    )
+    chosen = [recording.views[index] for index in indices]
+    recording.refocus(
+        found.ground.place, found.correction.applied(chosen, recording.plane.frame), indices
+    )
+    return found
+
+
 def find_focus(
     recording: Recording,
     indices: NDArray[np.intp],

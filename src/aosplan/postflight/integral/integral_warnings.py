@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from aosplan.messages import Message
 
 if TYPE_CHECKING:
+    from aosplan.postflight.integral.focus import Focus
     from aosplan.postflight.integral.integral import Integral
     from aosplan.postflight.integral.recording import Recording
 
@@ -54,3 +55,28 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
             )
         )
     return [Message(code, message) for code, message in found]
+
+
+def focus_warnings(focus: Focus | None) -> list[Message]:
+    """Warnings about a focus; none without a search for it."""
+    found = []
+    if focus is None:
+        return []
+    if focus.at_end:
+        found.append(
+            Message(
+                "focus_at_end",
+                f"the views agree best at {focus.ground.place:.4g} m, which is an end of "
+                "the searched heights: the ground may be outside; give other heights with "
+                "--focus H1..H2",
+            )
+        )
+    count = len(focus.correction.shifts_m)
+    if 0 < focus.aligned < count:
+        found.append(
+            Message(
+                "unaligned",
+                f"{count - focus.aligned} of {count} views show too little to be aligned",
+            )
+        )
+    return found

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.focal_plane import Plane, Raster
     from aosplan.postflight.integral.images import Picture
     from aosplan.postflight.integral.integral import Integral, ViewSource
+    from aosplan.postflight.integral.recording import Recording
 
     Adjust = Callable[[ViewSource, Picture], Picture]
 
@@ -40,6 +41,24 @@ def together(steps: Sequence[Adjust]) -> Adjust | None:
         return picture
 
     return adjust
+
+
+def adjustment(
+    recording: Recording,
+    indices: NDArray[np.intp],
+    raster: Raster,
+    *,
+    equalize: bool = False,
+    feather: bool = False,
+) -> Adjust | None:
+    """The requested adjustments of each photo, exposure first; None if there are none."""
+    steps: list[Adjust] = []
+    if equalize:
+        chosen = [recording.sources[index] for index in indices]
+        steps.append(equalized(chosen, recording.plane, raster))
+    if feather:
+        steps.append(faded)
+    return together(steps)
 
 
 def faded(_source: ViewSource, picture: Picture) -> Picture:
