@@ -38,11 +38,11 @@ def ours(name: str, count: int, folder: str) -> tuple[float, int, int]:
     """Seconds, files and bytes if aosplan writes the format."""
     import numpy  # noqa: F401, ICN001 (loaded before the clock starts, as GDAL is)
 
-    from aosplan.mission.export import files, formats
+    from aosplan.mission.export import formats, mission_files
 
     mission = mission_of(count)
     start = time.process_time()
-    contents = files([mission], formats()[name], os.path.join(folder, f"ours.{name}"))
+    contents = mission_files([mission], formats()[name], os.path.join(folder, f"ours.{name}"))
     for path, content in contents.items():
         with open(path, "wb") as file:
             file.write(content)

@@ -279,7 +279,7 @@ def decoding(what: str, path: str) -> Iterator[None]:
     import warnings
 
     try:
-        with warnings.catch_warnings(), silent(2):
+        with warnings.catch_warnings(), discarding_output(2):
             warnings.simplefilter("ignore")
             yield
     except (AosplanError, MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -294,7 +294,7 @@ def decoding(what: str, path: str) -> Iterator[None]:
 
 
 @contextmanager
-def silent(descriptor: int) -> Iterator[None]:
+def discarding_output(descriptor: int) -> Iterator[None]:
     """Discard what a compiled library prints to stdout (1) or stderr (2)."""
     try:
         kept = os.dup(descriptor)

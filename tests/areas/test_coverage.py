@@ -13,10 +13,10 @@ from aosplan.areas.cell_runs import CellRuns, runs_of, united
 from aosplan.areas.coverage import (
     CellLattice,
     centred_lattice,
-    entered,
     image_cells,
-    looks,
+    overlapped_cells,
     seen_cells,
+    site_counts,
     sites_for,
     sites_seeing,
     window_of,
@@ -79,7 +79,7 @@ def lattice_for(shape, window, margin=0):
 @given(areas(), st.floats(0.7, 9.0), st.floats(0.7, 9.0))
 def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
     lattice = lattice_for(shape, window_of(Pattern(1, 1), (x_pitch, y_pitch)))
-    found = set(entered(shape, lattice).numbers().tolist())
+    found = set(overlapped_cells(shape, lattice).numbers().tolist())
     rows = math.ceil((shape.bounds[3] - shape.bounds[1]) / y_pitch) + 2
     every = np.arange(-lattice.stride, rows * lattice.stride)
     boxes = lattice.boxes(CellRuns(every, every + 1))
@@ -96,14 +96,14 @@ def test_cells_entered_are_those_that_the_shape_meets(shape, x_pitch, y_pitch):
 def test_an_area_of_whole_cells_enters_no_others(size, cells):
     shape = shapely.multipolygons([shapely.box(0, 0, size, size)])
     lattice = lattice_for(shape, window_of(pattern_for("square", 49), (2.8, 2.8)))
-    assert entered(shape, lattice).size == cells
+    assert overlapped_cells(shape, lattice).size == cells
 
 
 def test_the_lattice_is_centred():
     shape = shapely.multipolygons([shapely.box(3, 7, 103, 50)])
     window = window_of(pattern_for("trimmed", 50), (2.8, 2.8))
     lattice = lattice_for(shape, window, 5)
-    placed = lattice.middles(entered(shape, lattice).numbers())
+    placed = lattice.middles(overlapped_cells(shape, lattice).numbers())
     low, high = placed.min(axis=0), placed.max(axis=0)
     assert (low + high) / 2 == pytest.approx([53.0, 28.5], abs=1e-9)
 
@@ -128,7 +128,7 @@ def count_in_rectangles(sites, points, size):
 def planned(shape, pattern, pitch):
     window = window_of(pattern, pitch)
     lattice = lattice_for(shape, window, window.columns)
-    placements = entered(shape, lattice)
+    placements = overlapped_cells(shape, lattice)
     sites = sites_for(placements, window, lattice.stride)
     at_sites = lattice.moved(-0.5 * (window.columns - 1), -0.5 * (window.rows - 1))
     return window, lattice, placements, sites, at_sites
@@ -149,7 +149,7 @@ def test_every_point_has_all_sites_in_its_rectangle(shape, kind, samples, baseli
     points = points_in(shape, 40, np.random.default_rng(seed))
     counted = count_in_rectangles(places, points, window.size_m)
     assert (counted >= pattern.samples).all()
-    own = looks(sites.numbers(), placements.numbers(), window, lattice.stride)
+    own = site_counts(sites.numbers(), placements.numbers(), window, lattice.stride)
     assert own.min() >= pattern.samples
     # No site is superfluous: each is in the pattern of some cell that the area overlaps.
     assert len(set(sites.numbers().tolist())) == sites.size
@@ -178,7 +178,7 @@ def test_looks_are_what_counting_finds_after_sites_were_lost(shape, samples, bas
     left = sites.numbers()[rng.random(sites.size) < 0.8]
     middles = lattice.middles(placements.numbers())[:200]
     jitter = rng.uniform(-0.499, 0.499, middles.shape) * baseline
-    own = looks(left, placements.numbers(), window, lattice.stride)[:200]
+    own = site_counts(left, placements.numbers(), window, lattice.stride)[:200]
     places = at_sites.middles(left)
     assert np.array_equal(own, count_in_rectangles(places, middles + jitter, window.size_m))
 

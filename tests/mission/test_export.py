@@ -18,7 +18,7 @@ from support.flights import flown_in
 from aosplan.cli.app import run
 from aosplan.errors import RequestError, SurroundingsError
 from aosplan.mission import formats as formats_folder
-from aosplan.mission.export import MODULES, choose, formats, render
+from aosplan.mission.export import MODULES, choose_format, formats, render
 from aosplan.mission.mission import Mission, Waypoint, Waypoints
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
@@ -298,7 +298,7 @@ def test_every_ending_belongs_to_one_format():
     ],
 )
 def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):
-    form, where = choose(path, name)
+    form, where = choose_format(path, name)
     assert (form.name, where) == (chosen, rest)
 
 
@@ -317,19 +317,19 @@ def test_a_format_is_chosen_by_name_or_ending(path, name, chosen, rest):
 )
 def test_an_unknown_format_is_refused(path, name, words):
     with pytest.raises(RequestError) as caught:
-        choose(path, name)
+        choose_format(path, name)
     assert words in caught.value.message
 
 
 def test_a_page_is_a_report():
     with pytest.raises(RequestError) as caught:
-        choose("plan.html")
+        choose_format("plan.html")
     assert caught.value.hint == "for a page about the plan, give --report plan.html"
 
 
 def test_an_unknown_ending_lists_the_known_ones():
     with pytest.raises(RequestError) as caught:
-        choose("plan.txt")
+        choose_format("plan.txt")
     assert "csv (.csv)" in caught.value.hint
     assert "geojson (.geojson)" in caught.value.hint
     assert "litchi (litchi:FILE)" in caught.value.hint  # has no extension of its own
@@ -337,7 +337,7 @@ def test_an_unknown_ending_lists_the_known_ones():
 
 def test_a_misspelt_format_gets_the_nearest():
     with pytest.raises(RequestError) as caught:
-        choose("plan", "geojsn")
+        choose_format("plan", "geojsn")
     assert caught.value.hint == "did you mean geojson?"
 
 

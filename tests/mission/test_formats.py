@@ -23,7 +23,7 @@ from support.flights import (
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.mission.export import files, formats
+from aosplan.mission.export import formats, mission_files
 from aosplan.mission.mission import Mission, Waypoints, photo_lines
 
 # One mission in every format
@@ -41,7 +41,7 @@ def test_the_same_sites_in_the_same_order_in_every_format(mission):
     stopping = mission._replace(settings=mission.settings._replace(trigger="stop"))
     for name, form in formats().items():
         written_ = flown_in(stopping if form.flown_by else mission, name)
-        found = positions_of(name, files([written_], form, "grid").values())
+        found = positions_of(name, mission_files([written_], form, "grid").values())
         assert len(found) == len(ways)
         for place, waypoint in zip(found, ways, strict=True):
             assert abs(place[0] - waypoint.latitude) <= 1e-7
@@ -360,7 +360,7 @@ def test_a_mission_without_a_place_is_written_as_csv_alone():
     local = Mission(Waypoints([0.0], [0.0], [40.0]), {})
     for name, form in formats().items():
         if name == "csv":
-            assert list(files([local], form, "g.csv")) == ["g.csv"]
+            assert list(mission_files([local], form, "g.csv")) == ["g.csv"]
         else:
             with pytest.raises(RequestError, match="needs a location"):
-                files([local], form, "g")
+                mission_files([local], form, "g")

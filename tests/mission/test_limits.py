@@ -8,9 +8,9 @@ import pytest
 from support.flights import READERS, commands_of, flown_in, grid, pairs, positions_of
 
 from aosplan.errors import RequestError
-from aosplan.mission.export import files, formats, size_of
+from aosplan.mission.export import formats, mission_files, size_of
 from aosplan.mission.format import Limits
-from aosplan.mission.limits import limits_of, parts
+from aosplan.mission.limits import limits_of, split_for_limits
 from aosplan.mission.mission import Waypoints
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
@@ -32,7 +32,7 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
     fits = (most - (5 if each > 1 else 0)) // each
     for count in (fits, fits + 1, *([2 * fits + 1] if most < 1000 else [])):
         mission = grid(count, kind="line", autopilot=autopilot)
-        pieces = parts(mission, formats()[name], size)
+        pieces = split_for_limits(mission, formats()[name], size)
         sizes = [len(piece.waypoints) for piece in pieces]
         assert max(size(piece) for piece in pieces) <= most
         assert max(sizes) - min(sizes) <= 1
@@ -40,7 +40,9 @@ def test_no_file_holds_more_than_its_target_takes(name, target, most):
         flown = [east for piece in pieces for east in piece.waypoints.east_m]
         assert flown == mission.waypoints.east_m
         if most < 1000:
-            contents = files([flown_in(mission, name)], formats()[name], "a/grid.b").values()
+            contents = mission_files(
+                [flown_in(mission, name)], formats()[name], "a/grid.b"
+            ).values()
             assert [len(READERS[name](content)) for content in contents] == sizes
 
 
@@ -48,14 +50,14 @@ def test_ardupilot_files_keep_within_its_718_commands():
     for trigger, kind in itertools.product(("stop", "distance"), ("lanes", "spiral", "pairs")):
         mission = pairs(700) if kind == "pairs" else grid(711, kind=kind)
         mission = mission._replace(settings=mission.settings._replace(trigger=trigger))
-        for content in files([mission], formats()["waypoints"], "g.waypoints").values():
+        for content in mission_files([mission], formats()["waypoints"], "g.waypoints").values():
             assert len(commands_of(content.decode())) <= 718
-        for content in files([mission], formats()["plan"], "g.plan").values():
+        for content in mission_files([mission], formats()["plan"], "g.plan").values():
             assert len(json.loads(content)["mission"]["items"]) <= 500
 
 
 def test_each_part_is_a_whole_mission_of_its_own():
-    needed = files([grid(300)], formats()["waypoints"], "grid.waypoints")
+    needed = mission_files([grid(300)], formats()["waypoints"], "grid.waypoints")
     assert list(needed) == ["grid-1.waypoints", "grid-2.waypoints"]
     for content in needed.values():
         rows = commands_of(content.decode())
@@ -66,22 +68,22 @@ def test_each_part_is_a_whole_mission_of_its_own():
 
 def test_several_flights_are_numbered_on():
     flights = [grid(120)._replace(flight=number, flights=2) for number in (1, 2)]
-    needed = files(flights, formats()["litchi"], "grid.csv")
+    needed = mission_files(flights, formats()["litchi"], "grid.csv")
     assert list(needed) == [f"grid-{number}.csv" for number in (1, 2, 3, 4)]
     assert flights[0].title == "120 photos over stand, flight 1 of 2"
-    halves = parts(flights[1], formats()["litchi"], size_of(formats()["litchi"]))
+    halves = split_for_limits(flights[1], formats()["litchi"], size_of(formats()["litchi"]))
     assert halves[0].title.endswith("flight 2 of 2, part 1 of 2")
 
 
 def test_a_drone_that_takes_fewer_waypoints_rules():
-    needed = files([grid(85, most_waypoints=40)], formats()["litchi"], "grid.csv")
+    needed = mission_files([grid(85, most_waypoints=40)], formats()["litchi"], "grid.csv")
     assert [len(READERS["litchi"](content)) for content in needed.values()] == [28, 28, 29]
-    assert len(files([grid(85, most_waypoints=40)], formats()["csv"], "grid.csv")) == 1
+    assert len(mission_files([grid(85, most_waypoints=40)], formats()["csv"], "grid.csv")) == 1
 
 
 def test_several_files_do_not_fit_into_stdout():
     with pytest.raises(RequestError, match="needs 2 Litchi CSV files, but stdout takes only one"):
-        files([grid(100)], formats()["litchi"], "-")
+        mission_files([grid(100)], formats()["litchi"], "-")
 
 
 @pytest.mark.parametrize(
@@ -103,7 +105,7 @@ def test_several_files_do_not_fit_into_stdout():
 )
 def test_what_splitting_does_not_cure_is_refused_with_the_number(name, values, words):
     with pytest.raises(RequestError) as caught:
-        files([grid(**values)], formats()[name], "grid")
+        mission_files([grid(**values)], formats()[name], "grid")
     assert words in caught.value.message
     assert caught.value.hint
 
@@ -114,7 +116,7 @@ def test_turning_points_on_their_neighbours_are_left_out_of_files_that_are_flown
     ways = Waypoints(east, [0.0] * 7, [40.0] * 7, east, [1e-4 * x for x in east], photo=photo)
     mission = grid(trigger="distance")._replace(waypoints=ways)
     for name, form in formats().items():
-        (content,) = files([flown_in(mission, name)], form, "g").values()
+        (content,) = mission_files([flown_in(mission, name)], form, "g").values()
         found = [place[0] for place in positions_of(name, [content])]
         # The trigger is on at 0 and off at the turn after 9; otherwise there is a stop at each
         # site.
@@ -124,7 +126,7 @@ def test_turning_points_on_their_neighbours_are_left_out_of_files_that_are_flown
 
 def test_one_waypoint_is_enough_elsewhere():
     for name in ("waypoints", "plan", "kml", "geojson", "csv"):
-        assert len(positions_of(name, files([grid(1)], formats()[name], "g").values())) == 1
+        assert len(positions_of(name, mission_files([grid(1)], formats()[name], "g").values())) == 1
 
 
 def test_limits_follow_the_autopilot():
@@ -143,7 +145,7 @@ def test_a_number_of_waypoints_that_the_user_gives_replaces_the_known_limit():
     request = PlanRequest(
         altitude=60, samples=200, baseline=3, origin=(48.0, 14.0), grid="rectangle"
     )
-    known = files(plan(request).missions(), formats()["litchi"], "g.csv")
+    known = mission_files(plan(request).missions(), formats()["litchi"], "g.csv")
     given = replace(request, file_waypoints=10_000)
     assert len(known) == 3
-    assert len(files(plan(given).missions(), formats()["litchi"], "g.csv")) == 1
+    assert len(mission_files(plan(given).missions(), formats()["litchi"], "g.csv")) == 1

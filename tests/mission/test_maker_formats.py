@@ -19,7 +19,7 @@ from support.flights import (
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
 from aosplan.flight.drones import DRONES
-from aosplan.mission.export import files, formats, render
+from aosplan.mission.export import formats, mission_files, render
 
 PLAN = ["plan", "--altitude", "40", "--origin", "48.3358,14.3261", "--quiet"]
 
@@ -107,7 +107,7 @@ def test_dji_fly_holds_then_takes_one_photo_at_each_site():
 @pytest.mark.parametrize(("samples", "pieces"), [(99, 1), (100, 2), (250, 3)])
 def test_dji_fly_splits_at_99_waypoints(samples, pieces):
     flown = flown_in(grid(samples, kind="line"), "dji-fly")
-    found = files([flown], formats()["dji-fly"], "a/grid.kmz")
+    found = mission_files([flown], formats()["dji-fly"], "a/grid.kmz")
     assert len(found) == pieces
     counts = [
         len(list(documents_of(content)["waylines.wpml"].iter(f"{KML}Placemark")))
@@ -182,7 +182,7 @@ def test_parrot_takes_no_photo_where_the_drone_only_turns():
 def test_parrot_bounds_the_speed(speed):
     flown = flown_in(grid(speed_mps=speed), "parrot")
     with pytest.raises(RequestError, match=r"takes 1 to 10 m/s"):
-        files([flown], formats()["parrot"], "g.mavlink")
+        mission_files([flown], formats()["parrot"], "g.mavlink")
 
 
 def test_pymavlink_reads_the_flight_plan(tmp_path):

@@ -27,7 +27,7 @@ from support.terrains import LINZ, UTM, saved, surface
 
 from aosplan.errors import RequestError
 from aosplan.flight.drones import DRONES
-from aosplan.mission.export import files, formats, notes
+from aosplan.mission.export import formats, mission_files, notes
 from aosplan.mission.flown_path import BEND_M
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
@@ -165,7 +165,7 @@ def test_files_fly_as_planned(terrains, craft, trigger, frame, grid):
     for name in FLOWN:
         try:
             for mission in result.missions():
-                contents = list(files([mission], formats()[name], "g").values())
+                contents = list(mission_files([mission], formats()[name], "g").values())
                 check_flight(name, contents, result, mission, frame)
             written += 1
         except RequestError as refused:
@@ -239,7 +239,7 @@ def check_time(name, flights, result, mission, ground, *, bends):
     if len(flights) > 1:
         one_file = mission.settings._replace(file_waypoints=100_000)
         whole = mission._replace(settings=one_file)
-        (content,) = files([whole], formats()[name], "g").values()
+        (content,) = mission_files([whole], formats()[name], "g").values()
         (alone,) = (replayed(name, content, ground, result, mission),)
         for part in flights:
             working = [point for point in part.points if point.photos or point.spacing == 0.0]

@@ -8,7 +8,7 @@ from aosplan.grid.patterns import Pattern
 from aosplan.models.measured import MeasuredModel
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.planning.sensitivity import FACTORS, QUANTITIES, thinned
+from aosplan.planning.sensitivity import FACTORS, QUANTITIES, with_density_factor
 from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
 from aosplan.scenes.voxels import VoxelVolume
 
@@ -146,7 +146,7 @@ def test_a_measured_plan_is_changed_voxel_by_voxel(forest, tmp_path):
     grid = planned.solution.pattern, planned.solution.baseline_m
     for factor in FACTORS:
         for quantity, model in (
-            ("density", MeasuredModel(thinned(forest, factor), 60.0)),
+            ("density", MeasuredModel(with_density_factor(forest, factor), 60.0)),
             ("occluder_size", MeasuredModel(forest, 60.0 * factor)),
             ("height", MeasuredModel(forest, 60.0 / factor)),
         ):
@@ -164,7 +164,7 @@ def test_a_measured_plan_is_changed_voxel_by_voxel(forest, tmp_path):
 def test_voxels_are_taken_away_and_added_slice_by_slice(forest):
     before = forest.occupied
     counts = before.sum(axis=(1, 2))
-    fewer, more = (thinned(forest, factor).occupied for factor in FACTORS)
+    fewer, more = (with_density_factor(forest, factor).occupied for factor in FACTORS)
     assert not (fewer & ~before).any()
     assert (before.sum(axis=(1, 2)) - fewer.sum(axis=(1, 2)) == np.round(0.2 * counts)).all()
     assert not (before & ~more).any()
@@ -176,6 +176,6 @@ def test_voxels_are_taken_away_and_added_slice_by_slice(forest):
     assert not (added & ~beside).any()
     room = (beside & ~before).sum(axis=(1, 2))
     assert (added.sum(axis=(1, 2)) == np.minimum(np.round(0.2 * counts), room)).all()
-    assert (thinned(forest, 0.8).occupied == fewer).all()
+    assert (with_density_factor(forest, 0.8).occupied == fewer).all()
     full = VoxelVolume(np.ones((2, 4, 4), dtype=bool), 1.0)
-    assert thinned(full, 1.2).occupied.all()
+    assert with_density_factor(full, 1.2).occupied.all()

@@ -22,15 +22,15 @@ from aosplan.models.positions import positions_shortfall
 from aosplan.models.uniform import UniformModel
 from aosplan.planning.request import PlanRequest
 from aosplan.postflight.best_views import (
+    choose_views,
     correlations,
     exchanged,
     fewest_shared,
     jointly,
     representing,
     shortfall,
-    thin,
 )
-from aosplan.postflight.thin import thinned
+from aosplan.postflight.thin import thin_views
 from aosplan.postflight.views import read_views
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.presets import find_preset_scene
@@ -58,7 +58,7 @@ def test_choices_are_near_the_best_of_all_choices(seed):
         best = min(
             shortfall(shared, np.array(choice)) for choice in combinations(range(11), samples)
         )
-        found = shortfall(shared, thin(points, samples, triangles(3.0)))
+        found = shortfall(shared, choose_views(points, samples, triangles(3.0)))
         assert best <= found * (1.0 + 1e-12)
         assert found <= best * 1.05
 
@@ -79,7 +79,7 @@ def test_no_single_exchange_betters_a_choice(seed):
 
 def test_the_shortfall_is_that_of_the_positions():
     points = np.random.default_rng(3).uniform(0.0, 30.0, (60, 2))
-    chosen = thin(points, 20, triangles(5.0))
+    chosen = choose_views(points, 20, triangles(5.0))
     shared = correlations(points, triangles(5.0))
     assert shortfall(shared, chosen) == pytest.approx(
         positions_shortfall(points[chosen], 5.0), rel=1e-12
@@ -89,25 +89,25 @@ def test_the_shortfall_is_that_of_the_positions():
 def test_views_a_spacing_apart_are_found_among_many():
     # A line of 401 views every half metre contains 41 views 5 m apart, which share no occluder.
     points = np.column_stack([0.5 * np.arange(401), np.zeros(401)])
-    chosen = thin(points, 41, triangles(5.0))
+    chosen = choose_views(points, 41, triangles(5.0))
     assert shortfall(correlations(points, triangles(5.0)), chosen) == pytest.approx(1 / 41)
 
 
 def test_all_views_are_all_views():
     points = np.random.default_rng(1).uniform(0, 9, (7, 2))
-    assert thin(points, 7, triangles(1.0)).tolist() == list(range(7))
+    assert choose_views(points, 7, triangles(1.0)).tolist() == list(range(7))
 
 
 def test_views_at_one_place_are_as_good_as_one():
     points = np.zeros((5, 2))
-    assert len(thin(points, 3, triangles(1.0))) == 3
+    assert len(choose_views(points, 3, triangles(1.0))) == 3
 
 
 def test_too_few_and_too_many_views_are_errors():
     with pytest.raises(RequestError, match="2 positions are fewer"):
-        thin([[0, 0], [1, 1]], 3, triangles(1.0))
+        choose_views([[0, 0], [1, 1]], 3, triangles(1.0))
     with pytest.raises(RequestError, match="more than"):
-        thin(np.zeros((9000, 2)), 3, triangles(1.0))
+        choose_views(np.zeros((9000, 2)), 3, triangles(1.0))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -119,7 +119,7 @@ def test_choices_for_visibility_are_near_the_best_of_all_choices(seed):
     for samples in (1, 3, 6):
         choices = [np.array(choice) for choice in combinations(range(10), samples)]
         best = min(shortfall(joint, choice) for choice in choices)
-        found = shortfall(joint, thin(points, samples, triangles(3.0), hidden))
+        found = shortfall(joint, choose_views(points, samples, triangles(3.0), hidden))
         assert best <= found * (1.0 + 1e-12)
         assert found <= best * 1.02
 
@@ -148,7 +148,7 @@ def test_choices_for_similarity_are_near_the_best_of_all_choices(seed):
             choice: shortfall(changed, np.array(choice)) + joint.mean()
             for choice in combinations(range(10), samples)
         }
-        found = thin(points, samples, triangles(3.0), hidden, alike=True)
+        found = choose_views(points, samples, triangles(3.0), hidden, alike=True)
         better = sum(value < differences[tuple(found)] for value in differences.values())
         assert min(differences.values()) >= 0.0
         assert better <= 0.04 * len(differences)
@@ -171,7 +171,7 @@ def test_on_another_stand_the_choice_is_more_similar_than_random_ones(seed):
         return ((masks[choice].mean(axis=0) - masks.mean(axis=0)) ** 2).mean()
 
     drawn = [difference(rng.choice(40, 10, replace=False)) for _ in range(200)]
-    chosen = thin(points, 10, model.correlation, model.hidden_at(points), alike=True)
+    chosen = choose_views(points, 10, model.correlation, model.hidden_at(points), alike=True)
     assert difference(chosen) < np.quantile(drawn, 0.1)
 
 
@@ -311,7 +311,7 @@ def test_choices_for_visibility_show_more_of_a_measured_stand(tmp_path):
     (tmp_path / "views.csv").write_text("\n".join(["x,y", *rows, ""]))
     views = read_views(str(tmp_path / "views.csv"), on_earth=False)
     request = PlanRequest(altitude=60, scene=str(tmp_path / "stand.npz"))
-    apart, most = (thinned(request, views, 20, best=b) for b in ("normalized", "visibility"))
+    apart, most = (thin_views(request, views, 20, best=b) for b in ("normalized", "visibility"))
     model, points = apart.plan.problem.model, np.array(views.positions_m)
     for found in (apart, most):  # exact values from all voxels
         assert found.kept == model.predict_positions(points[found.chosen])
@@ -353,7 +353,7 @@ def test_a_choice_of_views_tells_what_it_finds(tmp_path):
         canopy_offset=0.0,
         crown_share=0.0,
     )
-    found = thinned(request, read_views(str(path), on_earth=False), 12)
+    found = thin_views(request, read_views(str(path), on_earth=False), 12)
     every, kept = found.detection
     # Twelve views at the rim share less than all 36 do on average.  Searches of simulated slices
     # find 0.14 of the targets with all views, and 0.20 with these.

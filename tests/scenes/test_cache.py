@@ -265,8 +265,8 @@ def test_samples_are_spread_over_a_large_file(tmp_path, at, monkeypatch):
     path = tmp_path / "large"
     content = bytearray(100_000)
     path.write_bytes(content)
-    before = cache.sampled(str(path), len(content))
+    before = cache.sampled_checksum(str(path), len(content))
     index = round(at * (cache.SAMPLES - 1))
     content[(len(content) - 64) * index // (cache.SAMPLES - 1)] = 1
     path.write_bytes(content)
-    assert cache.sampled(str(path), len(content)) != before
+    assert cache.sampled_checksum(str(path), len(content)) != before

@@ -150,5 +150,5 @@ def test_absurd_widths_are_no_traceback(columns):
 
 
 def test_long_lists_of_files_are_named_in_part():
-    assert screen.wrote(["a.csv", "b.csv"]) == "Wrote a.csv, b.csv"
-    assert screen.wrote([f"{i}" for i in range(100)]) == "Wrote 0, 1, 2, 3, 4, 5 and 94 more"
+    assert screen.written_text(["a.csv", "b.csv"]) == "Wrote a.csv, b.csv"
+    assert screen.written_text([f"{i}" for i in range(100)]) == "Wrote 0, 1, 2, 3, 4, 5 and 94 more"

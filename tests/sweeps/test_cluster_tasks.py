@@ -31,7 +31,11 @@ def task(tmp_path, monkeypatch):
     folder.mkdir()
     path = Parts(str(tmp_path / "r.parquet"), sweep).path(3).replace("r.parquet.parts", "")
     told = cluster_module.PartTask(
-        sweep._replace(scenarios=cluster_module.alone(scenarios, 3)), 3, path, str(folder), ()
+        sweep._replace(scenarios=cluster_module.single_block(scenarios, 3)),
+        3,
+        path,
+        str(folder),
+        (),
     )
     return path, folder, told
 
@@ -90,7 +94,9 @@ def test_a_worker_knows_no_file_as_it_was_for_an_earlier_run(tmp_path):
         scenarios = read_scenarios(str(path))
         (tmp_path / str(run)).mkdir()
         told = cluster_module.PartTask(
-            Sweep(cluster_module.alone(scenarios, 0), ("visibility_density",), str(tmp_path)),
+            Sweep(
+                cluster_module.single_block(scenarios, 0), ("visibility_density",), str(tmp_path)
+            ),
             *(0, str(out), str(tmp_path / str(run)), ((str(scene), scene.stat().st_size),)),
         )
         done(told)

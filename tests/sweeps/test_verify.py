@@ -48,7 +48,7 @@ def draw(scenarios, rows, seed):
     for index in range(scenarios.blocks):
         block = scenarios.block(index)
         frame = solve_block(block, (), ("samples",))
-        part = v.drawn(drawing, block, frame, np.arange(block.rows))
+        part = v.draw_rows(drawing, block, frame, np.arange(block.rows))
         found = part.joined(found, rows=rows)
     return found
 

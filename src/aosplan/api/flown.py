@@ -217,7 +217,7 @@ def thin(
 
     found = found_request(request, options)
     taken = read_views(os.fspath(views), on_earth=found.request.origin is not None)
-    thinned = thinnings.thinned(
+    thinned = thinnings.thin_views(
         found.request,
         taken,
         whole(keep, "keep"),

@@ -155,10 +155,10 @@ def plan(
     (50, 2.8)
     """
     found = found_request(request, options, folder=None if folder is None else os.fspath(folder))
-    return solved(found, progress=progress)
+    return plan_of(found, progress=progress)
 
 
-def solved(found: FoundRequest, *, progress: Callable[[int, int], None] | None = None) -> Plan:
+def plan_of(found: FoundRequest, *, progress: Callable[[int, int], None] | None = None) -> Plan:
     """The plan of a request."""
     plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
     return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
@@ -265,14 +265,14 @@ def export(
         If the file cannot be written.
     """
     from aosplan.files import write_all
-    from aosplan.mission.export import choose, files
+    from aosplan.mission.export import choose_format, mission_files
     from aosplan.postflight.saved_missions import read_saved_missions
 
-    chosen, target = choose(os.fspath(path), format)
+    chosen, target = choose_format(os.fspath(path), format)
     if isinstance(plan, (str, os.PathLike)):
         missions = read_saved_missions(os.fspath(plan), [chosen])
     else:
         missions = plan.missions()
-    contents = files(missions, chosen, target)
+    contents = mission_files(missions, chosen, target)
     write_all(contents, force=force)
     return list(contents)

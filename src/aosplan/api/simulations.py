@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from aosplan.api.plans import Plan, solved
+from aosplan.api.plans import Plan, plan_of
 from aosplan.api.request import found_request
 from aosplan.api.summarized import Summarized
 from aosplan.planning.loaded_scene import without_simulated_view
@@ -138,6 +138,6 @@ def simulate(
     else:
         found = found_request(request, options)
         view = found.request.view
-        planned = solved(found._replace(request=without_simulated_view(found.request)))
+        planned = plan_of(found._replace(request=without_simulated_view(found.request)))
     given: Any = view or "perspective"  # the request was checked
     return Simulation(*compare.simulate(planned, settings._replace(view=given)))

@@ -147,7 +147,7 @@ def centred_lattice(shape: Any, whole: Any, window: RequiredGrid, margin: int) -
     )
 
 
-def entered(shape: Any, lattice: CellLattice) -> CellRuns:
+def overlapped_cells(shape: Any, lattice: CellLattice) -> CellRuns:
     """Cells that a shape overlaps.
 
     These are the cells that the border passes through, and the cells between the intersections of
@@ -215,7 +215,7 @@ def sites_for(placements: CellRuns, window: RequiredGrid, stride: int) -> CellRu
     )
 
 
-def looks(sites: Whole, placements: Whole, window: RequiredGrid, stride: int) -> Whole:
+def site_counts(sites: Whole, placements: Whole, window: RequiredGrid, stride: int) -> Whole:
     """Number of sites in the rectangle around each placement."""
     count = np.zeros(len(placements), np.int64)
     for row in range(window.rows):

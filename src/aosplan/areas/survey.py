@@ -14,10 +14,10 @@ from aosplan.areas.coverage import (
     CellLattice,
     RequiredGrid,
     centred_lattice,
-    entered,
     image_cells,
-    looks,
+    overlapped_cells,
     seen_cells,
+    site_counts,
     sites_for,
     sites_seeing,
     window_of,
@@ -154,10 +154,10 @@ def survey_of(
 
     image = image_cells(footprint_m, window.pitch_m)
     lattice = centred_lattice(canopy, whole, window, max(window.columns, image[0]) + 1)
-    placements = entered(canopy, lattice)
+    placements = overlapped_cells(canopy, lattice)
     at_sites = lattice.moved(-0.5 * (window.columns - 1), -0.5 * (window.rows - 1))
     wanted = sites_for(placements, window, lattice.stride)
-    clear_cells = entered(clear, at_sites)
+    clear_cells = overlapped_cells(clear, at_sites)
     _refuse_more(wanted.size, max_sites, "")
     extra = sites_seeing(
         clear_cells.without(seen_cells(wanted, image, lattice.stride)), image, lattice.stride
@@ -322,7 +322,7 @@ def _covered(
     canopy, clear = shapes
     stride = lattices[0].stride
     placements = cells[0].numbers()
-    count = looks(sites, placements, window, stride)
+    count = site_counts(sites, placements, window, stride)
     lost = [
         (canopy, lattices[0], runs_of(placements[count < window.samples])),
         (clear, lattices[1], cells[1].without(seen_cells(runs_of(sites), image, stride))),

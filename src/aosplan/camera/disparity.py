@@ -133,14 +133,14 @@ def coverage_baseline(
         slab, height = _deciding(slabs, altitude_m, focal_length_px, baseline)
     if height <= 0.0:
         raise InfeasibleError(
-            uncovered(coverage),
+            no_coverage_text(coverage),
             "no baseline blurs occluders at height 0: use a smaller --coverage, such as 0.98",
         )
     unit = _unit_baseline_m(slab, height, altitude_m, focal_length_px)
     return CoverageBaseline(unit, height, slab.occluder_size_m)
 
 
-def uncovered(coverage: float) -> str:
+def no_coverage_text(coverage: float) -> str:
     """Error message for a coverage that includes occluders on the focal plane."""
     return f"coverage {coverage:g} includes every occluder, but some are on the focal plane"
 

@@ -24,9 +24,9 @@ def run(
     missions = read_saved_missions(plan, [form for form, _ in chosen])
     written = write_outputs(lambda: missions, chosen, force=force, quiet=quiet)
     if not quiet and "-" not in written:
-        from aosplan.show.text.terminal import readable, wrote
+        from aosplan.show.text.terminal import readable, written_text
 
-        print(readable(wrote(written)))
+        print(readable(written_text(written)))
 
 
 COMMAND = command(

@@ -18,7 +18,7 @@ from aosplan.cli.integrate_outputs import (
 )
 from aosplan.cli.integrate_summary import described, show_summary
 from aosplan.cli.options import command
-from aosplan.cli.output import drawn, print_json
+from aosplan.cli.output import print_json, shown_live
 from aosplan.errors import RequestError
 from aosplan.messages import SCHEMA
 from aosplan.show.text.terminal import print_notice
@@ -204,7 +204,7 @@ def _bar(total: int, *, quiet: bool, doing: str = "integrating") -> Iterator[Cal
     from rich.console import Console
     from rich.progress import Progress
 
-    with drawn(Progress(console=Console(stderr=True), transient=True)) as progress:
+    with shown_live(Progress(console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task(doing, total=total)
         yield lambda done, of=total: progress.update(task, completed=done, total=of)
 

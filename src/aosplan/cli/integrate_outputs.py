@@ -193,10 +193,10 @@ def _bytes(
         return buffer.getvalue()
     if recording.georeference is None and integral.values.shape[2] == 1:
         return tiff_bytes(integral.values, seen)
-    from aosplan.postflight.integral.geotiff import geotiff_bytes
+    from aosplan.postflight.integral.geotiff import integral_geotiff
 
     shown = np.where(seen[..., None], integral.values, np.nan)
-    return geotiff_bytes(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
+    return integral_geotiff(np.moveaxis(shown, -1, 0), integral.raster, recording.georeference)
 
 
 def figure_bytes(path: str, found: Focus) -> bytes:

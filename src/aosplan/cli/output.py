@@ -60,9 +60,9 @@ def chosen_outputs(
     if not outputs:
         return []
     from aosplan.files import check_output
-    from aosplan.mission.export import choose
+    from aosplan.mission.export import choose_format
 
-    chosen = [choose(path, name) for path in outputs]
+    chosen = [choose_format(path, name) for path in outputs]
     for _, path in chosen:
         check_output(path, force=force)
     check_apart([path for _, path in chosen])
@@ -111,13 +111,13 @@ def write_outputs(
     if not chosen and not pages:
         return []
     from aosplan.files import write_all
-    from aosplan.mission.export import files, notes
+    from aosplan.mission.export import mission_files, notes
 
     contents = dict(pages or {})
     hints = []
     flown = list(missions()) if chosen else []
     for form, path in chosen:
-        needed = files(flown, form, path)
+        needed = mission_files(flown, form, path)
         for name in needed:
             if name in contents:
                 raise RequestError(
@@ -230,7 +230,7 @@ def _progress(*, endless: bool) -> Any:
 
 
 @contextlib.contextmanager
-def drawn(progress: Progress) -> Iterator[Progress]:
+def shown_live(progress: Progress) -> Iterator[Progress]:
     """Show a progress bar, and restore the screen even after Ctrl-C."""
     try:
         progress.start()
@@ -270,6 +270,6 @@ def waiting_bar(title: str, *, quiet: bool) -> Iterator[Callable[[int, int], Non
     from rich.console import Console
     from rich.progress import Progress
 
-    with drawn(Progress(console=Console(stderr=True), transient=True)) as progress:
+    with shown_live(Progress(console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task(title, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)

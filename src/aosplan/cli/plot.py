@@ -22,7 +22,7 @@ from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import request_of
 from aosplan.show.figures.draw import KINDS, FigureData, FigureKind
 from aosplan.show.figures.style import printable
-from aosplan.show.text.terminal import readable, wrote
+from aosplan.show.text.terminal import readable, written_text
 
 if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
@@ -72,7 +72,7 @@ def run(
         print_json(document(chosen, shown))
     elif not quiet:
         print(printable(shown.description()))
-        print(readable(wrote([out])) if out else "Next: --out figure.png")
+        print(readable(written_text([out])) if out else "Next: --out figure.png")
 
 
 def document(kind: FigureKind, shown: FigureData) -> dict[str, Any]:

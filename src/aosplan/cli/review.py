@@ -132,7 +132,7 @@ def _map_file(found: Review, path: str) -> bytes:
 
 def _show(found: Review, written: Sequence[str]) -> None:
     from aosplan.show.text.tables import one_line, print_pairs, print_predictions, show
-    from aosplan.show.text.terminal import wrote
+    from aosplan.show.text.terminal import written_text
 
     print_pairs(_rows(found))
     planned = found.plan.solution
@@ -148,7 +148,7 @@ def _show(found: Review, written: Sequence[str]) -> None:
     if found.topup is None:
         next_step = "No photos are missing, so no mission is written."
     if written:
-        next_step = wrote(written)
+        next_step = written_text(written)
     show(one_line(""), one_line(next_step))
 
 

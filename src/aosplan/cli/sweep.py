@@ -18,13 +18,13 @@ from aosplan.cli.options import (
     json_option,
     text_option,
 )
-from aosplan.cli.output import drawn, print_json, waiting_bar
+from aosplan.cli.output import print_json, shown_live, waiting_bar
 from aosplan.cli.simulate import read_settings
 from aosplan.errors import RequestError
 from aosplan.files import check_output
 from aosplan.messages import SCHEMA
 from aosplan.planning.user_defaults import find_defaults, read_defaults
-from aosplan.show.text.terminal import print_notice, readable, wrote
+from aosplan.show.text.terminal import print_notice, readable, written_text
 from aosplan.units import whole
 
 if TYPE_CHECKING:
@@ -68,12 +68,12 @@ def run(
 ) -> None:
     """Solve every scenario of a file, and write one row for each or print a summary."""
     from aosplan.sweeps.block_frame import chosen_results
-    from aosplan.sweeps.run import gather
     from aosplan.sweeps.run import run as run_sweep
+    from aosplan.sweeps.run import summarise
     from aosplan.sweeps.scenarios import read_scenarios
     from aosplan.sweeps.sweep import Sweep, check
 
-    sampled = drawn_of(simulate, seed, precision)
+    sampled = verify_options(simulate, seed, precision)
     told = summary or sampled is not None
     if as_json and not told:
         raise RequestError("--json without --summary or --simulate", "give one of them too")
@@ -110,7 +110,7 @@ def run(
         where,
         best,
         tuple(name for text in per or [] for name in text.split(",")),
-        gather_of(scenarios, best, sampled) if told else None,
+        aggregation_plan(scenarios, best, sampled) if told else None,
     )
     check(sweep)
     if plot is not None:
@@ -126,9 +126,9 @@ def run(
         if out is not None:
             rows, gathering = run_sweep(sweep, out, **common, scheduler=scheduler, progress=advance)
         else:
-            rows, gathering = 0, gather(sweep, f"{file}.gathered", **common, progress=advance)
+            rows, gathering = 0, summarise(sweep, f"{file}.gathered", **common, progress=advance)
     if gathering is not None:
-        tell(sweep, gathering, sampled, summary=summary, quiet=quiet, as_json=as_json)
+        verify_and_print(sweep, gathering, sampled, summary=summary, quiet=quiet, as_json=as_json)
     if out is not None:
         quiet = quiet or as_json
         if not quiet:
@@ -207,7 +207,7 @@ def _draw(
     write_all({plot: rendered(KINDS["sweep"], shown, form_of(plot))}, force=force)
     if not quiet:
         print(printable(shown.description()))
-        print(readable(wrote([plot])))
+        print(readable(written_text([plot])))
 
 
 @contextlib.contextmanager
@@ -242,7 +242,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
         Rate(),
         TimeRemainingColumn(),
     )
-    with drawn(Progress(*shown, console=Console(stderr=True), transient=True)) as progress:
+    with shown_live(Progress(*shown, console=Console(stderr=True), transient=True)) as progress:
         task = progress.add_task("scenarios", total=total)
         yield lambda done: progress.advance(task, done)
 
@@ -333,7 +333,9 @@ COMMAND = command(
 )
 
 
-def drawn_of(simulate: str | None, seed: str | None, precision: str | None) -> VerifyOptions | None:
+def verify_options(
+    simulate: str | None, seed: str | None, precision: str | None
+) -> VerifyOptions | None:
     """Settings of ``--simulate`` and its options; None without ``--simulate``."""
     if simulate is None:
         for option, value in (("--seed", seed), ("--precision", precision)):
@@ -358,8 +360,8 @@ class VerifyOptions(NamedTuple):
     settings: Settings
 
 
-def gather_of(
-    scenarios: ScenarioProduct | ScenarioTable, best: str | None, drawn: VerifyOptions | None
+def aggregation_plan(
+    scenarios: ScenarioProduct | ScenarioTable, best: str | None, simulated: VerifyOptions | None
 ) -> AggregationPlan:
     """The summary and sample to compute for a sweep."""
     from aosplan.sweeps.grouping import grouping
@@ -367,13 +369,15 @@ def gather_of(
     from aosplan.sweeps.verify import SamplingPlan
 
     found = grouping(scenarios, best)
-    if drawn is None:
+    if simulated is None:
         return AggregationPlan(found)
-    return AggregationPlan(found, SamplingPlan(drawn.rows, drawn.settings.seed, found.groups))
+    return AggregationPlan(
+        found, SamplingPlan(simulated.rows, simulated.settings.seed, found.groups)
+    )
 
 
 def _verified(
-    sweep: Sweep, gathered: Aggregates, drawn: VerifyOptions, *, quiet: bool
+    sweep: Sweep, gathered: Aggregates, simulated: VerifyOptions, *, quiet: bool
 ) -> Verification:
     """Simulate the drawn rows."""
     from aosplan.sweeps.verify import verify
@@ -385,16 +389,16 @@ def _verified(
             sweep.scenarios,
             gathered.draw,
             sweep.gather.drawing,
-            drawn.settings,
+            simulated.settings,
             sweep.folder,
             progress=progress,
         )
 
 
-def tell(
+def verify_and_print(
     sweep: Sweep,
     gathering: Aggregation,
-    drawn: VerifyOptions | None,
+    simulated: VerifyOptions | None,
     *,
     summary: bool,
     quiet: bool,
@@ -405,9 +409,9 @@ def tell(
 
     assert sweep.gather is not None  # the caller has gathered a summary
     verification = None
-    if drawn is not None:
+    if simulated is not None:
         try:
-            verification = _verified(sweep, gathering.gathered, drawn, quiet=quiet)
+            verification = _verified(sweep, gathering.gathered, simulated, quiet=quiet)
         except KeyboardInterrupt:
             if gathering.write():
                 print_notice("hint", "--resume continues the simulation")

@@ -45,14 +45,14 @@ def run(
         check_output(out, force=force)
         if out == "-" and as_json:
             raise RequestError("--json and --out - both write to stdout", "give one of them")
-    from aosplan.postflight.thin import QUANTITIES, thinned
+    from aosplan.postflight.thin import QUANTITIES, thin_views
     from aosplan.postflight.views import read_views
 
     quantity = one_of(QUANTITIES)(best or QUANTITIES[0], "--best")
 
     views = read_views(positions, on_earth=wanted.origin is not None)
     with waiting_bar("choosing views", quiet=quiet) as progress:
-        found = thinned(
+        found = thin_views(
             wanted,
             views,
             count,

@@ -36,7 +36,7 @@ def blur_speed_mps(gsd_m: float, blur_px: float, exposure_s: float) -> float:
     return blur_px * gsd_m / exposure_s
 
 
-def ruling(wanted_mps: float, bounds: Sequence[SpeedBound]) -> SpeedBound | None:
+def lowest_bound(wanted_mps: float, bounds: Sequence[SpeedBound]) -> SpeedBound | None:
     """The limit with the lowest speed; None if the wanted speed is lower. Of equals, the first."""
     slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
     return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None

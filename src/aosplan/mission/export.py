@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from aosplan.errors import RequestError
-from aosplan.mission.limits import check_flown, parts
+from aosplan.mission.limits import check_flown, split_for_limits
 from aosplan.plugins import plugin, plugins
 from aosplan.units import nearest_hint
 
@@ -49,7 +49,7 @@ def formats() -> dict[str, Format]:
     return {name: _module(name).FORMAT for name in MODULES}
 
 
-def choose(path: str, name: str | None = None) -> tuple[Format, str]:
+def choose_format(path: str, name: str | None = None) -> tuple[Format, str]:
     """The format and path of an output: by format name, by ``NAME:PATH``, or by the file's
     extension.
 
@@ -121,7 +121,7 @@ def render(mission: Mission, chosen: Format) -> bytes:
     return write(mission)
 
 
-def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
+def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
     """Contents of the files for some missions, by path: one file, or numbered files.
 
     ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on if there are several missions,
@@ -137,7 +137,7 @@ def files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, b
         piece
         for mission in missions
         for piece in (
-            parts(mission, chosen, size_of(chosen))
+            split_for_limits(mission, chosen, size_of(chosen))
             if mission.has_place and chosen.flown_by
             else [mission]
         )

@@ -67,7 +67,9 @@ def check_flown(mission: Mission, chosen: Format) -> None:
         )
 
 
-def parts(mission: Mission, chosen: Format, size: Callable[[Mission], int]) -> list[Mission]:
+def split_for_limits(
+    mission: Mission, chosen: Format, size: Callable[[Mission], int]
+) -> list[Mission]:
     """Split a mission into consecutive parts of about equal size that the format's target accepts.
 
     A line with photos in passing is never split.  `size` counts what the limit applies to.

@@ -138,14 +138,14 @@ def _check_payload(payload: str, drone: str | None, autopilot: str | None, camer
             f"--payload {payload} with --autopilot {autopilot}: drones of DJI carry it",
             "leave --payload out, and give its --camera",
         )
-    if camera.startswith("dji-") and not fits(camera, payload):
+    if camera.startswith("dji-") and not camera_fits_payload(camera, payload):
         raise RequestError(
             f"--payload {payload} contradicts --camera {camera}, the camera of another payload",
             f"give a --camera of {payload}, or leave --payload out",
         )
 
 
-def fits(camera: str, payload: str) -> bool:
+def camera_fits_payload(camera: str, payload: str) -> bool:
     """Whether a camera's preset is one of a payload's; wide cameras are the same without thermal."""
     built_in = "-".join(camera.split("-")[:2])
     return built_in == payload or (camera.endswith("-wide") and built_in == f"{payload}t")

@@ -265,7 +265,7 @@ def _cloud(
         )
 
     read_from = files if trajectory is None else (*files, trajectory)
-    stand, from_cache = cache.stand(read_from, {**reading, "box": crop}, read)
+    stand, from_cache = cache.cached_stand(read_from, {**reading, "box": crop}, read)
     shown = os.path.basename(os.path.normpath(name))
     loaded = _of_stand(stand, shown, request)
     reading["voxel"] = stand.volume.slice_height_m

@@ -356,7 +356,7 @@ def given_flags(values: Mapping[str, Any], names: Collection[str]) -> list[str]:
     return [BY_NAME[name].flag for name in names if values[name] is not None]
 
 
-def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
+def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
     """The options of a lower layer that the upper layer does not override or exclude."""
     dropped = set(upper)
     for alternatives in ALTERNATIVES:
@@ -378,7 +378,7 @@ def beneath(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in lower.items() if name not in dropped}
 
 
-def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
+def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
     """The options of a layer whose partners are in the same layer or in the request."""
     together = {**own, **asked}
     unpaired = {
@@ -388,7 +388,7 @@ def fitting(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
         unpaired |= set(OF_LANES)
     left = {name: value for name, value in own.items() if name not in unpaired}
     # An option that is removed may have been the partner of another one.
-    return left if len(left) == len(own) else fitting(left, asked)
+    return left if len(left) == len(own) else with_partners(left, asked)
 
 
 def is_search(values: Mapping[str, Any]) -> bool:

@@ -82,12 +82,12 @@ def _camera_of_another_drone(drone_name: str | None, camera: Camera) -> Iterator
     if drone_name is None or not camera.name.startswith("dji-"):
         return
     from aosplan.mission.dji_models import DRONES
-    from aosplan.planning.aircraft import fits
+    from aosplan.planning.aircraft import camera_fits_payload
 
     drone = DRONES.get(drone_name)
     if drone is None or drone.payload is None:
         return
-    if not fits(camera.name, drone.payload):
+    if not camera_fits_payload(camera.name, drone.payload):
         yield Message(
             "camera_of_another_drone",
             f"--camera {camera.name} is not the camera of --drone {drone_name}: the "

@@ -136,10 +136,10 @@ def _searched(
     loaded: LoadedScene | None,
 ) -> Plan:
     """Plan with the options that a search within a time chooses."""
-    from aosplan.planning.within import choose
+    from aosplan.planning.within import choose_flight
 
     found = loaded or load_scene(request, folder=folder, progress=progress)
-    chosen, answer = choose(request, folder=folder, load=lambda _: found)
+    chosen, answer = choose_flight(request, folder=folder, load=lambda _: found)
     result = plan(chosen, folder=folder, loaded=found)
     limits = answer.limits(result.route.total_time_s)
     solution = result.solution._replace(limits=limits)

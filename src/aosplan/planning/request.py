@@ -15,17 +15,17 @@ from aosplan.errors import RequestError
 from aosplan.planning.aircraft import brought_by_drone, decided_by_autopilot
 from aosplan.planning.option_relations import (
     ALTERNATIVES,
-    beneath,
     check_alternatives,
     check_grid,
     check_partners,
     check_search,
     default_target,
     dependent_defaults,
-    fitting,
     is_over_area,
     is_search,
     left_open,
+    with_partners,
+    without_overridden,
 )
 from aosplan.planning.options import BY_NAME, DEFAULTS, OPTIONS
 
@@ -240,13 +240,15 @@ def request_from(
         name: _parsed(name, value, BY_NAME[name].flag if name in BY_NAME else f"'{name}'")
         for name, value in flags.items()
     }
-    asked = beneath(given, flags) | flags
+    asked = without_overridden(given, flags) | flags
     if own:
-        asked = own_beneath(own, asked, defaults_where) | asked
+        asked = fitting_defaults(own, asked, defaults_where) | asked
     return PlanRequest(**asked)
 
 
-def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) -> dict[str, Any]:
+def fitting_defaults(
+    defaults: Mapping[str, Any], asked: dict[str, Any], where: str
+) -> dict[str, Any]:
     """The user's own defaults that fit the requested options.
 
     Raises
@@ -256,10 +258,12 @@ def own_beneath(defaults: Mapping[str, Any], asked: dict[str, Any], where: str) 
     """
     own = {name: _parsed(name, value, f"{name} in {where}") for name, value in defaults.items()}
     try:
-        PlanRequest(**({"altitude": 40.0} if not _has_altitude(own) else {}) | fitting(own, {}))
+        PlanRequest(
+            **({"altitude": 40.0} if not _has_altitude(own) else {}) | with_partners(own, {})
+        )
     except RequestError as error:
         raise RequestError(f"'{where}': {error.message}", error.hint) from None
-    return fitting(beneath(own, asked), asked)
+    return with_partners(without_overridden(own, asked), asked)
 
 
 def _has_altitude(values: Mapping[str, Any]) -> bool:

@@ -120,9 +120,9 @@ class Plan(PlanData):
             If the file cannot be written.
         """
         from aosplan.files import write_all
-        from aosplan.mission.export import choose, files
+        from aosplan.mission.export import choose_format, mission_files
 
-        chosen, path = choose(str(path), format)
-        contents = files(self.missions(), chosen, path)
+        chosen, path = choose_format(str(path), format)
+        contents = mission_files(self.missions(), chosen, path)
         write_all(contents, force=force)
         return list(contents)

@@ -19,7 +19,7 @@ from aosplan.flight.photo_trigger import (
     Sites,
     SpeedBound,
     blur_speed_mps,
-    ruling,
+    lowest_bound,
     with_turns,
 )
 from aosplan.flight.track import Track
@@ -117,7 +117,7 @@ class FlightInputs(NamedTuple):
     @property
     def bound(self) -> SpeedBound | None:
         """The limit of the speed that applies before the baseline is known, or None."""
-        return ruling(self.speed_mps, self.speed_bounds)
+        return lowest_bound(self.speed_mps, self.speed_bounds)
 
     def timing(self, heading_deg: float) -> Timing:
         """Speeds and times before the baseline is known; axes are along a heading and to its right.
@@ -165,7 +165,7 @@ def speed_bounds(
     return tuple(bounds)
 
 
-def flown(
+def timing_at_baseline(
     flight: FlightInputs, heading_deg: float, baseline_m: float
 ) -> tuple[Timing, Limit | None]:
     """Speeds and times once the baseline is known, and the limit of the speed.
@@ -183,7 +183,7 @@ def flown(
     bounds.append(SpeedBound(spaced.speed_mps, text))
     blown = steady(spaced, ((1.0, 0.0), (-1.0, 0.0)))
     bounds.append(SpeedBound(blown.speed_mps, "the wind limits the speed over ground"))
-    bound, limit = ruling(asked, bounds), None
+    bound, limit = lowest_bound(asked, bounds), None
     if blown.run_in_m > LONGEST_RUN_IN_M:
         raise RequestError(
             f"--trigger distance at {blown.speed_mps:.4g} m/s and "
@@ -241,7 +241,7 @@ def build_route(
     InfeasibleError
         If the wind is too strong, or a battery does not last for any site.
     """
-    timing, limit = flown(flight, heading_deg, baseline_m)
+    timing, limit = timing_at_baseline(flight, heading_deg, baseline_m)
 
     def sites_from(photo: int) -> Sites:
         """The sites from a photo on, with the points at which the drone turns."""
@@ -279,7 +279,7 @@ def build_route(
     length_m, time_s = _first_photo_to_last(track, timing)
     delay_s = None
     if flight.wind is not None:
-        calm, _ = flown(flight._replace(wind=None), heading_deg, baseline_m)
+        calm, _ = timing_at_baseline(flight._replace(wind=None), heading_deg, baseline_m)
         in_calm_s = sum(each.time_s for each in flights_of(track, calm, takeoff, battery_s))
         delay_s = (
             time_s - _first_photo_to_last(track, calm)[1],

@@ -107,7 +107,9 @@ def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
         if quantity == "density":
             if loaded.volume is None:
                 raise RequestError("a correlogram has no voxels to remove or to add")
-            loaded = replace(loaded, volume=thinned(loaded.volume, factor), correlogram=None)
+            loaded = replace(
+                loaded, volume=with_density_factor(loaded.volume, factor), correlogram=None
+            )
         else:
             scale = factor if quantity == "occluder_size" else 1.0 / factor
             inputs = inputs._replace(altitude_m=inputs.altitude_m * scale)
@@ -180,7 +182,7 @@ def _below_one(density: float) -> float:
     return density
 
 
-def thinned(volume: VoxelVolume, factor: float) -> VoxelVolume:
+def with_density_factor(volume: VoxelVolume, factor: float) -> VoxelVolume:
     """A volume whose number of occupied voxels in every slice is multiplied by a factor.
 
     The voxels are drawn with a seed.  For a factor below 1, occupied voxels are removed.  For a factor

@@ -9,7 +9,7 @@ from aosplan.errors import InfeasibleError, RequestError
 from aosplan.flight.photo_trigger import Sites
 from aosplan.grid.patterns import Pattern, check_size, local_sites
 from aosplan.messages import Message
-from aosplan.planning.route import build_route, flown
+from aosplan.planning.route import build_route, timing_at_baseline
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,7 +82,7 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
         heading_deg=inputs.heading_deg,
         footprint_m=footprint,
         max_sites=inputs.max_sites,
-        timing=flown(inputs.flight, inputs.heading_deg, solution.baseline_m)[0],
+        timing=timing_at_baseline(inputs.flight, inputs.heading_deg, solution.baseline_m)[0],
     )
 
 
@@ -167,13 +167,15 @@ def _continuous_for(solved: SolvedPlan) -> Continuous | None:
     if solved.problem is None or not inputs.is_line:
         return None
     from aosplan.models.rolling import continuous_of
-    from aosplan.planning.route import flown
+    from aosplan.planning.route import timing_at_baseline
 
     return continuous_of(
         solved.problem.model,
         solution.pattern.samples,
         solution.baseline_m,
-        speed_mps=flown(inputs.flight, inputs.heading_deg, solution.baseline_m)[0].speed_mps,
+        speed_mps=timing_at_baseline(inputs.flight, inputs.heading_deg, solution.baseline_m)[
+            0
+        ].speed_mps,
         shortest_interval_s=inputs.flight.photo_interval_s,
         photos=None if inputs.line_length_m is None else flown_pattern(inputs, solution).samples,
     )

@@ -40,7 +40,7 @@ CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
 """Parts of the time for which the best is told."""
 
 
-def choose(
+def choose_flight(
     request: PlanRequest, *, folder: str = "", load: Callable[[PlanRequest], LoadedScene]
 ) -> tuple[PlanRequest, WithinResult]:
     """Choose what a request leaves open, within its time.

@@ -43,7 +43,7 @@ WORTHWHILE = 1e-12
 """Smallest relative decrease of the sum of correlations for which views are exchanged."""
 
 
-def thin(
+def choose_views(
     positions_m: ArrayLike,
     samples: int,
     correlation: Correlation,

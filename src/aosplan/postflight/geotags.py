@@ -188,7 +188,7 @@ def _exif_place(path: str) -> tuple[float, float] | None:
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
     try:
-        with decoding("photo", path), of_any_size(Image), Image.open(path) as image:
+        with decoding("photo", path), allowing_any_size(Image), Image.open(path) as image:
             tags = image.getexif().get_ifd(GPS)
         latitude, longitude = degrees_of(tags, 1, "NS"), degrees_of(tags, 3, "EW")
     except (
@@ -205,7 +205,7 @@ def _exif_place(path: str) -> tuple[float, float] | None:
 
 
 @contextlib.contextmanager
-def of_any_size(pillow: Any) -> Iterator[None]:
+def allowing_any_size(pillow: Any) -> Iterator[None]:
     """Let Pillow open images of any size, because only their metadata are decoded."""
     kept, pillow.MAX_IMAGE_PIXELS = pillow.MAX_IMAGE_PIXELS, None
     try:

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import decoding
-from aosplan.postflight.geotags import GPS, XMP_BYTES, of_any_size
+from aosplan.postflight.geotags import GPS, XMP_BYTES, allowing_any_size
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -119,7 +119,7 @@ def read_tags(path: str) -> PhotoTags | None:
     try:
         with open(path, "rb") as file:
             start = file.read(XMP_BYTES)
-        with decoding("photo", path), of_any_size(Image), Image.open(path) as image:
+        with decoding("photo", path), allowing_any_size(Image), Image.open(path) as image:
             size = image.size
             packet = image.info.get("xmp", b"")
             exif = image.getexif()

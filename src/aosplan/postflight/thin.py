@@ -13,7 +13,7 @@ from aosplan.models.model import prediction_document
 from aosplan.planning.options import SHOWING
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.postflight.best_views import check_count, thin
+from aosplan.postflight.best_views import check_count, choose_views
 from aosplan.postflight.views import Views, in_axes, predicted
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ class Thinning(NamedTuple):
         return text.getvalue().encode()
 
 
-def thinned(
+def thin_views(
     wanted: PlanRequest,
     views: Views,
     samples: int,
@@ -163,7 +163,7 @@ def thinned(
     points = in_axes(scene, east, north)
     model = scene.problem.model
     hidden = None if best == "normalized" else model.hidden_at(points)
-    chosen = thin(points, samples, model.correlation, hidden, alike=best == "similarity")
+    chosen = choose_views(points, samples, model.correlation, hidden, alike=best == "similarity")
     every, few = predicted(scene, points), predicted(scene, points[chosen])
     # The warning about few photos is about that plan, which is not flown.
     notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]

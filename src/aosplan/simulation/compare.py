@@ -204,9 +204,9 @@ def simulate(
     Raises
     ------
     RequestError
-        As `posed` does.
+        As `experiment_of` does.
     """
-    settings, experiment, predicted = posed(plan, settings or Settings())
+    settings, experiment, predicted = experiment_of(plan, settings or Settings())
     views = plan.solution.pattern.samples
     above = plan.scene.above(plan.inputs.focal_height_m)
     if experiment is None or above is None:
@@ -246,7 +246,7 @@ def simulate(
     )
 
 
-def posed(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
+def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment | None, Prediction]:
     """The experiment for a plan, and the prediction of the model for it.
 
     The returned settings have the name of the forest.  Without occluders there is no experiment.

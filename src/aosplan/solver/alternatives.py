@@ -17,7 +17,7 @@ from aosplan.flight.kinematics import path_of
 from aosplan.grid.patterns import NARROWEST_TURNS
 from aosplan.messages import Limit
 from aosplan.solver.problem import GridKind, Problem
-from aosplan.solver.solution import BEST, Solution, limits_of
+from aosplan.solver.solution import BEST, Solution, solution_limits
 from aosplan.solver.solve import solve
 from aosplan.solver.solve_monotone import APERTURE_SLACK
 
@@ -204,7 +204,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
         message += f"; {_some(hopeless)} cannot be better"
     limit = Limit("choice", best.measure, best.measure, message)
     # Bounds that the comparison itself has added are not limits for the user.
-    limits = limits_of(best.problem, best.solution)
+    limits = solution_limits(best.problem, best.solution)
     return best.solution._replace(limits=(*limits, limit))
 
 

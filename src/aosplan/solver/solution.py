@@ -39,7 +39,7 @@ def solution_of(
     )
 
 
-def limits_of(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
+def solution_limits(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
     """The limits that determined a solution."""
     return tuple(_limits(problem, *solution[:3]))
 

@@ -101,7 +101,7 @@ class Aggregation:
             os.unlink(self.path)
 
 
-def start_gathering(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Aggregation:
+def start_aggregation(sweep: Sweep, path: str, *, resume: bool, force: bool) -> Aggregation:
     """The `Aggregation` of a sweep, with the content of the file of an interrupted run.
 
     Raises

@@ -117,7 +117,7 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
         count = sweep.scenarios.blocks - len(parts.done)
         tasks = (
             PartTask(
-                sweep._replace(scenarios=alone(sweep.scenarios, index)),
+                sweep._replace(scenarios=single_block(sweep.scenarios, index)),
                 index,
                 os.path.abspath(parts.path(index)),
                 folder,
@@ -131,7 +131,7 @@ def solved_by(address: str, sweep: Sweep, parts: Parts, left: Iterable[int]) -> 
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def alone(scenarios: ScenarioProduct | ScenarioTable, index: int) -> SingleBlock:
+def single_block(scenarios: ScenarioProduct | ScenarioTable, index: int) -> SingleBlock:
     """The scenarios of one block, without the others."""
     block = scenarios.block(index)
     return SingleBlock(block.columns, only=block)

@@ -21,7 +21,7 @@ from aosplan.planning.loaded_scene import LoadedScene, load_scene
 from aosplan.planning.options import OPTIONS
 from aosplan.planning.request import PlanRequest
 from aosplan.planning.resolve import resolve_inputs
-from aosplan.planning.route import flown
+from aosplan.planning.route import timing_at_baseline
 from aosplan.planning.sites import layout_of, route_of, ways_in_zones
 from aosplan.planning.solved_plan import Memo, solve_inputs
 
@@ -239,7 +239,7 @@ def _flight(solved: SolvedPlan) -> tuple[float, float]:
     inputs, baseline = solved.inputs, solved.solution.baseline_m
     if _is_plain(inputs):
         path = _path(solved.solution.pattern)
-        timing, _ = flown(inputs.flight, inputs.heading_deg, baseline)
+        timing, _ = timing_at_baseline(inputs.flight, inputs.heading_deg, baseline)
         return path.length_m(baseline), path.time_s(baseline, timing)
     route = route_of(inputs, layout_of(solved), baseline)
     list(ways_in_zones(inputs, route))  # raises if a line passes through a zone

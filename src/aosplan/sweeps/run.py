@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.errors import AosplanError, SurroundingsError
 from aosplan.files import is_locked
-from aosplan.sweeps.aggregate import kept, start_gathering
+from aosplan.sweeps.aggregate import kept, start_aggregation
 from aosplan.sweeps.parquet_folder import Partitions, is_folder
 from aosplan.sweeps.parts import Part, Parts
 from aosplan.sweeps.scenarios import polars
@@ -90,7 +90,7 @@ def _run(
     parts.start(resume=resume, force=force)
     gathering = None
     if sweep.gather is not None:
-        gathering = start_gathering(
+        gathering = start_aggregation(
             sweep, f"{out.rstrip(f'/{os.sep}')}.gathered", resume=resume, force=force
         )
         parts.done = {index: part for index, part in parts.done.items() if index in gathering.done}
@@ -130,7 +130,7 @@ def _run(
     return sum(part.rows for part in parts.done.values()), gathering
 
 
-def gather(
+def summarise(
     sweep: Sweep,
     path: str,
     *,
@@ -144,7 +144,7 @@ def gather(
     Parameters
     ----------
     sweep
-        The sweep to solve, with its `gather`.
+        The sweep to solve, with its `summarise`.
     path
         File for the summary if the run is interrupted or takes long; the caller has to remove it.
     resume, force, workers, progress
@@ -155,7 +155,7 @@ def gather(
     RequestError
         If `Gathering.start` refuses, or a file of a scenario is not valid.
     """
-    gathering = start_gathering(sweep, path, resume=resume, force=force)
+    gathering = start_aggregation(sweep, path, resume=resume, force=force)
     advance = progress or (lambda _: None)
     advance(sum(sweep.scenarios.block(index).rows for index in gathering.done))
     left = (index for index in range(sweep.scenarios.blocks) if index not in gathering.done)

@@ -21,7 +21,7 @@ from aosplan.sweeps.grouping import scenario
 from aosplan.sweeps.row_solver import WHOLE
 from aosplan.sweeps.scenarios import polars
 from aosplan.sweeps.status import STATUSES
-from aosplan.sweeps.verify import RowSample, SamplingPlan, drawn
+from aosplan.sweeps.verify import RowSample, SamplingPlan, draw_rows
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -483,7 +483,7 @@ class AggregationPlan(NamedTuple):
         """
         return Aggregates(
             summarised(self.grouping, results, block, frame, kept),
-            RowSample() if self.drawing is None else drawn(self.drawing, block, frame, kept),
+            RowSample() if self.drawing is None else draw_rows(self.drawing, block, frame, kept),
         )
 
     def joined(self, first: Aggregates, second: Aggregates) -> Aggregates:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.planning.request import own_beneath
+from aosplan.planning.request import fitting_defaults
 from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of, share_alone
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def with_defaults(
     deciding = {name: dict.fromkeys(values[name].flat) for name in DECIDING if name in values}
     asked = {name: axis.flat[0] for name, axis in values.items()}
     found = [
-        own_beneath(own, asked | dict(zip(deciding, chosen, strict=True)), where)
+        fitting_defaults(own, asked | dict(zip(deciding, chosen, strict=True)), where)
         for chosen in product(*deciding.values())
     ]
     for name in {name for each in found for name in each}:
@@ -85,7 +85,7 @@ def _filled(
     for kind, first in zip(*np.unique(alike, return_index=True), strict=True):
         asked = {name: column[first] for name, column in values.items()}
         asked = {name: value for name, value in asked.items() if value is not None}
-        for name, value in own_beneath(own, asked, where).items():
+        for name, value in fitting_defaults(own, asked, where).items():
             if name not in filled:
                 filled[name] = values[name].tolist() if name in values else [None] * rows
             for row in np.flatnonzero(alike == kind).tolist():

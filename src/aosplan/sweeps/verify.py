@@ -86,7 +86,7 @@ class RowSample(NamedTuple):
         return cls(tuple(map(tuple, random)), {name: tuple(each) for name, each in strata.items()})
 
 
-def drawn(
+def draw_rows(
     drawing: SamplingPlan, block: Block, frame: pl.DataFrame, kept: NDArray[np.intp]
 ) -> RowSample:
     """Draw rows from one block, for which `frame` has one row per scenario."""

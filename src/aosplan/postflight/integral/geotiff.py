@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.georeference import Georeference
 
 
-def geotiff_bytes(
+def integral_geotiff(
     bands: NDArray[np.float64],
     raster: Raster,
     georeference: Georeference | None,

@@ -46,7 +46,7 @@ ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
 """Names of entries and of incomplete entries; other files are never deleted."""
 
 
-def stand(
+def cached_stand(
     files: Sequence[str], reading: Mapping[str, Any], read: Callable[[], VoxelVolume]
 ) -> tuple[VoxelStand, bool]:
     """A cloud as voxels, from the cache if possible; otherwise it is read and added to the cache.
@@ -65,12 +65,12 @@ def stand(
     tuple
         The stand, and whether it comes from the cache.
     """
-    from aosplan.scenes.files.voxel_file import VoxelStand, stand_in, stand_npz
+    from aosplan.scenes.files.voxel_file import VoxelStand, parse_stand, stand_npz
 
     path = _entry(files, reading)
     if path is not None:
         with contextlib.suppress(AosplanError, OSError):
-            found = stand_in(_own_content(path), path)
+            found = parse_stand(_own_content(path), path)
             os.utime(path)  # the modification time is the time of last use
             return found, True
     volume = read()
@@ -119,7 +119,7 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
             status = os.stat(file)
             if not stat.S_ISREG(status.st_mode):
                 return None
-            known = (status.st_size, status.st_mtime_ns, sampled(file, status.st_size))
+            known = (status.st_size, status.st_mtime_ns, sampled_checksum(file, status.st_size))
             parts.append((file, os.path.realpath(file), *known))
     except (OSError, ValueError):
         return None
@@ -127,7 +127,7 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
     return os.path.join(place, f"{name}.npz")
 
 
-def sampled(path: str, size: int) -> str:
+def sampled_checksum(path: str, size: int) -> str:
     """Checksum of the head, the tail and samples of a file; of a small file, of all of it.
 
     Size and time alone do not detect a file that was replaced by a copy with the same time.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import needs_extra
-from aosplan.files import silent
+from aosplan.files import discarding_output
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -122,7 +122,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     cloth.params.cloth_resolution = cells.edge_m
     cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
-    with silent(1):
+    with discarding_output(1):
         # False: do not write the nodes of the cloth to a file.
         cloth.do_filtering(ground, other, False)
     index = np.array(ground, dtype=np.intp)

@@ -36,7 +36,7 @@ STEEPEST = 2.0
 NEIGHBOURS = 8
 
 
-def above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
+def outliers_above(volume: VoxelVolume) -> Iterator[tuple[str, str]]:
     """Yield a warning about voxels high above all others, if there are any."""
     slices = np.flatnonzero(volume.occupied.any(axis=(1, 2)))
     gaps = np.flatnonzero(np.diff(slices) > GAP_M / volume.voxel_m)
@@ -95,7 +95,7 @@ def beside(columns: NDArray[np.bool_], volume: VoxelVolume) -> Iterator[tuple[st
         yield "points_far_beside", message
 
 
-def of_ground(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:
+def ground_outliers(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str]]:
     """Yield a warning about ground points far below or above their neighbours, if there are any.
 
     Parameters

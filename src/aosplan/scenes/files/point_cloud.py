@@ -35,7 +35,7 @@ from aosplan.scenes.files.ground import (
 )
 from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.spool import Spool
-from aosplan.scenes.files.tiles import brought_together, said_of_files
+from aosplan.scenes.files.tiles import brought_together, warnings_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
 from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 from aosplan.units import rounded_up
@@ -164,7 +164,7 @@ def read_voxels(
             given = given_units(units) if units else None
             files = [PointFile(name, given) for name in names]
             together, place = brought_together(files, source)
-            warnings = said_of_files(files) + together
+            warnings = warnings_of_files(files) + together
             box = None if crop is None else box_of(crop, files, source)
             if box is not None:
                 warnings += box.said
@@ -222,7 +222,7 @@ def read_voxels(
     known = (
         *warnings,
         *strange,
-        *outliers.above(volume),
+        *outliers.outliers_above(volume),
         *outliers.beside(columns, volume),
         *doubts,
     )
@@ -407,7 +407,7 @@ def _find_ground(
             every = max(cloud.ground_count // ENOUGH_GROUND_POINTS, 1)
             blocks = cloud.blocks(origin, ground_only=True, every=every)
             points = vertices(blocks, cloud.ground_count // every, size)
-            return "class", plot.surface(points), list(outliers.of_ground(points, origin))
+            return "class", plot.surface(points), list(outliers.ground_outliers(points, origin))
         if method == "class":
             raise RequestError(
                 f"point cloud {plot.source} has no points of class {GROUND_CLASS} (ground)",
@@ -423,7 +423,7 @@ def _find_ground(
                     "use the ground method normalized if z is the height above ground",
                 )
             points = vertices([points], points.shape[1], size)
-            return "filter", plot.surface(points), list(outliers.of_ground(points, origin))
+            return "filter", plot.surface(points), list(outliers.ground_outliers(points, origin))
     level = np.full((plot.rows + 1, plot.columns + 1), -origin[2], dtype=np.float32)
     return "normalized", level, []
 

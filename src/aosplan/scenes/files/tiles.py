@@ -21,7 +21,7 @@ APART_M = 0.05
 """Coordinate reference systems are different if a point differs by more than this between them."""
 
 
-def said_of_files(files: Sequence[PointFile]) -> list[Warned]:
+def warnings_of_files(files: Sequence[PointFile]) -> list[Warned]:
     """The warnings of files; a warning that several files share is given once."""
     names: dict[Warned, list[str]] = {}
     for file in files:

@@ -133,10 +133,10 @@ def read_stand(path: str) -> VoxelStand:
     RequestError
         If the file is not valid, is damaged, or would not fit in memory.
     """
-    return stand_in(read_bytes(path, most=MOST_OCTETS), path)
+    return parse_stand(read_bytes(path, most=MOST_OCTETS), path)
 
 
-def stand_in(stored: bytes, path: str) -> VoxelStand:
+def parse_stand(stored: bytes, path: str) -> VoxelStand:
     """The stand in the content of a file; raises the errors of `read_stand`."""
     content = io.BytesIO(stored)
     try:

@@ -27,7 +27,7 @@ class PackedColumn(NamedTuple):
     text: str
 
 
-def columns_of(waypoints: Waypoints) -> list[PackedColumn]:
+def packed_columns(waypoints: Waypoints) -> list[PackedColumn]:
     """The columns of waypoints at full precision."""
     return [_column(name, values) for name, values in waypoints.columns().items()]
 

@@ -80,7 +80,7 @@ def report_page(
     from aosplan.show.page.charts import charts_of
     from aosplan.show.page.detection_curve import detection_curve
     from aosplan.show.page.height_profile import profile_of
-    from aosplan.show.page.map_data import columns_of, scenery_of
+    from aosplan.show.page.map_data import packed_columns, scenery_of
     from aosplan.show.page.number_text import NumberFormatter, long, short, spacing
     from aosplan.show.page.search_map import search_map
     from aosplan.show.page.simulated_photos import views_of
@@ -113,7 +113,7 @@ def report_page(
         policy=policy,
         style=style,
         script=script,
-        columns=columns_of(plan.waypoints),
+        columns=packed_columns(plan.waypoints),
         scenery=scenery_of(plan, grid),
         still=static_map_of(plan, grid),
         most_sites=MOST_SITES,

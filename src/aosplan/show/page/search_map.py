@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.show.figures.grid import nice_length_m
-from aosplan.show.text.search_map_rows import sentences
+from aosplan.show.text.search_map_rows import search_map_texts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -79,7 +79,7 @@ def search_map(found: DetectionMap | None, success: SearchSuccess | None) -> Sea
             f"south to north, in cells of {cells.cell_m:g} m: {found.mean:.1%} on average, between "
             f"{low:.1%} and {high:.1%} on nine tenths of the ground."
         ),
-        text=" ".join(sentences(found, success)),
+        text=" ".join(search_map_texts(found, success)),
         height=unit * rows + LEGEND,
         cells=[
             (shade, outline)

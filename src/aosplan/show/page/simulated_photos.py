@@ -59,11 +59,11 @@ def views_of(plan: Plan, seed: int | None) -> SimulatedPhotos:
             f"left out: {plan.solution.pattern.samples} photos, and more than {MOST_VIEWS} are too "
             "many to simulate quickly; use aosplan simulate",
         )
-    from aosplan.simulation.compare import Settings, posed
+    from aosplan.simulation.compare import Settings, experiment_of
     from aosplan.simulation.pictures import panels, png
 
     try:
-        settings, experiment, predicted = posed(plan, Settings(seed=seed, view=_view(plan)))
+        settings, experiment, predicted = experiment_of(plan, Settings(seed=seed, view=_view(plan)))
     except RequestError as error:
         return SimulatedPhotos(seed, f"left out: {error.message}")
     if experiment is None:

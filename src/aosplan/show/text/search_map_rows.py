@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from aosplan.maps.detection_map import DetectionMap, SearchSuccess
 
 
-def sentences(found: DetectionMap, success: SearchSuccess | None) -> list[str]:
+def search_map_texts(found: DetectionMap, success: SearchSuccess | None) -> list[str]:
     """Results of a detection map in sentences."""
     document = found.document(success)
     ground = "area" if found.ground == "area" else "ground that the photos show"

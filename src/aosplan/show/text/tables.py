@@ -24,7 +24,7 @@ from aosplan.show.text.terminal import (
     is_terminal,
     readable,
     speaks_unicode,
-    wrote,
+    written_text,
 )
 from aosplan.show.text.within_rows import within_rows
 from aosplan.solver.solution import BEST
@@ -204,10 +204,10 @@ def _map_rows(
     """Rows with the results of a detection map."""
     if found is None:
         return
-    from aosplan.show.text.search_map_rows import sentences
+    from aosplan.show.text.search_map_rows import search_map_texts
 
     yield "", ""
-    for index, text in enumerate(sentences(found, success)):
+    for index, text in enumerate(search_map_texts(found, success)):
         yield "Search" if index == 0 else "", text.removesuffix(".")
 
 
@@ -314,7 +314,7 @@ def _shape_text(pattern: Sites, kind: str) -> str:
 
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
     if written:
-        return wrote(written)
+        return written_text(written)
     if not plan.inputs.request.has_place:
         return "Next: add --origin LAT,LON --heading DEG --out plan.geojson for the waypoints."
     return "Next: add --out plan.geojson or --out plan.csv to write the waypoints."
@@ -407,7 +407,7 @@ def print_simulation(
         single, integral = similar["similarity"].values()
         verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
     if written:
-        verdict.append(wrote(written))
+        verdict.append(written_text(written))
     kind = "blocks of the plot" if settings.forest == "cloud" else "volumes"
     show(
         one_line(

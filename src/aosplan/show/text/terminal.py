@@ -131,7 +131,7 @@ def print_notice(word: str, text: str) -> None:
     print(begin, readable(text, sys.stderr), file=sys.stderr)
 
 
-def wrote(paths: Sequence[str]) -> str:
+def written_text(paths: Sequence[str]) -> str:
     """Text that names the files that were written, at most `MOST_PATHS` of them."""
     more = f" and {len(paths) - MOST_PATHS} more" if len(paths) > MOST_PATHS else ""
     return f"Wrote {', '.join(paths[:MOST_PATHS])}{more}"

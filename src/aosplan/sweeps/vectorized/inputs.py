@@ -94,7 +94,7 @@ MOST_COUNTED = 1 << 53
 """Numbers of samples above this are not distinguished, because all are too many."""
 
 
-def understood(block: Block) -> NDArray[np.bool_] | None:
+def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
     """Mask of the scenarios whose options can all be solved as columns; None if there are none.
 
     The mask broadcasts to the block's shape.

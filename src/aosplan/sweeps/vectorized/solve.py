@@ -17,7 +17,7 @@ import numpy as np
 from aosplan.camera.disparity import (
     covered_height_m,
     disparity_px,
-    uncovered,
+    no_coverage_text,
     unit_baseline_m,
 )
 from aosplan.grid.patterns import MOST_SITES
@@ -33,9 +33,9 @@ from aosplan.sweeps.vectorized.inputs import (
     camera_columns,
     column,
     scene_columns,
+    solvable_as_columns,
     target_columns,
     timing_columns,
-    understood,
 )
 from aosplan.sweeps.vectorized.samples import RequirementColumns, SolvedSamples, answer
 
@@ -92,7 +92,7 @@ def solve_columns(
     results
         Results to compute; quantities that none of them needs are skipped.
     """
-    mask = understood(block)
+    mask = solvable_as_columns(block)
     if mask is None:
         return None
     given, statuses = block.columns, RowStatuses(block.shape)
@@ -205,7 +205,7 @@ def _refuse_scenes(given: Columns, scene: SceneColumns, rule: _Rule, statuses: R
     statuses.refuse(
         INFEASIBLE,
         ~scene.clear & (rule.height_m <= 0.0),
-        uncovered,
+        no_coverage_text,
         column(given, "coverage"),
     )
 
