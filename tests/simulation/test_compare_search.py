@@ -35,7 +35,7 @@ def test_as_much_is_seen_as_predicted(compared):
 
 
 def test_a_wrong_threshold_would_be_noticed(compared):
-    """The comparison fails for half of the predicted probability, so it can detect errors."""
+    """If half of the predicted probability is compared, the comparison fails."""
     assert not compared._replace(predicted=0.5 * compared.predicted).agree
 
 

@@ -58,9 +58,10 @@ def ray_lengths(x_m: Any, y_m: Any, altitude_m: float, kind: str) -> Any:
 def hidden_shares(
     positions_m: ArrayLike, altitude_m: float, kind: str, log_transparency: float
 ) -> Floats:
-    """Share that each sample does not see, shape (N,), of positions from the middle, shape (N, 2).
+    """Share p of the target that each sample does not see, shape (N,).
 
-    Parameters as in `bundle`.
+    `positions_m` has shape (N, 2), relative to the centre; the other parameters are those of
+    `bundle`.
     """
     x, y = np.asarray(positions_m, dtype=np.float64).T
     hidden: Floats = -np.expm1(ray_lengths(x, y, altitude_m, kind) * log_transparency)

@@ -69,8 +69,9 @@ class Target(NamedTuple):
 
         A window that is rotated by θ misses |θ| l/4 / w of a long target, and the mean of |θ| is a
         quarter of the angle between two directions.  A window that is shifted by a along a side s
-        misses a/s.  The mean of a is a quarter of a pixel.  Half of this is used: simulations show
-        that the rest is regained, because the highest output in the neighbourhood counts.
+        misses a/s.  The mean of a is a quarter of a pixel, but only half of it is used.  According
+        to simulations, the detector regains the rest, because it uses the highest output in the
+        neighbourhood.
         """
         missed = 0.25 * TURN * 0.25 * self.length_m / self.width_m
         missed += 0.125 * PIXEL_M * (1.0 / self.width_m + 1.0 / self.length_m)
