@@ -141,7 +141,8 @@ def test_a_distance_trigger_is_on_along_lines_and_off_between_them():
     items = plan_of(mission)["mission"]["items"]
     assert [item["params"][0] for item in items if item["command"] == 206] == [2.5, 0.0] * 3
     holds = [item["params"][0] for item in items if item["command"] == 16]
-    assert holds == [0.0] * 9  # first photo, last photo, and end of the trigger, for each line
+    # First photo, where PX4 stops, last photo, and end of the trigger, where it stops, too.
+    assert holds == [0.01, 0.0, 0.01] * 3
     waylines = documents_of(written(mission, "kmz"))["waylines.wpml"]
     groups = [
         (

@@ -162,6 +162,8 @@ def fly_litchi(content, ground, takeoff, transit):
                 photos + begins, None if on and not begins else max(spacing, 0.0),
             )
         )  # fmt: skip
+    # The way to the first waypoint ends there: the mission begins with the next leg.
+    points[2] = points[2]._replace(stop=True)
     points[-1] = points[-1]._replace(speed=transit)
     points.append(Point(x, y, points[-1].up, transit, stop=True))
     return flown([*points, Point(x, y, 0.0, 0.0, stop=True)])
@@ -237,6 +239,17 @@ def flown(points):
             due += spacing
         gone = length - (due - spacing)
     return Flown(points, photos)
+
+
+def working(points):
+    """The points with photos, and those that switch a distance trigger off."""
+    found, on = [], False
+    for point in points:
+        off = on and point.spacing == 0.0
+        on = on if point.spacing is None else point.spacing > 0.0
+        if point.photos or off:
+            found.append(point)
+    return found
 
 
 def between(points, first, last):

@@ -153,8 +153,18 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
     off = {last for first, last in lines if last > first}
     lone = {first for first, last in lines if last == first}
     kept = {*ends, *on, *lone}
+    # Between points above the ground a drone may fly straight, as Litchi does: its height bends with
+    # the ground all the same.
+    above = mission.above_takeoff_m()
+    profile = [point._replace(height_m=up) for point, up in zip(points, above, strict=True)]
     for first, last in pairwise(ends):
-        kept |= {first + place for place in _bends(points[first : last + 1])}
+        heights = above[first : last + 1]
+        if max(heights) - min(heights) > LEVEL_M:
+            # Points that are listed anyway are bends: between them the height is straight.
+            fixed = {first, last, *(kept | off) & set(range(first, last))}
+            kept |= fixed
+            for start, stop in pairwise(sorted(fixed)):
+                kept |= {start + place for place in _bends(profile[start : stop + 1])}
         if not any(photo[first : last + 1]):
             points[first] = points[first]._replace(speed_mps=mission.transit_mps)
     stops = set(ends)

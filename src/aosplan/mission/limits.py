@@ -163,6 +163,8 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
             (start.east_m, start.north_m, start.height_m),
             (stop.east_m, stop.north_m, stop.height_m),
         )
+        if start.above_takeoff != stop.above_takeoff:  # one above the other, at different datums
+            continue
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(
                 f"waypoints {index} and {index + 1} are {leg:.4g} m apart: {chosen.title} "

@@ -29,6 +29,9 @@ WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTUR
 REACHED_M = 0.5
 """Acceptance radius of a site for PX4, whose default is several metres."""
 
+STOP_S = 0.01
+"""A hold for which PX4 stops at a point that is no photo: any time above zero does."""
+
 ARDUPILOT = Limits(
     "ardupilot",
     unit="commands",
@@ -98,8 +101,10 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
             yield _plain(YAW, settings.yaw_deg % 360.0)
             lead, where = (0.0, 0.0, 0.0), _meant(*where)
         holds = point.photo and settings.trigger == "stop"
+        # PX4 enters a line that lies straight ahead at the transit speed, unless it is held.
+        stay = STOP_S if own_yaw and point.stop and settings.trigger == "distance" else 0.0
         at = RELATIVE if point.above_takeoff else frame
-        yield Command(WAYPOINT, at, (hold if holds else 0.0, *lead, *where))
+        yield Command(WAYPOINT, at, (hold if holds else stay, *lead, *where))
         if point.photo:
             yield shoot
         if holds and own_yaw:

@@ -273,7 +273,11 @@ def build_route(
         flights = flights_of(track, timing, takeoff, battery_s)
         # If heights or several flights depend on the take-off, its position is part of the plan.
         known = flight.takeoff
-        if known is None and origin is not None and (terrain or len(flights) > 1):
+        if (
+            known is None
+            and origin is not None
+            and (terrain or len(flights) > 1 or flight.resume_at)
+        ):
             (latitude,), (longitude,) = to_wgs84(origin, [takeoff.east_m], [takeoff.north_m])
             known = latitude, longitude
     length_m, time_s = _first_photo_to_last(track, timing)
