@@ -212,7 +212,7 @@ class MeasuredModel:
             raise RequestError(
                 "--edges interior: from every place of the plot, some ray of this grid "
                 "leaves the plot",
-                "measure a larger plot, keep the aperture smaller, or give --edges wrapped",
+                "measure a larger plot, use a smaller aperture, or give --edges wrapped",
             )
         if self.edges == "auto" and found < LEAST_INTERIOR * occlusion.targets:
             return None

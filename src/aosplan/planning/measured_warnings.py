@@ -41,7 +41,7 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
         yield Message(
             "saturated",
             f"the views hide {density:.1%} of the ground on average: what they show depends on a few "
-            "gaps; read the cloud with smaller voxels, or keep the aperture smaller",
+            "gaps; read the cloud with smaller voxels, or use a smaller aperture",
         )
     extent_m = max(solution.pattern.extent) * solution.baseline_m
     if extent_m > problem.model.widest_aperture_m * (1.0 + 1e-9):

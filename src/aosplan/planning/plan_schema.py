@@ -38,7 +38,7 @@ class GridDocument(OpenDocument):
 
 
 class VisibilityDocument(OpenDocument):
-    """What a model predicts."""
+    """Prediction of a model."""
 
     density: Finite
     minimum: Finite
@@ -71,7 +71,7 @@ class UncertaintyDocument(OpenDocument):
 
 
 class NoiseDocument(OpenDocument):
-    """Flights that the expectation over position noise was taken from, and its standard errors."""
+    """Simulated flights for the expectation over position noise, and its standard errors."""
 
     flights: int
     seed: int
@@ -81,7 +81,7 @@ class NoiseDocument(OpenDocument):
 
 
 class ChangeDocument(OpenDocument):
-    """A scene that differs in one quantity, and what it does to the plan."""
+    """Effect on the plan of a change of one quantity of the scene."""
 
     quantity: Literal["density", "occluder_size", "height"]
     factor: Finite
@@ -93,7 +93,7 @@ class ChangeDocument(OpenDocument):
 
 
 class GroundVisibilityDocument(OpenDocument):
-    """Visibility over the ground that the plan is for, rays as they are."""
+    """Visibility over the ground that the plan is for, with slanted rays."""
 
     size_m: Pair
     density: Finite
@@ -103,7 +103,7 @@ class GroundVisibilityDocument(OpenDocument):
 
 
 class TargetVisibilityDocument(VisibilityDocument):
-    """What a model predicts, beside the target."""
+    """Prediction of a model, and the target."""
 
     target: Finite
     target_quantity: Literal["normalized", "visibility"]
@@ -121,7 +121,7 @@ class TargetVisibilityDocument(VisibilityDocument):
 
 
 class DisparityDocument(OpenDocument):
-    """Disparity of the occluder that decides the coverage rule."""
+    """Disparity of the occluder that determines the baseline of the coverage rule."""
 
     normalized: Finite | None
     pixels: Finite | None
@@ -129,7 +129,7 @@ class DisparityDocument(OpenDocument):
 
 
 class CameraSummaryDocument(OpenDocument):
-    """What the camera sees of the focal plane."""
+    """Resolution and footprint of the camera on the focal plane."""
 
     name: str
     gsd_m: Finite
@@ -138,7 +138,7 @@ class CameraSummaryDocument(OpenDocument):
 
 
 class OneFlightDocument(OpenDocument):
-    """What one battery flies: its first and last waypoint; length and time with the way there."""
+    """A flight with one battery: first and last waypoint, and length and time from take-off to landing."""
 
     first: Annotated[int, Field(ge=0)]
     last: Annotated[int, Field(ge=0)]
@@ -183,7 +183,7 @@ class FlightDocument(OpenDocument):
 
 
 class LimitDocument(OpenDocument):
-    """What bound the result."""
+    """A limit that determines the result."""
 
     quantity: str
     value: Finite
@@ -204,7 +204,7 @@ class SceneSummaryDocument(OpenDocument):
 
 
 class AreaDocument(OpenDocument):
-    """What is covered of an area (`aosplan.areas.survey.Survey`)."""
+    """Coverage of an area (`aosplan.areas.survey.Survey`)."""
 
     origin: Pair
     area_m2: Finite
@@ -226,7 +226,7 @@ class AreaDocument(OpenDocument):
 
 
 class LineIntegralDocument(OpenDocument):
-    """The last photos of a line flown on and on, and what they show."""
+    """Integral of the last photos of a continuous line."""
 
     samples: int
     spacing_m: Finite
@@ -247,7 +247,7 @@ class ContinuousDocument(OpenDocument):
 
 
 class SeenShareDocument(OpenDocument):
-    """How the share of a target that the integral keeps is distributed over places and directions."""
+    """Distribution of the share of a target that the photos see, over places and directions."""
 
     mean: Finite
     p05: Finite
@@ -257,7 +257,7 @@ class SeenShareDocument(OpenDocument):
 
 
 class WithinRowDocument(OpenDocument):
-    """The best within a time; without what is flown if nothing can be."""
+    """The best plan within a time; without flight data if no plan is possible."""
 
     within_min: Finite
     found: bool
@@ -273,7 +273,7 @@ class WithinRowDocument(OpenDocument):
 
 
 class WithinDocument(OpenDocument):
-    """What a search within a time has found (`aosplan.planning.within`)."""
+    """Result of a search within a time (`aosplan.planning.within`)."""
 
     minutes: Finite
     asked: bool
@@ -285,7 +285,7 @@ class WithinDocument(OpenDocument):
 
 
 class PhotosByPlaceDocument(OpenDocument):
-    """How many photos see the cells of a map."""
+    """Numbers of photos that see the cells of a map."""
 
     mean: Finite
     least: int
@@ -308,7 +308,7 @@ class DetectionMapDocument(OpenDocument):
 
 
 class DetectionDocument(OpenDocument):
-    """What of a target is seen, and how likely it is found (`aosplan.models.detection`)."""
+    """Seen share and probability of detection of a target (`aosplan.models.detection`)."""
 
     target_m: Pair
     probability: Finite
@@ -326,7 +326,7 @@ class DetectionDocument(OpenDocument):
 
 
 class PlanDocument(OpenDocument):
-    """What `aosplan plan --json` prints."""
+    """The document that `aosplan plan --json` prints."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

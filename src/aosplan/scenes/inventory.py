@@ -121,7 +121,7 @@ def inventory_scene(
     return LayeredScene(
         name=name,
         layers=layers,
-        title=f"{stems_per_hectare:g} stems a hectare, crowns of {crown_diameter_m:g} m, "
+        title=f"{stems_per_hectare:g} stems per hectare, crowns of {crown_diameter_m:g} m, "
         f"leaf area index {leaf_area_index:g}",
         source="Nilson (1999), Agricultural and Forest Meteorology 98-99, 437-448",
         assumed=(

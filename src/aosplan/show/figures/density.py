@@ -53,7 +53,7 @@ class DensityFigure(NamedTuple):
         )
         if self.measured is None:
             return f"{text}."
-        text += f", and {self.measured[0]:.3g} as they stand, in voxels of {self.voxel_m:g} m."
+        text += f", and {self.measured[0]:.3g} as measured, in voxels of {self.voxel_m:g} m."
         if self.hidden_pulses is None:
             return text
         first, weighted, last = self.hidden_pulses
@@ -159,7 +159,7 @@ def draw(figure: Figure, shown: DensityFigure, theme: Theme) -> None:
             edges,
             "-",
             color=theme.data[1],
-            label=f"voxels of {shown.voxel_m:g} m, as they stand",
+            label=f"voxels of {shown.voxel_m:g} m, as measured",
         )
     if shown.hidden_pulses is not None:
         first, weighted, last = shown.hidden_pulses
