@@ -3,7 +3,8 @@
 Each example runs the command line in its own process; status, output, time and memory are checked.
 ``AOSPLAN_FUZZ_EXAMPLES`` mutations of each valid file are tried, starting with number
 ``AOSPLAN_FUZZ_SEED``.  Failures are written to the folder ``AOSPLAN_FUZZ_KEEP``.  Earlier failures
-have tests of their own in ``tests/cli/test_hostile_files.py``.
+have tests of their own in ``tests/cli/test_hostile_files.py``.  Every run of the tests reads a small
+corpus of mutated files (``test_corpus.py``).
 """
 
 import os
@@ -18,7 +19,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from support.fuzz_seeds import NUMBERS, WORDS, seeds
+from support.fuzz_seeds import NUMBERS, OUR_LINES, WORDS, seeds
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="forks, and measures memory")
 
@@ -29,7 +30,6 @@ for needed in ("laspy", "lazrs", "rasterio", "PIL", "polars", "shapely"):
 
 EXAMPLES = int(os.environ.get("AOSPLAN_FUZZ_EXAMPLES", "60"))
 SECONDS, KILOBYTES = 20, 2_000_000
-OURS = re.compile(r"(error|hint|warning|note): \S|Wrote \S|[a-z0-9 ]+: \S")
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def outcome(folder, command):
         return f"signal {os.WTERMSIG(code)} after {seconds:.1f} s: {text[:300]}"
     status, lines = os.WEXITSTATUS(code), text.splitlines()
     errors = [line for line in lines if line.startswith("error: ")]
-    if "unexpected" in text or "Traceback" in text or not all(map(OURS.match, lines)):
+    if "unexpected" in text or "Traceback" in text or not all(map(OUR_LINES.match, lines)):
         return text[:500]
     if status not in (0, 1, 2) or len(errors) != (status != 0):
         return f"status {status} with {len(errors)} error lines: {text[:300]}"

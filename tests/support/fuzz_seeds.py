@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import struct
 import subprocess
 import sys
@@ -9,6 +10,9 @@ import zipfile
 from typing import NamedTuple
 
 import numpy as np
+
+OUR_LINES = re.compile(r"(error|hint|warning|note): \S|Wrote \S|[a-z0-9 ]+: \S")
+"""Lines of stderr that commands of aosplan write themselves."""
 
 
 class Seed(NamedTuple):

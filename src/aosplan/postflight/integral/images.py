@@ -257,6 +257,7 @@ def _opened(path: str) -> Image:
         from PIL import Image, UnidentifiedImageError
     try:
         with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(path)
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
