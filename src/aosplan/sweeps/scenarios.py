@@ -74,8 +74,8 @@ _SEARCHED = (("optimize", "detection"), ("trigger", "best"))
 
 
 @dataclass(frozen=True)
-class ScenarioProduct:
-    """All combinations of the values of the axes, where the last axis varies fastest.
+class _Scenarios:
+    """The swept options with their values.
 
     Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
     """
@@ -87,6 +87,14 @@ class ScenarioProduct:
     def names(self) -> list[str]:
         """The options that are swept, in order."""
         return list(self.values)
+
+    @cached_property
+    def _kinds(self) -> dict[str, frozenset[type]]:
+        return _kinds(self.values)
+
+
+class ScenarioProduct(_Scenarios):
+    """All combinations of the values of the axes, where the last axis varies fastest."""
 
     @property
     def rows(self) -> int:
@@ -129,26 +137,11 @@ class ScenarioProduct:
             )
         return Block(start, tuple(shape), columns, self._kinds)
 
-    @cached_property
-    def _kinds(self) -> dict[str, frozenset[type]]:
-        return _kinds(self.values)
 
-
-@dataclass(frozen=True)
-class ScenarioTable:
+class ScenarioTable(_Scenarios):
     """One scenario per row: columns of equal length, with None for options that a row does not
     give.
-
-    Blocks are smaller if a larger share of the scenarios has to be solved one by one (`alone`).
     """
-
-    values: dict[str, NDArray[Any]]
-    alone: float = 0.0
-
-    @property
-    def names(self) -> list[str]:
-        """The options that are swept, in order."""
-        return list(self.values)
 
     @property
     def rows(self) -> int:
@@ -167,10 +160,6 @@ class ScenarioTable:
         part = slice(start, min(start + room, self.rows))
         columns = {name: values[part] for name, values in self.values.items()}
         return Block(start, (part.stop - start,), columns, self._kinds)
-
-    @cached_property
-    def _kinds(self) -> dict[str, frozenset[type]]:
-        return _kinds(self.values)
 
 
 @dataclass(frozen=True)
