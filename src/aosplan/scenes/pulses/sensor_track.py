@@ -86,7 +86,8 @@ def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
         angle, distance = _angles(place - middle, direction)
         # The error of an angle is the error of the returns divided by their distance.
         scaled = angle * length
-        spread = 1.4826 * float(np.median(scaled)) / 1.1774 + 1e-12
+        # Distances of normal errors along two axes are Rayleigh distributed: median 1.1774 σ.
+        spread = float(np.median(scaled)) / 1.1774 + 1e-12
         share = np.clip(scaled / (TUKEY * spread), 0.0, 1.0)
         weight = length * length * (1.0 - share * share) ** 2 / np.maximum(distance, 1.0) ** 2
         better = _least_squares(middle, direction, since, weight)
