@@ -1,10 +1,14 @@
 """Built-in cameras, drones, scenes, formats and payloads as Markdown."""
 
+from functools import cache
+
 from aosplan.camera.camera import Camera
 from aosplan.camera.presets import CAMERAS
+from aosplan.errors import RequestError
 from aosplan.flight.drones import DRONES
 from aosplan.mission.dji_models import PAYLOADS
 from aosplan.mission.export import formats as known_formats
+from aosplan.mission.export import mission_files
 from aosplan.scenes.presets import SCENES
 
 INTRINSICS = (
@@ -120,23 +124,49 @@ def formats():
 
 
 LOADED = ("waypoints", "plan")
-"""Formats whose files are loaded in the tests by the programs that use them."""
+"""Formats whose files programs that fly them have loaded in the tests."""
+
+GRID = {"altitude": 40, "origin": (48.3358, 14.3261), "samples": 9, "baseline": 4}
+"""A small mission that is written for each drone."""
 
 
 def flown():
-    """The formats of each drone, and how they trigger its camera."""
+    """Which drone takes which format, and how its camera is triggered in it: by writing the files."""
     forms = [form for form in known_formats().values() if form.flown_by]
-    rows = []
-    for name, drone in DRONES.items():
-        cells = []
-        for form in forms:
-            takes = drone.autopilot in form.flown_by
-            if form.asks_drone:
-                takes = takes and form.name in drone.mission_formats
-            state = "" if form.name in LOADED else " (unverified)"
-            cells.append(" or ".join(form.triggers) + state if takes else "refused")
-        rows.append((f"`{name}`", *cells))
+    rows = [
+        (f"`{name}`", *(_cell(form, drone, _triggers(name, drone, form)) for form in forms))
+        for name, drone in DRONES.items()
+    ]
     return table(("drone", *(f"`{form.name}`" for form in forms)), rows)
+
+
+def _cell(form, drone, triggers):
+    if not triggers:
+        return "refused"
+    known = form.name in drone.mission_formats
+    state = "" if form.name in LOADED else " (unverified)" if known else " (not known)"
+    return " or ".join(triggers) + state
+
+
+def _triggers(name, drone, form):
+    """The triggers with which files of a format are written for a drone."""
+    return [trigger for trigger in ("stop", "distance") if _is_written(name, drone, form, trigger)]
+
+
+def _is_written(name, drone, form, trigger):
+    mission = _mission(name, drone.camera or "flir-vue-pro-640-9mm", trigger)
+    try:
+        mission_files([mission], form, "grid")
+    except RequestError:
+        return False
+    return True
+
+
+@cache
+def _mission(drone, camera, trigger):
+    from aosplan import plan
+
+    return plan(**GRID, drone=drone, camera=camera, trigger=trigger).mission()
 
 
 def payloads():

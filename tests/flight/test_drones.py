@@ -106,3 +106,15 @@ def test_drones_as_a_table(capsys):
     out = capsys.readouterr().out
     assert all(name in out for name in DRONES)
     assert max(map(len, out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("name", DRONES)
+def test_a_plan_says_which_values_of_its_drone_and_camera_are_unconfirmed(name):
+    drone = DRONES[name]
+    camera = drone.camera or "sony-a6000-16mm"
+    values = {"altitude": 40, "drone": name, "camera": camera, "samples": 9, "baseline": 1}
+    found = plan(PlanRequest(**values)).warnings
+    said = " ".join(warning.message for warning in found if warning.code == "unconfirmed_values")
+    for assumed in (drone.assumed, CAMERAS[camera].assumed):
+        for clause in assumed.split("; "):
+            assert (clause in said) == ("unconfirmed" in clause)

@@ -101,3 +101,19 @@ def test_a_camera_of_another_drone_is_warned_of():
     assert "camera_of_another_drone" in codes
     codes = {one.code for one in plan(request(drone="dji-m30", camera="dji-m30t-wide")).warnings}
     assert "camera_of_another_drone" not in codes
+
+
+@pytest.mark.parametrize(
+    ("drone", "camera", "warned"),
+    [
+        ("dji-mini-4-pro", "dji-m3t-wide", True),
+        ("parrot-anafi-usa", "dji-m3t-wide", True),
+        ("autel-evo-max-4t", "autel-evo-max-4t-wide", False),
+        ("dji-mavic-3-pro", "dji-mavic-3-wide", False),
+        ("dji-m300", "sony-a7r-ii-35mm", False),
+        ("px4-multicopter", "sony-a7r-ii-35mm", False),
+    ],
+)
+def test_a_camera_that_no_drone_of_this_name_carries_is_warned_of(drone, camera, warned):
+    codes = {warning.code for warning in plan(request(drone=drone, camera=camera)).warnings}
+    assert ("camera_of_another_drone" in codes) == warned

@@ -420,7 +420,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("litchi",),
         source=f"Phantom 4 Pro specifications, DJI (positioning mode 50 km/h; climb 5, descent 3 m/s); {_SDK}",
-        assumed=f"{_CRUISE}; photo interval: the shortest of its timed photos",
+        assumed=f"{_CRUISE}; climb unconfirmed; photo interval: the shortest of its timed photos",
     ),
     "dji-mavic-2-pro": DronePreset(
         title="DJI Mavic 2 Pro",
@@ -434,7 +434,7 @@ DRONES: dict[str, DronePreset] = {
         photo_interval_s=2.0,
         mission_formats=("litchi",),
         source=f"Mavic 2 Pro specifications, DJI (climb 4, descent 3 m/s outside sport mode); {_SDK}",
-        assumed=f"{_CRUISE}; speed that of the Phantom 4 Pro; photo interval: the shortest of its timed photos",
+        assumed=f"{_CRUISE}; climb unconfirmed; speed that of the Phantom 4 Pro; photo interval: the shortest of its timed photos",
     ),
     "autel-evo-2-dual-640t": DronePreset(
         title="Autel EVO II Dual 640T",
@@ -467,6 +467,24 @@ DRONES: dict[str, DronePreset] = {
             " time: Autel Payload SDK documentation (2 to 65,535; 42 min)"
         ),
         assumed=f"{_CRUISE}; speeds unconfirmed; photo interval that of the EVO II",
+        autopilot="autel",
+    ),
+    "autel-evo-max-4n": DronePreset(
+        title="Autel EVO Max 4N",
+        speed_mps=10.0,
+        acceleration_mps2=2.0,
+        climb_mps=6.0,
+        airspeed_mps=15.0,
+        endurance_min=42.0,
+        most_waypoints=65_535,
+        camera=None,
+        photo_interval_s=2.0,
+        mission_formats=("autel",),
+        source=(
+            "waypoints and flight time of the EVO Max series: Autel Payload SDK documentation (2 to"
+            " 65,535; 42 min); other values as the EVO Max 4T"
+        ),
+        assumed=f"{_CRUISE}; speeds unconfirmed, those of the EVO Max 4T; photo interval that of the EVO II",
         autopilot="autel",
     ),
     "parrot-anafi-usa": DronePreset(

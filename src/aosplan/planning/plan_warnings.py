@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from aosplan.camera.camera import Camera
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.plan_data import PlanData
+    from aosplan.planning.route import FlightInputs
 
     AnyPlan = TypeVar("AnyPlan", bound=PlanData)
 
@@ -51,7 +52,8 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
         yield from _pixels(plan)
     yield from _thick_layers(plan)
     yield from _flying(plan)
-    yield from _camera_of_another_drone(plan.inputs.flight.drone_name, plan.camera)
+    yield from _camera_of_another_drone(plan.inputs.flight, plan.camera)
+    yield from _unconfirmed(plan.inputs.flight, plan.camera)
     yield from _oblique_rays(plan)
     measured_stand = getattr(plan.scene, "voxel_m", None) is not None
     if measured_stand and plan.model != "measured" and plan.coverage is not None:
@@ -77,22 +79,44 @@ def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> 
         )
 
 
-def _camera_of_another_drone(drone_name: str | None, camera: Camera) -> Iterator[Message]:
+def _camera_of_another_drone(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
     """Warn of a camera that the drone does not carry."""
-    if drone_name is None or not camera.name.startswith("dji-"):
+    from aosplan.camera.presets import CAMERAS
+
+    name, drone = flight.drone_name, flight.drone
+    if name is None or drone is None or drone.camera is None or camera.name not in CAMERAS:
         return
     from aosplan.mission.dji_models import DRONES
     from aosplan.planning.aircraft import camera_fits_payload
 
-    drone = DRONES.get(drone_name)
-    if drone is None or drone.payload is None:
-        return
-    if not camera_fits_payload(camera.name, drone.payload):
+    known = DRONES.get(name)
+    if known is None:
+        carried = camera.name.startswith(
+            drone.camera.removesuffix("-wide").removesuffix("-thermal")
+        )
+    else:
+        carried = known.payload is None or camera_fits_payload(camera.name, known.payload)
+    if not carried:
         yield Message(
             "camera_of_another_drone",
-            f"--camera {camera.name} is not the camera of --drone {drone_name}: the "
+            f"--camera {camera.name} is not the camera of --drone {name}: the "
             "plan is for the given camera, but the drone flies with its own",
         )
+
+
+def _unconfirmed(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
+    """Warn of values of presets that no second source confirms."""
+    drone = flight.drone
+    for what, assumed in (
+        (f"--drone {flight.drone_name}", drone.assumed if drone else ""),
+        (f"--camera {camera.name}", camera.assumed),
+    ):
+        clauses = [clause for clause in assumed.split("; ") if "unconfirmed" in clause]
+        if clauses:
+            yield Message(
+                "unconfirmed_values",
+                f"{what}: {'; '.join(clauses)}: compare with its maker's specification",
+            )
 
 
 def _missed(plan: PlanData) -> Message:

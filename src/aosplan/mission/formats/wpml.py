@@ -268,7 +268,9 @@ def machine(mission: Mission) -> Machine:
     name = settings.drone or (built_in if built_in in DRONES else None)
     if name is None:
         raise RequestError(f"{FORMAT.title} needs a drone", f"give --drone {', '.join(DRONES)}")
-    drone = _known(name, DRONES, "drone")
+    own = settings.mission_formats
+    other = f"; {name} flies {' and '.join(own)}" if own else "; try litchi:grid.csv"
+    drone = _known(name, DRONES, "drone", other)
     carried = built_in if built_in in PAYLOADS and built_in not in DRONES else None
     payload = settings.payload or drone.payload or carried
     if payload is None:
@@ -277,18 +279,18 @@ def machine(mission: Mission) -> Machine:
             f"give --payload {', '.join(payload for payload in PAYLOADS if payload not in DRONES)}",
         )
     check_carried(name, payload)
-    return Machine(name, drone, _known(payload, PAYLOADS, "payload"), payload)
+    return Machine(name, drone, _known(payload, PAYLOADS, "payload", ""), payload)
 
 
 PILOT = Dialect("http://www.dji.com/wpmz/1.0.2", machine)
 """Files for DJI Pilot 2 and FlightHub 2."""
 
 
-def _known(name: str, known: Mapping[str, _Value], kind: str) -> _Value:
+def _known(name: str, known: Mapping[str, _Value], kind: str, other: str) -> _Value:
     if name not in known:
         raise RequestError(
             f"{FORMAT.title} has no number for the {kind} '{name}'",
-            f"supported: {', '.join(known)}; for other drones write litchi:grid.csv",
+            f"supported: {', '.join(known)}{other}",
         )
     return known[name]
 
