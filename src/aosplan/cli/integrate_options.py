@@ -28,7 +28,7 @@ def integrate_options() -> list[Any]:
         text_option(
             "--focal-surface",
             "DEM",
-            "GeoTIFF of ground heights, to focus on the ground at all heights.",
+            "GeoTIFF of ground heights; the focal surface follows the ground.",
             plane,
         ),
         text_option(

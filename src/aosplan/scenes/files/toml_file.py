@@ -214,8 +214,8 @@ def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
         return f"{name} = [\n" + "".join(f"    {row},\n" for row in tables[name]) + "]\n"
 
     return (
-        f"{head}\n# A line for each direction, an entry for each lag: the camera's offset over its "
-        f"altitude.\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
+        f"{head}\n# One line per direction, one entry per lag (camera offset divided by "
+        f"altitude).\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
         f"directions_deg = {tables['directions_deg']}\nlags = {tables['lags']}\n"
         f"reach = {tables['reach']}\n{rows('rho')}"
     ).encode()
