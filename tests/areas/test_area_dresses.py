@@ -3,11 +3,14 @@
 import io
 import json
 import zipfile
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from pyproj import Transformer
+from pyproj.transformer import TransformerGroup
 
+from aosplan.areas import reprojection
 from aosplan.areas.area import read_area
 from aosplan.areas.boundary_file import read_outline
 from aosplan.errors import MissingExtraError, RequestError
@@ -111,6 +114,28 @@ def test_a_transformation_is_said_with_its_accuracy(written):
     assert code == "reprojected"
     assert "WGS 84 / UTM zone 33N" in message
     assert area.whole.area == pytest.approx(read_area(written(polygon())).whole.area, rel=1e-6)
+
+
+class Silent(NamedTuple):
+    """A transformer as PROJ 9.8 describes conversions: with its steps, but without an accuracy."""
+
+    operations: tuple
+    accuracy: float = -1.0
+
+
+@pytest.mark.parametrize(
+    ("system", "accuracy_m"),
+    [
+        ("EPSG:32633", 0.0),
+        ("EPSG:3857", 0.0),
+        ("EPSG:25833", -1.0),
+        ("+proj=utm +zone=33 +ellps=GRS80", -1.0),
+    ],
+)
+def test_a_projection_of_the_same_datum_is_exact_in_each_version_of_proj(system, accuracy_m):
+    steps = TransformerGroup(system, "EPSG:4326", always_xy=True).transformers[0].operations
+    assert reprojection._accuracy_m(Silent(steps)) == accuracy_m
+    assert reprojection._accuracy_m(Silent(())) == -1.0  # nothing is known about no steps
 
 
 REFUSED = {

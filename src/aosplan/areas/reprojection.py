@@ -89,7 +89,7 @@ def reprojection(name: str, path: str) -> Reprojection | None:
         if crs.is_compound:
             crs = crs.sub_crs_list[0]
         transformers = TransformerGroup(crs, "EPSG:4326", always_xy=True).transformers
-    accuracy_m = transformers[0].accuracy if transformers else -1.0
+    accuracy_m = _accuracy_m(transformers[0]) if transformers else -1.0
     if crs == CRS.from_epsg(4326) or crs.to_epsg() == 4326:
         return None
     limit_m = PROJECTED_WITHIN_M if crs.is_projected else DEGREES_WITHIN_M
@@ -105,3 +105,14 @@ def reprojection(name: str, path: str) -> Reprojection | None:
     return Reprojection(
         transformers[0], crs.is_projected, path, name, Message("reprojected", message)
     )
+
+
+def _accuracy_m(transformer: Transformer) -> float:
+    """Accuracy of a transformation [m]; negative if it is not known.
+
+    A conversion keeps the datum and is exact.  PROJ 9.8 no longer states this accuracy.
+    """
+    steps = transformer.operations or ()
+    if steps and all(step.type_name == "Conversion" for step in steps):
+        return 0.0
+    return float(transformer.accuracy)
