@@ -108,6 +108,17 @@ def test_fixed_rtk_heights_take_the_place_of_the_barometer(folder):
     assert np.ptp(np.subtract(heights, before)) < 1e-6
 
 
+def test_pixels_are_those_of_the_sensor_whatever_the_orientation_says(command, folder):
+    fly(folder / "upright", count=4)
+    fly(folder / "turned", count=4, orientation=6)
+    for name in ("upright", "turned"):
+        command(name, "--extent=-3,-3,3,3", "--gsd", "0.1", "--out", f"{name}.png")
+    assert (folder / "upright.png").read_bytes() == (folder / "turned.png").read_bytes()
+    (said,) = [each for each in read(folder / "turned").messages if each.code == "orientation"]
+    assert "4 photos have an EXIF orientation other than 1" in said.message
+    assert not any(each.code == "orientation" for each in read(folder / "upright").messages)
+
+
 # Selection of photos
 
 

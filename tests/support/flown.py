@@ -61,6 +61,8 @@ def write_photo(path, position, angles, *, xmp=DJI, image=None, gps=True, focal=
             1: "N", 2: sexagesimal(latitude), 3: "E", 4: sexagesimal(longitude),
             5: b"\0", 6: up + 470.0,
         }  # fmt: skip
+    if "orientation" in tags:
+        exif[0x0112] = tags["orientation"]
     if "exif" in tags:
         exif[0x8769] = tags["exif"]
     text = xmp.format(

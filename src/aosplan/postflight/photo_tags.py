@@ -15,7 +15,9 @@ XMP is read in the forms that drone makers write, as attributes or elements:
 - Pix4D's names (``Camera:``), which senseFly, Parrot Sequoia and older Autel firmware write:
   ``Yaw``, ``Pitch`` and ``Roll``, where a pitch of 0 is straight down.
 
-EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.
+EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.  Its
+orientation tells viewers how to turn the image; the pixels in the file are in the order of the
+sensor.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
 
 EXIF = 0x8769
 """EXIF tag of the exposure information."""
+
+ORIENTATION = 0x0112
+"""EXIF tag of the orientation: 1 for an upright image, 2 to 8 for turned and mirrored ones."""
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal of a 35 mm film frame, to which equivalent focal lengths refer."""
@@ -91,6 +96,8 @@ class PhotoTags(NamedTuple):
         Whether the position is a fixed RTK solution.
     model
         Make and model of the camera.
+    orientation
+        Orientation in EXIF, 1 to 8; 1 also if the photo does not have a valid one.
     """
 
     relative_altitude_m: float | None
@@ -104,6 +111,7 @@ class PhotoTags(NamedTuple):
     band: str | None
     is_rtk: bool
     model: str
+    orientation: int
 
 
 def read_tags(path: str) -> PhotoTags | None:
@@ -140,6 +148,7 @@ def read_tags(path: str) -> PhotoTags | None:
         _band(xmp, os.path.basename(path), size, main),
         _number(xmp, "RtkFlag") == RTK_FIXED,
         " ".join(_text(main.get(tag)) for tag in (271, 272)).strip(),
+        _orientation(main.get(ORIENTATION)),
     )
 
 
@@ -148,6 +157,10 @@ def _directory(exif: Any, tag: int) -> dict[int, Any]:
         return dict(exif.get_ifd(tag))
     except (KeyError, TypeError, ValueError, OSError, SyntaxError):
         return {}
+
+
+def _orientation(value: Any) -> int:
+    return value if isinstance(value, int) and 1 <= value <= 8 else 1
 
 
 def _text(value: Any) -> str:

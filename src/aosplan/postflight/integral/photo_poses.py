@@ -107,7 +107,7 @@ def read_photo_poses(
     known = {name: found for name, found in tags.items() if found is not None}
     known = _of_band(known, options.band, folder)
     known, tilted = _looking_down(known, folder)
-    messages += _left_out(places, doubtful, tilted)
+    messages += [*_left_out(places, doubtful, tilted), *_turned(known)]
     names = list(known)
     if options.altitude_m is not None:
         plan = plan._replace(altitude_m=options.altitude_m)
@@ -261,6 +261,21 @@ def _left_out(
             )
         )
     return found
+
+
+def _turned(tags: Mapping[str, PhotoTags]) -> list[Message]:
+    """Report the photos that viewers turn, because their pixels are used as they are stored."""
+    turned = [name for name, found in tags.items() if found.orientation != 1]
+    if not turned:
+        return []
+    return [
+        Message(
+            "orientation",
+            f"{len(turned)} photos have an EXIF orientation other than 1 and are not turned: their "
+            "yaw, pitch and roll are taken as those of the sensor, whose pixels the files contain: "
+            + _named(turned),
+        )
+    ]
 
 
 def _middle(places: Sequence[Place]) -> tuple[float, float]:
