@@ -1,0 +1,28 @@
+"""The oldest versions are the same in the package, in the tests that use them, and in the recipe."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+REQUIREMENT = re.compile(r"([A-Za-z][\w-]*)(?:\[\w+\])?\s*[>=]=\s*([\d.]+)")
+
+
+def floors(text):
+    """Versions by name; trailing zeros do not matter."""
+    return {
+        name.lower(): re.sub(r"(\.0)+$", "", version) for name, version in REQUIREMENT.findall(text)
+    }
+
+
+def test_oldest_versions_agree():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    needed = floors("\n".join(project["dependencies"]))
+    extras = ("lidar", "raster", "sweep", "cluster", "figures", "pictures", "report")
+    optional = floors("\n".join(sum((project["optional-dependencies"][e] for e in extras), [])))
+    assert len(needed) == 9
+    assert len(optional) > 8
+    tested = floors((ROOT / "tests" / "oldest.txt").read_text())
+    assert {name: tested.get(name) for name in needed | optional} == needed | optional
+    recipe = (ROOT / "CONTRIBUTING.md").read_text().partition("  run:\n")[2].partition("tests:")[0]
+    assert {name: v for name, v in floors(recipe).items() if name != "python"} == needed
