@@ -3,16 +3,15 @@
 import io
 import json
 import zipfile
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from pyproj import Transformer
+from pyproj import Transformer, transformer
 from pyproj.transformer import TransformerGroup
 
-from aosplan.areas import reprojection
 from aosplan.areas.area import read_area
 from aosplan.areas.boundary_file import read_outline
+from aosplan.areas.reprojection import reprojection
 from aosplan.errors import MissingExtraError, RequestError
 
 RING = [[14.0, 48.0], [14.0013, 48.0], [14.0013, 48.0009], [14.0, 48.0009], [14.0, 48.0]]
@@ -116,26 +115,23 @@ def test_a_transformation_is_said_with_its_accuracy(written):
     assert area.whole.area == pytest.approx(read_area(written(polygon())).whole.area, rel=1e-6)
 
 
-class Silent(NamedTuple):
-    """A transformer as PROJ 9.8 describes conversions: with its steps, but without an accuracy."""
+class Silent:
+    """A transformer as PROJ 9.8 describes it: without the accuracy of its steps."""
 
-    operations: tuple
-    accuracy: float = -1.0
+    accuracy = -1.0
+
+    def __init__(self, *arguments, **options):
+        self.operations = TransformerGroup(*arguments, **options).transformers[0].operations
+        self.transformers = [self]
 
 
-@pytest.mark.parametrize(
-    ("system", "accuracy_m"),
-    [
-        ("EPSG:32633", 0.0),
-        ("EPSG:3857", 0.0),
-        ("EPSG:25833", -1.0),
-        ("+proj=utm +zone=33 +ellps=GRS80", -1.0),
-    ],
-)
-def test_a_projection_of_the_same_datum_is_exact_in_each_version_of_proj(system, accuracy_m):
-    steps = TransformerGroup(system, "EPSG:4326", always_xy=True).transformers[0].operations
-    assert reprojection._accuracy_m(Silent(steps)) == accuracy_m
-    assert reprojection._accuracy_m(Silent(())) == -1.0  # nothing is known about no steps
+def test_a_projection_of_the_same_datum_is_exact_in_each_version_of_proj(monkeypatch):
+    monkeypatch.setattr(transformer, "TransformerGroup", Silent)
+    for same in ("EPSG:32633", "EPSG:3857"):
+        assert reprojection(same, "a.kml").notice.message.endswith("which is exact to 0 m")
+    for other in ("EPSG:25833", "+proj=utm +zone=33 +ellps=GRS80"):
+        with pytest.raises(RequestError, match="the difference is not known"):
+            reprojection(other, "a.kml")
 
 
 REFUSED = {
