@@ -71,3 +71,28 @@ def test_a_format_that_a_drone_is_not_known_to_fly_is_said(tmp_path, capsys):
     assert "it is not known whether the drone dji-m3t flies this format" in capsys.readouterr().err
     assert run([*plan, "--drone", "dji-air-2s", "--out", out, "--force"]) == 0
     assert "not known whether" not in capsys.readouterr().err
+
+
+def test_legs_that_px4_may_reject_are_said():
+    far = grid(autopilot="px4", takeoff_latitude=48.3458, takeoff_longitude=14.3261)
+    assert "may reject legs of 11" in said("plan", far)
+    near = grid(autopilot="px4", takeoff_latitude=48.3408, takeoff_longitude=14.3261)
+    assert "may reject" not in said("plan", near)
+    assert "may reject" not in said("waypoints", far._replace(settings=grid().settings))
+
+
+@pytest.mark.parametrize("values", [{"trigger": "distance"}, {"camera_control": "outputs"}])
+def test_the_camera_trigger_of_px4_is_said(values):
+    assert "TRIG_MODE" in said("plan", grid(autopilot="px4", **values))
+    assert "TRIG_MODE" not in said("plan", grid(autopilot="px4"))
+    assert "TRIG_MODE" not in said("plan", grid(autopilot="ardupilot"))
+
+
+def test_the_drone_and_the_lens_of_a_wpml_route_are_said():
+    assert "no drone is given, so the file is for the dji-m3t" in said("kmz", grid())
+    own = grid(drone="dji-m3t")._replace(summary={"camera": {"name": "custom"}})
+    assert (
+        "the camera custom is not one of dji-m3t: photos are stored by its lens 'visable'"
+        in said("kmz", own)
+    )
+    assert not said("kmz", grid(drone="dji-m3t"))

@@ -197,3 +197,10 @@ def test_a_camera_tells_its_drone_and_payload():
     (template, _) = documents_of(written(mission, "kmz")).values()
     assert texts(template, "payloadEnumValue") == ["43"]
     assert texts(template, "imageFormat") == ["wide"]
+
+
+def test_a_multispectral_camera_stores_its_own_lens():
+    plan = grid(drone="dji-m3m")._replace(summary={"camera": {"name": "dji-m3m-multispectral"}})
+    for document in documents_of(written(plan, "kmz")).values():
+        lenses = texts(document, "payloadLensIndex") + texts(document, "imageFormat")
+        assert set(lenses) == {"narrow_band"}

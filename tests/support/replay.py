@@ -295,7 +295,8 @@ def duration_s(points, *, acceleration, climb):
 # FeasibilityChecker.  ArduPilot: AP_Mission::mavlink_int_to_mission_cmd and ArduCopter's mode_auto.
 
 PX4_PLACED = {16, 17, 19, 21, 22, 31, 84, 85, 195, 201}
-PX4_PLAIN = {20, 93, 112, 114, 177, 178, 179, 189, 197, 203, 204, 205, 206, 214, 530, 532, 1000}
+# The parser knows 112 and 114, which the feasibility check rejects.
+PX4_PLAIN = {20, 93, 177, 178, 179, 189, 197, 203, 204, 205, 206, 214, 530, 532, 1000}
 PX4_PLAIN |= {1001, 2000, 2001, 2003, 2500, 2501, 3000}
 
 
@@ -326,6 +327,14 @@ def check_ardupilot(items, home):
     assert all(math.isfinite(value) for value in home)
     for command, frame, params in items:
         assert command in ARDUPILOT
+        # AP_Mission::sanity_check_params takes nothing but a yaw for "not a number".
+        missing = [place for place, param in enumerate(params) if param is None]
+        assert missing in ([], [3] if command in {16, 21, 22} else [])
+        if command == 203:
+            assert params[4] == 1
+        if command == 178:
+            assert params[:3] == [1, params[1], -1]
+            assert params[1] > 0
         if command in {16, 22}:
             assert frame in {0, 3, 10}
             assert abs(params[6]) < 83_000.0

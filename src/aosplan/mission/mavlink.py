@@ -6,6 +6,7 @@ Numbers of commands and frames are those of MAVLink's common message set.
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
@@ -48,6 +49,11 @@ PX4 = Limits(
     source="500 mission items: NUM_MISSIONS_SUPPORTED of PX4's navigator",
 )
 
+
+PX4_LEG_M = 900.0
+"""Default of MIS_DIST_WPS in PX4's mission_params.c before it allowed any length."""
+
+METRES_PER_DEGREE = 111_200.0
 
 RETURN_HEIGHTS = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
 """Name of the parameter with the lowest height of the return flight, by autopilot."""
@@ -140,8 +146,24 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
             "PX4's own camera trigger takes the photos: set its parameters TRIG_MODE (4, distance on "
             "command) and TRIG_INTERFACE as the camera is wired"
         )
+    longest_m = max(map(_longest_leg_m, missions))
+    if autopilot == "px4" and longest_m > PX4_LEG_M:
+        found.append(
+            f"PX4 may reject legs of {longest_m:.0f} m: its parameters MIS_DIST_WPS and MIS_DIST_1WP are "
+            f"{PX4_LEG_M:.0f} m in many versions"
+        )
     found += return_notes(missions, f"the parameter {RETURN_HEIGHTS[autopilot]}")
     return found
+
+
+def _longest_leg_m(mission: Mission) -> float:
+    """Longest horizontal leg of a file, from the take-off on, nearly."""
+    (latitude, longitude), path = mission.home(), flown_path(mission)
+    first = path[0]
+    turn = (first.longitude - longitude + 180.0) % 360.0 - 180.0
+    level = turn * math.cos(math.radians(latitude)), first.latitude - latitude
+    legs = (math.dist(one[:2], other[:2]) for one, other in pairwise(path))
+    return max(METRES_PER_DEGREE * math.hypot(*level), *legs, 0.0)
 
 
 def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
