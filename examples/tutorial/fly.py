@@ -53,19 +53,29 @@ def save(image, path, exif, xmp):
     path.write_bytes(content[:end] + marker + segment + content[end:])
 
 
-def fly(plan, folder, *, miss=0, off_m=0.5, seed=1, stand=None, yaw_bias=0.0, height_error=0.0):
+def waypoints_of(plan):
+    """Waypoints of a plan's document, or of a mission as GeoJSON."""
+    if "waypoints" in plan:
+        return plan["waypoints"]
+    points = (each for each in plan["features"] if each["geometry"]["type"] == "Point")
+    return [each["properties"] for each in points]
+
+
+def fly(plan, folder, *, miss=0, off_m=0.5, seed=1, stand=None, yaw_bias=0.0, height_error=0.0,
+        first=0):  # fmt: skip
     """Write the photos for a plan's document and return their number."""
     noise = random.Random(seed)
     folder.mkdir(exist_ok=True)
-    waypoints = plan["waypoints"][: len(plan["waypoints"]) - miss]
-    altitude = plan["altitude_m"]
+    waypoints = [place for place in waypoints_of(plan) if place.get("photo", True)]
+    waypoints = waypoints[: len(waypoints) - miss]
+    altitude = plan["altitude_m"] if "altitude_m" in plan else plan["aosplan"]["altitude_m"]
     camera, pictures = "", (Image.new("L", (64, 51), 128) for _ in waypoints)
     if stand is not None:
         from record import PIXEL_M, photos_of
 
         camera = f'drone-dji:CalibratedFocalLength="{altitude / PIXEL_M:.3f}" '
         pictures = (Image.fromarray(pixels) for _, pixels in photos_of(plan, stand))
-    for place, picture in zip(waypoints, pictures, strict=False):
+    for number, (place, picture) in enumerate(zip(waypoints, pictures, strict=False), first):
         latitude = place["latitude"] + noise.gauss(0.0, off_m) / METRES_A_DEGREE
         east = noise.gauss(0.0, off_m) / METRES_A_DEGREE
         longitude = place["longitude"] + east / math.cos(math.radians(latitude))
@@ -80,7 +90,7 @@ def fly(plan, folder, *, miss=0, off_m=0.5, seed=1, stand=None, yaw_bias=0.0, he
         relative = altitude + height_error
         xmp = XMP.format(latitude=latitude, longitude=longitude, absolute=relative + 470.0,
                          relative=relative, yaw=yaw_bias, camera=camera)  # fmt: skip
-        save(picture, folder / f"DJI_{place['index']:04d}.jpg", exif, xmp)
+        save(picture, folder / f"DJI_{number:04d}.jpg", exif, xmp)
     return len(waypoints)
 
 
@@ -93,8 +103,9 @@ if __name__ == "__main__":
     parser.add_argument("--off", type=float, default=0.5, help="error of a position [m]")
     parser.add_argument("--yaw-bias", type=float, default=0.0, help="error of the compass [deg]")
     parser.add_argument("--height-error", type=float, default=0.0, help="error of heights [m]")
+    parser.add_argument("--first", type=int, default=0, help="number of the first photo")
     given = parser.parse_args()
     count = fly(json.loads(given.plan.read_text("utf-8")), given.folder, miss=given.miss,
                 off_m=given.off, stand=given.stand, yaw_bias=given.yaw_bias,
-                height_error=given.height_error)  # fmt: skip
+                height_error=given.height_error, first=given.first)  # fmt: skip
     print(f"Wrote {given.folder}: {count} photos")

@@ -191,6 +191,12 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
             "the probability of detection is predicted for rays straight down from the planned "
             "sites, without --hold-error and --rays",
         )
+    if inputs.model == "measured" and inputs.edges == "interior":
+        yield Message(
+            "detection_whole_plot",
+            "the probability of detection is counted on the whole plot, which is repeated beyond its "
+            "edges, without --edges interior",
+        )
 
 
 def detection_text(plan: PlanData) -> str:

@@ -191,6 +191,9 @@ def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     found = plan.detection
     assert found is not None
     yield "Detection", detection_text(plan)
+    if plan.layout.survey is not None:
+        samples = plan.solution.pattern.samples
+        yield "", f"at a place that {samples} photos see; --detection-map has the mean of the area"
     contrast, offset, crowns = found.signature
     assumed = f"{found.assumed}, assumed: " if found.assumed else ""
     yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
