@@ -10,7 +10,7 @@ import time
 from importlib import import_module
 from pathlib import Path
 
-FIGURES = ("2b", "3", "4", "5", "6", "7", "8", "10")
+FIGURES = ("2b", "3", "4", "5", "6", "7", "8", "9", "10")
 
 
 def main(names):

@@ -8,7 +8,10 @@ from support.forests import STANDS, clumped_forest
 
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import pattern_for
+from aosplan.models.interior_surrogate import SHARES, InteriorSurrogate
 from aosplan.models.measured import MeasuredModel
+from aosplan.scenes.correlogram import INTERIOR, correlogram
+from aosplan.scenes.occluder_statistics import thin_rim
 
 ALTITUDE_M = 50.0
 
@@ -84,3 +87,85 @@ def test_a_clipped_rim_does_not_reach_the_interior(plot):
     ]
     full, thin, wrapped, thin_wrapped = (model.predict(pattern, 3.0).density for model in models)
     assert wrapped - thin_wrapped > 2 * (full - thin) > 0
+
+
+def clipped(stand, cells):
+    """A stand without what is so near to its edges, as of a cloud that was cut around trunks."""
+    occupied = np.zeros_like(stand.occupied)
+    inside = np.s_[:, cells:-cells, cells:-cells]
+    occupied[inside] = stand.occupied[inside]
+    return replace(stand, occupied=occupied)
+
+
+def test_correlograms_of_the_interior_do_not_know_the_rim(stand):
+    whole, thin = correlogram(stand), correlogram(clipped(stand, 4))
+    assert len(whole.interior) == len(INTERIOR)
+    assert whole.density - thin.density > 0.03
+    near = whole.lags <= 0.5 * whole.reach  # at 45 degrees both components stay within the aperture
+    one, other = whole.interior[-1], thin.interior[-1]
+    assert one.density == other.density
+    assert (one.density_by_offset[:, near] == other.density_by_offset[:, near]).all()
+    assert (one.rho[:, near] == other.rho[:, near]).all()
+    assert (whole.rho != thin.rho).any()
+
+
+def test_an_interior_density_is_the_mean_over_its_targets(stand):
+    """Of the widest aperture a quarter of the plot counts; the nadir view by its columns."""
+    table = correlogram(stand)
+    rows, columns = stand.hidden_columns.shape
+    middle = stand.hidden_columns[rows // 4 : -(rows // 4), columns // 4 : -(columns // 4)]
+    assert table.interior[-1].density == pytest.approx(middle.mean(), rel=1e-12)
+
+
+def test_the_surrogate_is_near_the_interior_prediction(stand):
+    thin = clipped(stand, 3)
+    exact = MeasuredModel(thin, ALTITUDE_M, edges="auto")
+    quick = InteriorSurrogate(correlogram(thin), ALTITUDE_M)
+    wrapped = MeasuredModel(thin, ALTITUDE_M)
+    nearer = 0
+    for samples in (4, 9, 25):
+        for share in (0.15, 0.4, 0.7, 0.95):
+            pattern = pattern_for("trimmed", samples)
+            baseline = share * exact.widest_aperture_m / pattern.longer_side
+            assert exact.edges_of(pattern, baseline) == "interior"
+            found, guess = exact.predict(pattern, baseline), quick.predict(pattern, baseline)
+            assert guess.density == pytest.approx(found.density, abs=0.02)
+            assert guess.shortfall == pytest.approx(found.shortfall, abs=0.05)
+            off = abs(wrapped.predict(pattern, baseline).density - found.density)
+            nearer += abs(guess.density - found.density) < off
+    assert nearer >= 11
+    single = quick.predict(pattern_for("trimmed", 1), 0.0)
+    assert single.density == correlogram(thin).density
+
+
+def test_between_the_tables_the_surrogate_is_continuous(stand):
+    quick = InteriorSurrogate(correlogram(stand), ALTITUDE_M)
+    pattern = pattern_for("square", 9)
+    for share in SHARES[1:-1]:
+        at = share * quick.widest_aperture_m / pattern.longer_side
+        below, above = (quick.predict(pattern, at * (1.0 + step)) for step in (-1e-9, 1e-9))
+        assert above == pytest.approx(below, abs=1e-6)
+
+
+@pytest.mark.parametrize("heading", [0.0, 30.0, 45.0])
+def test_no_grid_that_a_search_may_take_wraps(stand, heading):
+    model = MeasuredModel(stand, ALTITUDE_M, edges="auto", heading_deg=heading)
+    pattern = pattern_for("square", 9)
+    widest = model.widest_aperture_m / pattern.longer_side
+    assert model.edges_of(pattern, widest) == "interior"
+
+
+def test_a_thin_rim_is_told():
+    dense = STANDS["spruce"]._replace(trees=3 * STANDS["spruce"].trees)
+    stand = clumped_forest(dense, side_m=36.0, voxel_m=0.5)
+    assert thin_rim(stand) is None
+    rim, middle = thin_rim(clipped(stand, 3))
+    columns = clipped(stand, 3).hidden_columns
+    assert middle == columns[4:-4, 4:-4].mean()
+    ring = np.ones_like(columns)
+    ring[4:-4, 4:-4] = False
+    assert rim == pytest.approx(columns[ring].mean(), rel=1e-12)
+    assert rim < middle - 0.1
+    bare = replace(stand, occupied=np.zeros_like(stand.occupied))
+    assert thin_rim(bare) is None
+    assert thin_rim(replace(stand, occupied=stand.occupied[:, :6, :6])) is None

@@ -64,6 +64,40 @@ def test_a_model_that_is_off_in_density_is_caught(flight, change):
     assert found.differences[0].startswith("p is ")
 
 
+@pytest.mark.parametrize(
+    ("forest", "view"), [("uniform", "perspective"), ("layered", "telecentric")]
+)
+def test_leaves_hide_what_is_predicted_for_the_length_of_rays(flight, forest, view):
+    settings = Settings(1, 0.004, forest, view)
+    of_cubes, of_leaves = (
+        simulate(flight, settings._replace(occluders=kind)) for kind in ("cubes", "leaves")
+    )
+    assert of_leaves.agree, of_leaves.differences
+    assert of_leaves.predicted.density < of_cubes.predicted.density
+    assert (of_leaves.occluders, of_leaves.document()["occluders"]) == ("leaves", "leaves")
+    # Predictions for the other kind of occluders would be caught.
+    assert not of_leaves._replace(predicted=of_cubes.predicted).agree
+
+
+def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight):
+    found = simulate(flight, Settings(1, 0.01))
+    assert found.agree
+    assert [text.split()[0] for text in found.as_flown] == ["p", "V"]
+    assert "holds straight down only" in found.as_flown[0]
+    assert found.document()["as_flown"] == found.as_flown
+    # What the model itself gets wrong is a difference, not a question of rays.
+    clumped = simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))
+    assert any(text.startswith("V̂") for text in clumped.differences)
+    assert not any(text.startswith("V̂") for text in clumped.as_flown)
+    assert simulate(flight, Settings(1, 0.02, "noise")).as_flown == []
+
+
+@pytest.mark.parametrize("forest", ["noise", "cloud"])
+def test_occluders_go_with_generated_forests_alone(flight, forest):
+    with pytest.raises(RequestError, match=r"--occluders leaves|--forest cloud"):
+        simulate(flight, Settings(forest=forest, occluders="leaves"))
+
+
 def test_clumped_stands_do_not_keep_what_independent_occluders_promise(flight):
     found = simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))
     assert not found.agree
@@ -159,7 +193,9 @@ def test_z_scores_of_volumes_over_seeds_are_those_of_honest_standard_errors(flig
 def test_slanted_predictions_are_those_of_independent_views():
     rng = np.random.default_rng(1)
     positions = rng.uniform(-10, 10, (5, 2))
-    found = slanted(1 / 5, (-0.5, -0.7), positions, (8.0, 4.0), 30.0, "perspective")
+    found = slanted(
+        1 / 5, lambda x, y: -0.5 - 0.7 * (x + y), positions, (8.0, 4.0), 30.0, "perspective"
+    )
     points = (np.arange(9) + 0.5) / 9 - 0.5
     squares, hidden = [], []
     for x in 8.0 * points:

@@ -76,11 +76,11 @@ def test_the_table_says_what_is_planned_predicted_and_seen(command):
     status, out, err = command()
     assert (status, err) == (0, "")
     assert "planned" in out
-    assert "They agree." in out
+    assert "Predicted and simulated agree." in out
     assert max(map(len, out.splitlines())) <= 80
     status, out, _ = command("--forest", "clumped", "--precision", "0.01")
     assert status == 0
-    assert "They disagree:" in out
+    assert "Predicted and simulated disagree:" in out
     assert command("--quiet")[1:] == ("", "")
 
 
@@ -161,7 +161,7 @@ def test_progress_is_shown_on_a_terminal_only(command, monkeypatch):
     status, out, _ = command("--forest", "noise", "--precision", "0.003")
     assert status == 0
     assert "simulating" in terminal.getvalue()
-    assert "They agree." in out
+    assert "Predicted and simulated agree." in out
 
 
 def test_bare_ground_is_no_error(command):

@@ -91,6 +91,7 @@ def simulate(
     seed: int = 1,
     precision: float = 0.005,
     forest: str | None = None,
+    occluders: str = "cubes",
     max_targets: int = compare.MOST_TARGETS,
     **options: Unpack[RequestOptions],
 ) -> Simulation:
@@ -108,6 +109,8 @@ def simulate(
     forest
         ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the forest that
         corresponds to the scene.
+    occluders
+        Occluders of generated volumes: ``cubes``, with side faces, or ``leaves`` of random direction.
     max_targets
         Largest number of targets, for any precision.
     **options
@@ -131,6 +134,7 @@ def simulate(
         seed=index(seed, "seed"),
         precision=positive(precision, "precision"),
         forest=None if forest is None else one_of(compare.FORESTS)(forest, "forest"),
+        occluders=one_of(compare.OCCLUDERS)(occluders, "occluders"),
         most_targets=whole(max_targets, "max_targets"),
     )
     if isinstance(request, Plan) and not options:

@@ -96,6 +96,7 @@ VALUES = {
     "document": Values(_documents),
     "drone": Values(_drones),
     "forest": Values(_of("simulation.compare", "FORESTS")),
+    "occluders": Values(_of("simulation.compare", "OCCLUDERS")),
     "format": Values(_formats),
     "grid": Values(_of("grid.patterns", "GRIDS", "best")),
     "ground": Values(_of("planning.option_parsers", "GROUND")),

@@ -310,6 +310,8 @@ FIELD_DESCRIPTIONS = {
     "differences": "Differences beyond chance and tolerance.",
     "tolerance": "Systematic errors of the simulation.",
     "forest": "Kind of the simulated forest.",
+    "occluders": "Occluders of generated volumes.",
+    "as_flown": "What of the plan's own numbers does not hold for its photos.",
     "SimulationDocument.view": "View of the simulated targets.",
     "precision": "Requested standard error.",
     "precise": "Whether the requested standard error was reached.",

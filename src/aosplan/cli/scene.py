@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from typer.core import TyperArgument, TyperOption
@@ -46,6 +47,8 @@ def run(
 
             bar.doing("measuring the correlogram")
             table = correlogram(loaded.volume)
+        if table is not None and request.edges == "wrapped":
+            table = replace(table, interior=())
     print_warnings(loaded.warnings, quiet=quiet)
     if loaded.from_cache and not quiet:
         print_notice(
@@ -81,7 +84,11 @@ COMMAND = command(
             help="Point clouds (.las, .laz, a folder, a pattern) of one stand; a height raster "
             "(.tif); a scene file (.toml, .json, .npz, .csv); or a preset.",
         ),
-        *request_options(lambda option: option.panel == "Scene" and option.name != "scene"),
+        *request_options(
+            lambda option: (
+                option.name == "edges" or (option.panel == "Scene" and option.name != "scene")
+            )
+        ),
         TyperOption(
             param_decls=["--save"],
             type=str,

@@ -36,6 +36,7 @@ def run(
     seed: str | None,
     precision: str | None,
     forest: str | None,
+    occluders: str | None,
     max_targets: str | None,
     picture: str | None,
     occlusion_map: str | None,
@@ -47,7 +48,7 @@ def run(
 ) -> None:
     """Simulate a plan over a forest and compare the result with its prediction."""
     wanted = request_of(request, flags, defaults=defaults)
-    chosen = _settings(wanted, seed, precision, forest, max_targets)
+    chosen = _settings(wanted, seed, precision, forest, occluders, max_targets)
     if wanted.find is not None and chosen.forest == "noise":
         raise RequestError(
             "--forest noise has no ground for targets", "leave out --find, or --forest"
@@ -95,9 +96,10 @@ def _settings(
     seed: str | None,
     precision: str | None,
     forest: str | None,
+    occluders: str | None,
     max_targets: str | None,
 ) -> Settings:
-    from aosplan.simulation.compare import FORESTS, Settings
+    from aosplan.simulation.compare import FORESTS, OCCLUDERS, Settings
     from aosplan.simulation.experiments import check_views
 
     check_views(wanted.samples)  # before they are planned, which takes seconds
@@ -105,6 +107,8 @@ def _settings(
     given: dict[str, Any] = {"view": wanted.view or "perspective"}
     if forest is not None:
         given["forest"] = q.one_of(FORESTS)(forest, "--forest")
+    if occluders is not None:
+        given["occluders"] = q.one_of(OCCLUDERS)(occluders, "--occluders")
     if max_targets is not None:
         given["most_targets"] = q.whole(max_targets, "--max-targets")
     return read_settings(Settings(**given), seed, precision)
@@ -205,6 +209,13 @@ COMMAND = command(
             "NAME",
             "Simulated forest: noise, uniform, layered, clumped (trees) or cloud (the scene's own "
             "voxels).  [by scene]",
+            "Simulation",
+        ),
+        text_option(
+            "--occluders",
+            "KIND",
+            "Occluders of simulated volumes: cubes, whose side faces slanted rays meet as well, or "
+            "leaves of random direction.  [cubes]",
             "Simulation",
         ),
         text_option(

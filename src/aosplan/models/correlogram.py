@@ -63,6 +63,7 @@ class CorrelogramModel:
     """
 
     name = "correlogram"
+    edges = "wrapped"
     rule_baseline_m = None
     rises_with_baseline = False
 

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import ViewKind, Words
     from aosplan.scenes.voxels import VoxelVolume
 
-LEAST_INTERIOR = 0.25
+LEAST_INTERIOR = 0.2
 """Smallest share of a plot's targets with all rays on the plot for which only these count."""
 
 CACHE_OCTETS = 1 << 28
@@ -289,8 +289,14 @@ class MeasuredModel:
 
     @property
     def widest_aperture_m(self) -> float:
-        """The same distance; two sites of a grid should not be farther apart along an axis."""
-        return self._widest_m
+        """The same distance; two sites of a grid should not be farther apart along an axis.
+
+        If targets count whose rays stay on the plot, the axes are those of the plot.
+        """
+        if self.edges == "wrapped":
+            return self._widest_m
+        turn = math.radians(self.heading_deg)
+        return self._widest_m / (abs(math.cos(turn)) + abs(math.sin(turn)))
 
     @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:

@@ -302,8 +302,26 @@ def _of_stand(stand: VoxelStand, name: str, request: PlanRequest) -> LoadedScene
     scene = stand.scene(name)
     if request.occluder_size is not None:
         scene = replace(scene, voxel_m=request.occluder_size)
-    warnings = tuple(Message(*warning) for warning in stand.volume.warnings)
+    warnings = tuple(Message(*warning) for warning in stand.volume.warnings) + _of_rim(stand.volume)
     return LoadedScene(scene, "cloud", warnings, stand.volume, stand.correlogram)
+
+
+def _of_rim(volume: VoxelVolume) -> tuple[Message, ...]:
+    """The warning of a plot whose rim is thinner than its middle."""
+    from aosplan.scenes.occluder_statistics import thin_rim
+
+    found = thin_rim(volume)
+    if found is None:
+        return ()
+    rim, middle = found
+    return (
+        Message(
+            "thin_rim",
+            f"the canopy hides {rim:.0%} of the ground along the rim of the plot and {middle:.0%} in its "
+            "middle: trees were clipped, or the stand ends there; --edges interior counts the places "
+            "alone whose rays stay on the plot",
+        ),
+    )
 
 
 def _is_cloud(name: str) -> bool:

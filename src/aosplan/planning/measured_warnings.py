@@ -44,14 +44,14 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
             "gaps; read the cloud with smaller voxels, or use a smaller aperture",
         )
     extent_m = max(solution.pattern.extent) * solution.baseline_m
-    if extent_m > problem.model.widest_aperture_m * (1.0 + 1e-9):
-        shear_m = 0.5 * extent_m / problem.model.widest_aperture_m
+    if extent_m > problem.model.independent_baseline_m * (1.0 + 1e-9):
+        shear_m = 0.5 * extent_m / problem.model.independent_baseline_m
         yield Message(
             "small_plot",
             f"the plot is too small for this aperture: {extent_m:.4g} m at an altitude "
             f"of {inputs.altitude_m:.4g} m shift the top of the canopy by "
             f"{shear_m:.2g} of the plot, and beyond one half the same trees count "
-            f"twice; use an aperture of at most {problem.model.widest_aperture_m:.4g} "
+            f"twice; use an aperture of at most {problem.model.independent_baseline_m:.4g} "
             "m, or measure a larger plot",
         )
     if not compares_headings and (word := other_heading(Alternative(problem, solution))):

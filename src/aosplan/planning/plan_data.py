@@ -130,10 +130,11 @@ class PlanData:
         """Targets that count: ``interior`` (those whose rays stay on the plot) or ``wrapped`` (all)."""
         if self.model != "measured":
             return None
-        of_model = getattr(self.problem and self.problem.model, "edges_of", None)
-        if of_model is None:  # nothing is hidden, or the scene has a correlogram alone
-            return "wrapped"
-        edges: str = of_model(self.solution.pattern, self.solution.baseline_m)
+        model = self.problem and self.problem.model
+        of_grid = getattr(model, "edges_of", None)
+        if of_grid is None:  # nothing is hidden, or a correlogram
+            return str(getattr(model, "edges", "wrapped"))
+        edges: str = of_grid(self.solution.pattern, self.solution.baseline_m)
         return edges
 
     @property

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aosplan.camera.disparity import Slab
     from aosplan.models.model import VisibilityModel
     from aosplan.planning.resolve import PlanInputs
+    from aosplan.scenes.correlogram import Correlogram
     from aosplan.scenes.scene import Scene
     from aosplan.solver.problem import OnTrial
 
@@ -175,7 +176,6 @@ def _of_statistics(
 
 def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, VisibilityModel | None]:
     """The measured model, and the surrogate for searches."""
-    from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.measured import MeasuredModel
     from aosplan.scenes.correlogram import correlogram
 
@@ -193,21 +193,35 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
                 "neither a raised focal plane nor the view perspective",
                 "save the scene as .npz, with its voxels, or use --model layered",
             )
-        return memo(CorrelogramModel, table, altitude, **common), None
+        if inputs.edges == "interior" and table.edges != "interior":
+            raise RequestError(
+                f"--edges interior: scene '{inputs.scene_name}' was saved with --edges wrapped",
+                "save it again with --edges auto, or leave out --edges",
+            )
+        return memo(_surrogate, table, inputs.edges, altitude, **common), None
     seen: dict[str, Any] = {"view": inputs.view, "focal_height_m": focal_height, **common}
     bounds, edges = inputs.bounds, inputs.edges
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
         return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
-    # A search compares all grids by the same targets: with `auto`, those of the whole plot.
-    seen["edges"] = "interior" if edges == "interior" else "wrapped"
-    model = memo(MeasuredModel, volume, altitude, **seen)
-    if model.view == "perspective" or edges == "interior":
-        # A correlogram is telecentric and of the wrapped plot, so the surrogate is a model with fewer targets.
-        sparse = memo(MeasuredModel, volume, altitude, targets_per_voxel=1, **seen)
+    model = memo(MeasuredModel, volume, altitude, edges=edges, **seen)
+    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
+        if volume.targets_per_voxel == 1:
+            return model, None
+        sparse = memo(MeasuredModel, volume, altitude, edges=edges, targets_per_voxel=1, **seen)
         return model, sparse
-    if table is None or focal_height > 0.0:
+    if table is None or focal_height > 0.0 or (edges != "wrapped" and table.edges == "wrapped"):
         table = memo(correlogram, volume, focal_height_m=focal_height)
-    return model, memo(CorrelogramModel, table, altitude, **common)
+    return model, memo(_surrogate, table, edges, altitude, **common)
+
+
+def _surrogate(table: Correlogram, edges: str, altitude_m: float, **common: Any) -> VisibilityModel:
+    """The correlogram's model of all targets, or of those whose rays stay on the plot."""
+    from aosplan.models.correlogram import CorrelogramModel
+    from aosplan.models.interior_surrogate import InteriorSurrogate
+
+    if edges == "wrapped" or table.edges == "wrapped":
+        return CorrelogramModel(table, altitude_m, **common)
+    return InteriorSurrogate(table, altitude_m, **common)
 
 
 def _above(scene: Scene, height_m: float) -> tuple[Scene | None, float]:

@@ -29,14 +29,16 @@ with a few trees.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from aosplan.scenes.hidden_counts import popcount
+from aosplan.scenes.occlusion import PlotWindow
 from aosplan.scenes.sampled_targets import views_of
+from aosplan.scenes.voxels import FACE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,6 +47,10 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
     Floats = NDArray[np.float64]
+
+INTERIOR = 0.2, 0.4, 0.6, 0.8, 1.0
+"""Widths of apertures as shares of the reach, for each of which the targets are counted from which all
+rays to the aperture stay on the plot.  For other widths a model interpolates."""
 
 LAGS = 15
 SMALLEST_LAG = 0.01
@@ -76,6 +82,9 @@ class Correlogram:
     reach
         Largest lag for which the plot is large enough: at this lag, the rays of two views are half
         a plot apart at the top of the canopy.
+    interior
+        Correlograms of the targets from which all rays to an aperture stay on the plot, for the widths
+        `INTERIOR`; empty if they are not known.
     """
 
     lags: Floats
@@ -84,6 +93,12 @@ class Correlogram:
     density_by_offset: Floats
     density: float
     reach: float
+    interior: tuple[Correlogram, ...] = ()
+
+    @property
+    def edges(self) -> str:
+        """Targets that count: ``interior``, whose rays stay on the plot, or all: ``wrapped``."""
+        return "interior" if self.interior else "wrapped"
 
     def to_document(self) -> dict[str, Any]:
         """The correlogram as plain values, without the density of the nadir view."""
@@ -144,7 +159,10 @@ class Correlogram:
 def correlogram(
     volume: VoxelVolume, *, targets_per_voxel: int | None = None, focal_height_m: float = 0.0
 ) -> Correlogram:
-    """Compute the correlogram of a volume from telecentric views; the plot is periodic.
+    """Compute the correlogram of a volume from telecentric views.
+
+    Its own tables count all targets, and the plot is periodic.  Those in `interior` count the targets
+    from which all rays to an aperture stay on the plot, one for each width in `INTERIOR`.
 
     Parameters
     ----------
@@ -162,37 +180,76 @@ def correlogram(
     lags: Floats = SMALLEST_LAG * np.exp2(0.5 * np.arange(-2, LAGS))
     turns = np.arange(2 * DIRECTIONS) * (math.pi / DIRECTIONS)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
-    offsets_m = altitude_m * unit[:, np.newaxis] * lags[:, np.newaxis]
-    masks = occlusion.masks(np.vstack([[(0.0, 0.0)], offsets_m.reshape(-1, 2)]))
-    nadir, masks = masks[:1], masks[1:].reshape(len(turns), len(lags), -1)
-    density = popcount(masks[:, 2:]) / occlusion.targets
+    offsets = unit[:, np.newaxis] * lags[:, np.newaxis]
+    masks = occlusion.masks(np.vstack([[(0.0, 0.0)], altitude_m * offsets.reshape(-1, 2)]))
+    lattice = _Views(masks[:1], masks[1:].reshape(len(turns), len(lags), -1), offsets)
+    reach = 0.5 * min(volume.size_m) / top_m if top_m else np.inf
 
-    def views(turn: int, steps: int) -> Words:
+    def table(margin: int, aperture: float) -> Correlogram:
+        """The correlogram of targets so many voxels from the edges, from pairs within an aperture."""
+        width = margin * occlusion.targets_per_voxel
+        rows, columns = occlusion.rows - 2 * width, occlusion.columns - 2 * width
+        inside = occlusion.mask_of(PlotWindow(width, width, rows, columns))
+        rho, density = lattice.tables(inside, aperture)
+        return Correlogram(
+            lags=lags[2:],
+            directions_deg=np.degrees(turns[:DIRECTIONS]),
+            rho=rho,
+            density_by_offset=0.5 * (density[:DIRECTIONS] + density[DIRECTIONS:]),
+            density=float(popcount(lattice.nadir & inside)[0]) / int(popcount(inside)),
+            reach=float(min(reach, lags[-1])),
+        )
+
+    whole = table(0, math.inf)
+    if not top_m:
+        return whole
+    apertures = [share * reach for share in INTERIOR]
+    margins = [math.ceil(0.5 * each * top_m / volume.voxel_m - FACE) for each in apertures]
+    if 2 * margins[-1] >= min(volume.occupied.shape[1:]):  # a plot of a few voxels
+        return whole
+    return replace(whole, interior=tuple(map(table, margins, apertures)))
+
+
+class _Views(NamedTuple):
+    """Views of a polar lattice: the nadir view, and masks and offsets by direction and lag."""
+
+    nadir: Words
+    masks: Words
+    offsets: Floats
+
+    def tables(self, inside: Words, aperture: float) -> tuple[Floats, Floats]:
+        """ρ by direction and lag, and p by all directions and lag, of the targets in a mask.
+
+        Pairs with a view outside of the aperture do not count, unless all pairs of an entry are.
+        """
+        targets = int(popcount(inside))
+        rho = np.empty((DIRECTIONS, LAGS))
+        for ahead in range(DIRECTIONS):
+            behind, diagonal = ahead + DIRECTIONS, DIRECTIONS // 4
+            pairs = (
+                (2.0, (behind, 2), (ahead, 2)),
+                # If the centre of the pair is Δ/2 to the side, both views are Δ/√2 from nadir, at 45°.
+                (2.0, (behind + diagonal, 1), (ahead - diagonal, 1)),
+                (2.0, (behind - diagonal, 1), (ahead + diagonal, 1)),
+                (1.0, None, (ahead, 0)),
+                (1.0, None, (behind, 0)),
+            )
+            total, weights, among = np.zeros(LAGS), np.zeros(LAGS), np.zeros(LAGS)
+            for weight, one, other in pairs:
+                first = self.nadir if one is None else self._at(self.masks, *one)
+                alike = _correlation(first & inside, self._at(self.masks, *other) & inside, targets)
+                # Both views are as far from nadir, or one of them is at nadir.
+                spread = np.abs(self._at(self.offsets, *other)).max(axis=1)
+                counts = weight * (spread <= 0.5 * aperture * (1.0 + FACE))
+                total += weight / 8.0 * alike
+                among += counts * alike
+                weights += counts
+            rho[ahead] = np.divide(among, weights, out=total, where=weights > 0.0)
+        return rho, popcount(self.masks[:, 2:] & inside) / targets
+
+    def _at(self, views: Any, turn: int, steps: int) -> Any:
         """Views in a direction at the table's lags divided by √2 to the power of `steps`."""
-        return masks[turn % len(turns), 2 - steps : len(lags) - steps]
-
-    rho = np.empty((DIRECTIONS, LAGS))
-    for ahead in range(DIRECTIONS):
-        behind, diagonal = ahead + DIRECTIONS, DIRECTIONS // 4
-        about = (
-            (views(behind, 2), views(ahead, 2)),
-            # If the centre of the pair is Δ/2 to the side, both views are Δ/√2 from nadir, at 45°.
-            (views(behind + diagonal, 1), views(ahead - diagonal, 1)),
-            (views(behind - diagonal, 1), views(ahead + diagonal, 1)),
-        )
-        along = (nadir, views(ahead, 0)), (nadir, views(behind, 0))
-        weighted = [(2.0, pair) for pair in about] + [(1.0, pair) for pair in along]
-        rho[ahead] = sum(
-            weight * _correlation(*pair, occlusion.targets) for weight, pair in weighted
-        )
-    return Correlogram(
-        lags=lags[2:],
-        directions_deg=np.degrees(turns[:DIRECTIONS]),
-        rho=rho / 8.0,
-        density_by_offset=0.5 * (density[:DIRECTIONS] + density[DIRECTIONS:]),
-        density=float(popcount(nadir)[0]) / occlusion.targets,
-        reach=float(min(0.5 * min(volume.size_m) / top_m if top_m else np.inf, lags[-1])),
-    )
+        return views[turn % len(views), 2 - steps : views.shape[1] - steps]
 
 
 def _correlation(one: Words, other: Words, targets: int) -> Floats:

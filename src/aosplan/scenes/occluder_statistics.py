@@ -8,6 +8,7 @@ integral is therefore taken as o for clumps of any shape.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +27,15 @@ VIEWS_AN_ANGLE = 8
 
 FEW_CELLS = 1_000_000
 """Largest slice, in cells, whose integral range is computed from all pairs of cells."""
+
+RIM_M = 2.0
+"""Width of the rim of a plot that is compared with its middle."""
+
+RIM_CELLS = 1000
+"""Cells along a side of a plot from which the size of its clumps is measured at most."""
+
+THIN_RIM = 0.1
+"""Least difference of p between the middle of a plot and its rim for a warning."""
 
 SAMPLED_CELLS = 1_000_000
 """Total number of cells in the windows that give the near lags of a larger slice."""
@@ -99,6 +109,31 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
         hidden = popcount(occlusion.masks(altitude_m * np.tan(np.radians(angle)) * unit))
         pairs.append([angle, float(hidden.mean()) / occlusion.targets])
     return pairs
+
+
+def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
+    """p straight down along the rim of a plot and in its middle; None if the rim is not thinner.
+
+    The difference has to be larger than `THIN_RIM`, and than its standard error.
+    The rim is `RIM_M` wide, or an eighth of a small plot.  A plot that was clipped out of a cloud often
+    lacks the crowns of the trees that stand outside of it.
+    """
+    hidden = volume.hidden_columns
+    rows, columns = hidden.shape
+    width = min(math.ceil(RIM_M / volume.voxel_m), min(rows, columns) // 8)
+    if width == 0 or not 0.0 < volume.column_occupancy < 1.0:
+        return None
+    middle = hidden[width:-width, width:-width]
+    inside = float(middle.mean())
+    rim = (np.count_nonzero(hidden) - np.count_nonzero(middle)) / (hidden.size - middle.size)
+    step = -(-max(rows, columns) // RIM_CELLS)
+    part = hidden[::step, ::step]
+    clump = step * math.sqrt(correlation_range(part - part.mean())[0])
+    # A rim that is narrower than a clump has as many of them as go along it.
+    shares = clump**2 / middle.size + clump * min(clump, width) / (hidden.size - middle.size)
+    p = volume.column_occupancy
+    error = math.sqrt(p * (1.0 - p) * shares)
+    return (float(rim), inside) if inside - rim > max(THIN_RIM, error) else None
 
 
 def integral_range(mask: NDArray[np.bool_]) -> float:

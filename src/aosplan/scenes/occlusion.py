@@ -160,6 +160,7 @@ class Occlusion:
         # Heights of the faces between slices divided by the altitude, including bottom and top.
         self._faces = np.maximum(faces_m, 0.0) / altitude_m
         self._plates = volume.slice_m is not None
+        self._cell_voxels = volume.cell_voxels
         self._altitude_m = altitude_m
         self._view = view
         self._per_voxel = int(targets_per_voxel)
@@ -171,6 +172,7 @@ class Occlusion:
         # Number of octets, rounded up to 64-bit words.
         self._width = 8 * -(-self.columns // 64)
         self._tiles: _Tiles | None = None
+        self._planes: dict[int, tuple[Octets, ...]] = {}
 
     @property
     def targets_per_voxel(self) -> int:
@@ -338,7 +340,8 @@ class Occlusion:
         """Shifts [targets] at which views meet the cells of each slice of plates."""
         middle = 0.5 * (self._faces[:-1] + self._faces[1:])
         slope = offsets / self._altitude_m
-        return plates.shifts(offsets / self._pitch_m, slope, middle, self._per_voxel)
+        per_cell = self._per_voxel * self._cell_voxels
+        return plates.shifts(offsets / self._pitch_m, slope, middle, per_cell)
 
     def _perspective_plates(self, masks: Octets, positions: NDArray[np.float64]) -> None:
         """Set masks of shape (views, width, rows) for a volume of plates."""
@@ -346,13 +349,13 @@ class Occlusion:
         y_m, y_of = np.unique(positions[:, 1], return_inverse=True)
         abreast = [np.flatnonzero(x_of == x).tolist() for x in range(len(x_m))]
         along, across = self._plot
-        scale = self._pitch_m, self._altitude_m, self._per_voxel
+        scale = self._pitch_m, self._altitude_m, self._per_voxel, self._cell_voxels
         east = plates.Axis.along(x_m, across, self._window.column, 8 * self._width, *scale)
         north = plates.Axis.along(y_m, along, self._window.row, self.rows, *scale)
         hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
         for level in self._filled.tolist():
             height = 0.5 * float(self._faces[level] + self._faces[level + 1])
-            plane = _column_bits(self._occupied[level])
+            (plane,) = self._turned(level)
             x, x_beside = east.cells(height, level)
             y, y_beside = north.cells(height, level)
             again = (y != y_beside).any(axis=1)
@@ -377,22 +380,35 @@ class Occlusion:
         first_y, first_x = self._window[:2]
         hidden = np.zeros((len(masks), self.rows, self._width), dtype=np.uint8)
         for face in np.union1d(self._filled, self._filled + 1):
-            above = np.asarray(self._occupied[face : face + 1].any(axis=0))
-            around = np.asarray(self._occupied[max(face - 1, 0) : face + 1].any(axis=0))
+            above, around = self._turned(face)
             x = self._voxels(face, x_m, across, first_x, 8 * self._width)
             x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
             y = self._voxels(face, y_m, along, first_y, self.rows)
             if 2 * self.rows < along:  # most rows of the plot are not met
                 met_rows, places = np.unique(y, return_inverse=True)
                 y = places.reshape(y.shape).astype(np.int32)
-                above, around = above[met_rows], around[met_rows]
-            above_bits, around_bits = _column_bits(above), _column_bits(around)
+                above, around = above[:, met_rows], around[:, met_rows]
             for views, met, beside in zip(abreast, x, x_beside, strict=True):
-                octets = _picked(around_bits, met) | _picked(above_bits, beside)
+                octets = _picked(around, met) | _picked(above, beside)
                 rows = np.ascontiguousarray(octets.T)
                 for view in views:
                     hidden[view] |= rows.take(y[y_of[view]], axis=0)
         masks[...] = hidden.transpose(0, 2, 1)
+
+    def _turned(self, level: int) -> tuple[Octets, ...]:
+        """What rays meet at a slice of plates, or above and around a face of cubes: columns first.
+
+        Kept for later views if the volume is not too large.
+        """
+        found = self._planes.get(level)
+        if found is None:
+            above = self._occupied[level : level + 1].any(axis=0)
+            around = self._occupied[max(level - 1, 0) : level + 1].any(axis=0)
+            planes = (above,) if self._plates else (above, around)
+            found = tuple(np.ascontiguousarray(plane.T).view(np.uint8) for plane in planes)
+            if len(planes) * self._occupied.size <= OCTETS_KEPT:
+                self._planes[level] = found
+        return found
 
     def _voxels(
         self, face: int, camera_m: NDArray[np.float64], across: int, first: int, count: int
@@ -420,18 +436,12 @@ def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
     return offsets
 
 
-def _column_bits(plane: NDArray[np.bool_]) -> Octets:
-    """Columns of a plane, shifted to each bit of an octet: shape (8, columns, rows)."""
-    bits = np.uint8(1) << np.arange(8, dtype=np.uint8)
-    return np.ascontiguousarray(plane.T).view(np.uint8) * bits[:, np.newaxis, np.newaxis]
-
-
-def _picked(column_bits: Octets, columns: NDArray[np.int32]) -> Octets:
-    """Columns of a plane at the given indices, eight packed into an octet: shape (width, rows)."""
-    _, count, rows = column_bits.shape
-    places = columns.reshape(-1, 8) + count * np.arange(8)
-    apart = column_bits.reshape(-1, rows).take(places, axis=0)
-    octets: Octets = np.bitwise_or.reduce(apart, axis=1)
+def _picked(plane: Octets, columns: NDArray[np.int32]) -> Octets:
+    """Columns of a turned plane that targets lie below, eight to an octet: shape (width, rows)."""
+    apart = plane.take(columns, axis=0)
+    octets = apart[0::8].copy()
+    for bit in range(1, 8):
+        octets |= apart[bit::8] << np.uint8(bit)
     return octets
 
 

@@ -21,7 +21,7 @@ SPREAD = np.array([754.877666, 569.840291])
 """Factors that turn positions into evenly distributed numbers; from the plastic number."""
 
 
-def shifts(offsets: Floats, slope: Floats, middle: Floats, per_voxel: int) -> NDArray[np.intp]:
+def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDArray[np.intp]:
     """Shifts [targets] at which telecentric views meet the cells of each slice of plates.
 
     Parameters
@@ -32,7 +32,7 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_voxel: int) -> ND
         Shape (N, 2): offsets divided by the altitude, which is tan θ along x and y.
     middle
         Shape (slices,): middle height of each slice divided by the altitude.
-    per_voxel
+    per_cell
         Targets along each side of a cell.
 
     Returns
@@ -46,7 +46,7 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_voxel: int) -> ND
     levels = np.arange(len(middle), dtype=np.float64)[:, np.newaxis]
     again = np.minimum(_again(more, _phase(slope), levels), 2)[:, :, np.newaxis]
     x_first = np.abs(offsets[:, :1]) >= np.abs(offsets[:, 1:])
-    beside = np.where(x_first == (True, False), np.where(offsets < 0.0, -1, 1), 0) * per_voxel
+    beside = np.where(x_first == (True, False), np.where(offsets < 0.0, -1, 1), 0) * per_cell
     met = [once, once + np.minimum(again, 1) * beside, once + again * beside]
     return np.stack(met, axis=2)
 
@@ -69,7 +69,9 @@ class Axis(NamedTuple):
     across
         Number of targets along the plot.
     per_voxel
-        Targets along each side of a cell.
+        Targets along each side of a voxel.
+    cell_voxels
+        Voxels along each side of a cell.
     """
 
     target: Floats
@@ -79,6 +81,7 @@ class Axis(NamedTuple):
     phase: Floats
     across: int
     per_voxel: int
+    cell_voxels: int
 
     @classmethod
     def along(
@@ -90,6 +93,7 @@ class Axis(NamedTuple):
         pitch_m: float,
         altitude_m: float,
         per_voxel: int,
+        cell_voxels: int,
     ) -> Axis:
         """An axis of `across` targets, of which `count` from `first` on are computed."""
         target = (np.arange(first, first + count) + (0.5 - 0.5 * across)).astype(np.float64)
@@ -104,6 +108,7 @@ class Axis(NamedTuple):
             ],
             across,
             per_voxel,
+            cell_voxels,
         )
 
     def cells(self, height: float, level: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -115,7 +120,7 @@ class Axis(NamedTuple):
         place = self.target * (1.0 - height) + self.camera[:, np.newaxis] * height
         place += 0.5 * self.across
         met = np.floor(place / self.per_voxel).astype(np.int32)
-        again = _again(self.more, self.phase, np.float64(level)) > 0
+        again = (_again(self.more, self.phase, np.float64(level)) > 0) * np.int32(self.cell_voxels)
         cells = np.int32(self.across // self.per_voxel)
         return met % cells, (met + self.toward * again) % cells
 

@@ -61,13 +61,13 @@ def statistics_document(
             "points": volume.points,
             "points_per_m2": volume.points_per_m2,
             "plot_m": list(volume.size_m),
-            "edges": "wrapped",
         }
         if volume.opacity is not None:
             document["opacity"] = volume.opacity.to_document()
     if correlogram is not None:
         from aosplan.scenes.files.correlogram_table import correlogram_table, density_by_angle
 
+        document["edges"] = correlogram.edges
         table = correlogram_table(correlogram)
         document["density_by_angle"] = density_by_angle(correlogram)
         document["density_by_offset"] = table.pop("density_by_offset")

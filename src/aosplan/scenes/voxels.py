@@ -67,6 +67,9 @@ class VoxelVolume:
         Thickness of a slice if it is not that of a voxel.  The voxels are then plates without side
         faces: a ray meets one in each slice, and a slanted ray meets more, in proportion to its
         length.  Otherwise the voxels are cubes.
+    cell_voxels
+        Voxels along each side of a plate: a ray that meets a second plate of a slice meets the one that
+        many voxels beside.
     opacity
         How opacity was found, for volumes from point clouds.
     bounds
@@ -97,6 +100,7 @@ class VoxelVolume:
     opacity: Opacity | None = None
     bounds: tuple[NDArray[np.bool_], NDArray[np.bool_]] | None = None
     place: tuple[float, float] | None = None
+    cell_voxels: int = 1
 
     def __post_init__(self) -> None:
         where = f"voxel volume '{self.source}'" if self.source else "voxel volume"
@@ -161,7 +165,12 @@ class VoxelVolume:
 
         This is the share of the ground that photos from vertically above do not see.
         """
-        return float(self.occupied.any(axis=0).mean())
+        return float(self.hidden_columns.mean())
+
+    @cached_property
+    def hidden_columns(self) -> NDArray[np.bool_]:
+        """Columns of voxels with an occupied one, shape (rows, columns)."""
+        return np.asarray(self.occupied.any(axis=0))
 
 
 def fill(
@@ -282,6 +291,17 @@ def footprint(touched: NDArray[np.bool_], reach: int) -> float:
 def cells_along(length_m: float, voxel_m: float) -> int:
     """Number of voxels for points along a length, including both ends."""
     return math.floor(length_m / voxel_m + FACE) + 1
+
+
+def filled_cells(length_m: float, voxel_m: float, spacing_m: float) -> int:
+    """Return how many of the voxels of `cells_along` the points fill: all, or all but the last.
+
+    The last does not count if the points end farther from its edge than they are apart.  The rest of
+    it would count as open ground, although it was not measured.
+    """
+    cells = cells_along(length_m, voxel_m)
+    ragged = cells * voxel_m - length_m > spacing_m * (1.0 + FACE)
+    return cells - (1 if ragged and cells > 1 else 0)
 
 
 def fits(size_m: Sequence[float], voxel_m: float) -> bool:

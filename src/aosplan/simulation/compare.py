@@ -1,21 +1,18 @@
 """Comparison of a plan's prediction with its simulation.
 
-**Prediction.**  The model predicts what the experiment measures, which may differ from the plan.
-The uniform and the layered model predict for vertical rays, but rays from a flown plan to its
-target area are slanted.  A ray with slopes s = |tan x| + |tan y| meets more cubes: it is clear with
-probability Π q^(1 + r s), where r is the thickness of a slice divided by the size of its occluders
-(Beer-Lambert).  p is therefore the mean of p_i(t) over views i and targets t, and
-
-    E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
-
-with the K of the plan.  The measured model predicts for the view of the experiment, telecentric or
+**Prediction.**  The model predicts for the rays of the experiment, which are not those of the plan.  A plan is
+for a target below the middle of its grid, and the uniform and the layered model predict for vertical rays.
+Photos look at their area at a slant, and cross more leaves, or side faces of cubes
+(`aosplan.models.area_rays`).  The measured model predicts for the view of the experiment, telecentric or
 perspective.  Noise patterns are the experiment of the paper; the prediction is that of the plan.
 
 **Agreement.**  Prediction and experiment agree if each of p, V and V̂ differs by at most
 `MOST_ERRORS` standard errors plus the systematic error of the experiment: the effect of voxels on
 p, V and K (`TOLERANCE`), and the effect of cubes on K.  Slanted rays see cubes that are up to 1 + s
-times as wide.  Their effect is therefore computed as the change of K of independent slices at a
-disparity that is smaller by this factor.
+times as wide, for slopes whose sum is s.  Their effect is therefore computed as the change of K of independent
+slices at a disparity that is smaller by this factor.
+
+**As flown.**  The plan's own numbers may not hold although prediction and experiment agree; `as_flown` lists them.
 """
 
 from __future__ import annotations
@@ -27,9 +24,9 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.grid.patterns import local_sites
+from aosplan.models.area_rays import cube_terms, cubes, leaves, slanted
 from aosplan.models.layered import LayeredModel
 from aosplan.models.measured import MeasuredModel
-from aosplan.models.model import Prediction
 from aosplan.models.uniform import UniformModel
 from aosplan.simulation.experiments import (
     FEWEST_SAMPLES,
@@ -48,27 +45,35 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.models.model import Prediction
     from aosplan.planning.result import Plan
     from aosplan.scenes.occlusion import ViewKind
     from aosplan.scenes.scene import Scene
 
+OCCLUDERS = ("cubes", "leaves")
+"""What the volumes of a simulation are made of: cubes with side faces, or leaves of random direction."""
+
 FORESTS = ("noise", "uniform", "layered", "clumped", "cloud")
 """Names of the forests on which a plan can be simulated."""
+
+OF_OCCLUDERS = ("uniform", "layered", "clumped")
+"""The forests that are generated."""
 
 FOREST_OF = {"uniform": "uniform", "layered": "layered", "cloud": "cloud"}
 """The forest that corresponds to each kind of scene."""
 
 QUANTITIES = ("density", "expected", "normalized")
 
+SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
+
+LEAST_UNLIKE = 0.01
+"""Difference from the plan's own numbers that is not worth a word."""
+
 MOST_ERRORS = 4.0
 """Largest difference in standard errors that can be due to chance, less than once in a thousand."""
 
 MOST_TARGETS = 100_000_000
 """Default limit of the number of targets of a simulation."""
-
-AREA_POINTS = 9
-"""Number of points along each side of the target area over which predictions are averaged."""
-
 
 TOLERANCE = {"density": 0.003, "expected": 0.003, "normalized": 0.03}
 """Systematic error of voxel volumes: of p and V, and of V̂ as a share of 1 - V̂."""
@@ -88,6 +93,8 @@ class Settings(NamedTuple):
     view
         ``perspective``: targets on the ground that all samples see, under one aperture.
         ``telecentric``: each target is at the centre of its own aperture.
+    occluders
+        One of `OCCLUDERS`, for generated volumes.
     most_targets
         Number of targets after which the simulation stops at any precision, but not before
         `FEWEST_SAMPLES` volumes.
@@ -98,6 +105,7 @@ class Settings(NamedTuple):
     forest: str | None = None
     view: ViewKind = "perspective"
     most_targets: int = MOST_TARGETS
+    occluders: str = "cubes"
 
 
 class Simulation(NamedTuple):
@@ -143,6 +151,16 @@ class Simulation(NamedTuple):
         return not self.differences
 
     @property
+    def as_flown(self) -> list[str]:
+        """What of the plan's own numbers does not hold for its photos, a sentence each."""
+        return [text for name in QUANTITIES if (text := self._unlike_the_plan(name))]
+
+    @property
+    def occluders(self) -> str | None:
+        """What the volumes are made of; None if they were not generated."""
+        return self.settings.occluders if self.settings.forest in OF_OCCLUDERS else None
+
+    @property
     def precise(self) -> bool:
         """Whether the standard errors reached the requested precision."""
         return _worst(self.simulated) <= self.settings.precision
@@ -160,8 +178,10 @@ class Simulation(NamedTuple):
             "simulated": found,
             "agree": self.agree,
             "differences": self.differences,
+            "as_flown": self.as_flown,
             "tolerance": self.tolerance,
             "forest": self.settings.forest,
+            "occluders": self.occluders,
             "view": None if self.settings.forest == "noise" else self.settings.view,
             "seed": self.settings.seed,
             "precision": self.settings.precision,
@@ -177,11 +197,23 @@ class Simulation(NamedTuple):
         # V̂ is undefined if nothing is hidden; 1e-9 covers rounding.
         if math.isnan(found) or abs(predicted - found) <= MOST_ERRORS * error + tolerance + 1e-9:
             return ""
-        symbol = {"density": "p", "expected": "V", "normalized": "V̂"}[name]
         return (
-            f"{symbol} is {found:.4f} ± {error:.4f}, but the {self.plan.model} model "
+            f"{SYMBOLS[name]} is {found:.4f} ± {error:.4f}, but the {self.plan.model} model "
             f"predicts {predicted:.4f}"
         )
+
+    def _unlike_the_plan(self, name: str) -> str:
+        planned = getattr(self.plan.solution.prediction, name)
+        found = getattr(self.simulated, name)
+        error = getattr(self.simulated, f"{name}_standard_error")
+        if self.settings.forest == "noise" or math.isnan(found):
+            return ""
+        if self._difference(name, self.tolerance[name]):  # the model is wrong, not the rays
+            return ""
+        if abs(planned - found) <= MOST_ERRORS * error + max(self.tolerance[name], LEAST_UNLIKE):
+            return ""
+        rays = "below the middle of the grid" if self.plan.model == "measured" else "straight down"
+        return f"{SYMBOLS[name]} is {found:.1%}; the plan's {planned:.1%} holds {rays} only"
 
 
 def simulate(
@@ -240,7 +272,7 @@ def simulate(
         if progress is not None:
             progress(len(samples), math.ceil(len(samples) * (worst / settings.precision) ** 2))
     found = estimate(samples, one_plot=experiment.one_plot)
-    tolerance = _tolerance(plan, above, experiment, predicted)
+    tolerance = _tolerance(plan, above, experiment, predicted, settings)
     return Simulation(
         plan, settings, predicted, found, views, targets, len(samples), tolerance, experiment
     )
@@ -270,6 +302,11 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
         )
     above = plan.scene.above(plan.inputs.focal_height_m)
     settings = settings._replace(forest=_forest(plan, settings))
+    if settings.occluders != "cubes" and settings.forest not in OF_OCCLUDERS:
+        raise RequestError(
+            f"--occluders {settings.occluders} with --forest {settings.forest}",
+            f"it goes with the forests that are generated: {', '.join(OF_OCCLUDERS)}",
+        )
     if above is None or plan.coverage is None:
         return settings, None, plan.solution.prediction
     return settings, *_experiment(plan, above, settings)
@@ -362,14 +399,16 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
         positions = _sites(plan, 0.0)
         area = _target_area(plan, settings.view)
         size = min(layer.occluder_size_m for layer in above.slices())
-        make = maker(above, str(settings.forest))
+        of_leaves = settings.occluders == "leaves"
+        make = maker(above, str(settings.forest), of_leaves=of_leaves)
         flown = positions, h, above.canopy_top_m
         experiment = ForestExperiment(settings.seed, make, *flown, size, settings.view, area)
         experiment.check()
     if plan.model == "measured":
         return experiment, _measured(plan, settings.view)
+    log_clear = leaves(above) if settings.occluders == "leaves" else cubes(above)
     return experiment, slanted(
-        _shortfall(plan, above), _lengths(above), positions, area, h, settings.view
+        _shortfall(plan, above), log_clear, positions, area, h, settings.view
     )
 
 
@@ -411,28 +450,17 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
     return across, along
 
 
-def _lengths(above: Scene) -> tuple[float, float]:
-    """Logarithm of the vertical transparency, and its change per unit of slope."""
-    straight = slope = 0.0
-    for layer in above.slices():
-        cubes = (layer.top_m - layer.bottom_m) / layer.occluder_size_m
-        log_clear = math.log1p(-layer.density)
-        straight += log_clear
-        slope += log_clear * cubes / max(round(cubes), 1)
-    return straight, slope
-
-
 def _tolerance(
-    plan: Plan, above: Scene, experiment: Experiment, predicted: Prediction
+    plan: Plan, above: Scene, experiment: Experiment, predicted: Prediction, settings: Settings
 ) -> dict[str, float]:
     """Systematic error of an experiment for each quantity."""
     if isinstance(experiment, NoiseExperiment):
         return dict.fromkeys(QUANTITIES, 0.0)
     wider = 0.0
-    if isinstance(experiment, ForestExperiment):
+    if isinstance(experiment, ForestExperiment) and settings.occluders == "cubes":
         model = LayeredModel(above.slices(), plan.altitude_m)
         pattern, baseline = plan.solution.pattern, plan.solution.baseline_m
-        straight, slope = _lengths(above)
+        straight, slope = cube_terms(above)
         # The mean slope along one axis, from its effect on the transparency.
         mean_slope = 0.5 * (math.log(predicted.transparency) - straight) / slope
         wide = model.predict(pattern, baseline / (1.0 + max(mean_slope, 0.0)))
@@ -451,43 +479,3 @@ def _measured(plan: Plan, view: ViewKind) -> Prediction:
         focal_height_m=plan.inputs.focal_height_m,
     )
     return model.predict(plan.solution.pattern, plan.solution.baseline_m)
-
-
-def slanted(
-    shortfall: float,
-    log_transparency: tuple[float, float],
-    positions_m: NDArray[np.float64],
-    area_m: tuple[float, float],
-    altitude_m: float,
-    view: ViewKind,
-) -> Prediction:
-    """A prediction for the slanted rays of an experiment, as described in the module docstring.
-
-    Parameters
-    ----------
-    shortfall
-        K of the plan.
-    log_transparency
-        Logarithm of the vertical transparency, and its change per unit of slope.
-    positions_m
-        Camera positions relative to the centre of the pattern, shape (N, 2).
-    area_m
-        Size of the target area along x and y, for perspective views.
-    altitude_m
-        Altitude of the cameras above the targets.
-    view
-        Whether all targets are under one aperture, or each has its own.
-    """
-    share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
-    scale = 0.0 if view == "telecentric" else 1.0
-    x, y = (
-        np.abs(positions_m[:, axis] - scale * area_m[axis] * share[:, np.newaxis]) / altitude_m
-        for axis in (0, 1)
-    )
-    straight, slope = log_transparency
-    slopes = x[:, np.newaxis, :] + y[np.newaxis, :, :]
-    clear = np.exp(straight + slope * slopes)
-    p, t = 1.0 - float(clear.mean()), float(clear.mean())
-    means = 1.0 - clear.mean(axis=2)
-    squares = float((means * means).mean()) + shortfall * float((clear * (1.0 - clear)).mean())
-    return Prediction(p, t, (squares - p * p) / (p * t))

@@ -24,7 +24,7 @@ import numpy as np
 from aosplan.errors import RequestError
 from aosplan.scenes.density import slice_density
 from aosplan.scenes.scene import UniformScene
-from aosplan.scenes.voxels import VoxelVolume
+from aosplan.scenes.voxels import FACE, VoxelVolume
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -73,6 +73,8 @@ def uniform_forest(
     volume_base_m: float,
     volume_height_m: float,
     size_m: tuple[float, float],
+    *,
+    of_leaves: bool = False,
 ) -> VoxelVolume:
     """A volume of cubes of one size: the model of the paper (section II), before projection.
 
@@ -93,7 +95,7 @@ def uniform_forest(
         raise RequestError(f"forest: slice density {slice_density:g} is not between 0 and 1")
     top_m = volume_base_m + volume_height_m
     voxel_m = voxel_for(occluder_size_m, size_m, top_m)
-    canvas = _Canvas(size_m, voxel_m, top_m)
+    canvas = _Canvas(size_m, voxel_m, top_m, of_leaves=of_leaves)
     # Whole slices from the base up. The rest of the volume is a slice of parts of cubes.
     slices = volume_height_m / occluder_size_m
     if voxel_m > occluder_size_m:
@@ -107,7 +109,11 @@ def uniform_forest(
 
 
 def layered_forest(
-    rng: np.random.Generator, layers: Sequence[Layer], size_m: tuple[float, float]
+    rng: np.random.Generator,
+    layers: Sequence[Layer],
+    size_m: tuple[float, float],
+    *,
+    of_leaves: bool = False,
 ) -> VoxelVolume:
     """Independent layers, each with its own occluder size and density.
 
@@ -128,7 +134,7 @@ def layered_forest(
         (min(layer.occluder_size_m, layer.top_m - layer.bottom_m) for layer in filled),
         default=min(size_m),
     )
-    canvas = _Canvas(size_m, voxel_for(finest, size_m, top_m), top_m)
+    canvas = _Canvas(size_m, voxel_for(finest, size_m, top_m), top_m, of_leaves=of_leaves)
     for layer in filled:
         canvas.add(rng, layer.bottom_m, layer.top_m, layer.density, layer.occluder_size_m)
     return canvas.volume("layered forest")
@@ -141,6 +147,8 @@ def clumped_forest(
     volume_base_m: float,
     volume_height_m: float,
     size_m: tuple[float, float],
+    *,
+    of_leaves: bool = False,
 ) -> VoxelVolume:
     """A stand of trees that hides a given share of the ground from vertically above.
 
@@ -172,7 +180,7 @@ def clumped_forest(
         raise RequestError(f"forest: density {density:g} is not a share below 1")
     top_m = volume_base_m + volume_height_m
     voxel_m = _smallest_voxel_m(occluder_size_m, size_m, top_m)
-    canvas = _Canvas(size_m, voxel_m, top_m)
+    canvas = _Canvas(size_m, voxel_m, top_m, of_leaves=of_leaves)
     if density == 0.0:
         return canvas.volume("clumped forest")
     leafy = _clumps(rng, canvas.occupied.shape, max(round(0.04 * top_m / voxel_m), 1))
@@ -194,7 +202,7 @@ def clumped_forest(
     return canvas.volume("clumped forest")
 
 
-def maker(above: Scene, forest: str) -> Callable[..., Any]:
+def maker(above: Scene, forest: str, *, of_leaves: bool = False) -> Callable[..., Any]:
     """Function that creates a volume of a scene from a random generator and a size along x and y."""
     if forest == "uniform":
         assert isinstance(above, UniformScene)
@@ -203,20 +211,24 @@ def maker(above: Scene, forest: str) -> Callable[..., Any]:
             p = above.integrated_density
             density = float(slice_density(p, above.volume_height_m, above.occluder_size_m))
         numbers = density, above.occluder_size_m, above.volume_base_m, above.volume_height_m
-        return lambda rng, size: uniform_forest(rng, *numbers, size)
+        return lambda rng, size: uniform_forest(rng, *numbers, size, of_leaves=of_leaves)
     slices = above.slices()
     if forest == "layered":
-        return lambda rng, size: layered_forest(rng, slices, size)
+        return lambda rng, size: layered_forest(rng, slices, size, of_leaves=of_leaves)
     finest = min(layer.occluder_size_m for layer in slices)
     base = min(layer.bottom_m for layer in slices)
     stand = above.integrated_density, finest, base, above.canopy_top_m - base
-    return lambda rng, size: clumped_forest(rng, *stand, size)
+    return lambda rng, size: clumped_forest(rng, *stand, size, of_leaves=of_leaves)
 
 
 class _Canvas:
     """An empty volume that is filled with slices of cells."""
 
-    def __init__(self, size_m: tuple[float, float], voxel_m: float, top_m: float) -> None:
+    def __init__(
+        self, size_m: tuple[float, float], voxel_m: float, top_m: float, *, of_leaves: bool
+    ) -> None:
+        self.of_leaves = of_leaves
+        self.cell_voxels = 1
         columns, rows = (max(math.ceil(length / voxel_m - 1e-9), 1) for length in size_m)
         self.voxel_m = voxel_m
         self.occupied: NDArray[np.bool_] = np.zeros(
@@ -239,13 +251,23 @@ class _Canvas:
         share = _thinned(density, count)
         for k in range(count):
             first, last = (low + (high - low) * edge // count for edge in (k, k + 1))
+            if self.of_leaves:  # a ray meets a plate once, at the middle of its slice
+                first = (first + last) // 2
+                last = first + 1
             self.occupied[first:last] |= _cells(rng, self.occupied.shape[1:], size, share)
+        self.cell_voxels = max(self.cell_voxels, math.ceil(size - FACE))
 
     def volume(self, source: str) -> VoxelVolume:
         """The filled volume, up to the highest slice that is not empty."""
         filled = np.flatnonzero(self.occupied.any(axis=(1, 2)))
         top = filled[-1] + 1 if filled.size else 0
-        return VoxelVolume(self.occupied[:top], self.voxel_m, source=source)
+        return VoxelVolume(
+            self.occupied[:top],
+            self.voxel_m,
+            source=source,
+            slice_m=self.voxel_m if self.of_leaves else None,
+            cell_voxels=self.cell_voxels if self.of_leaves else 1,
+        )
 
 
 def _thinned(density: float, count: float) -> float:

@@ -65,8 +65,10 @@ class SimulationDocument(PlanDocument):
     simulated: SimulatedDocument
     agree: bool
     differences: list[str]
+    as_flown: list[str]
     tolerance: ToleranceDocument
     forest: Literal["noise", "uniform", "layered", "clumped", "cloud"]
+    occluders: Literal["cubes", "leaves"] | None
     view: Literal["telecentric", "perspective"] | None
     seed: int
     precision: Finite

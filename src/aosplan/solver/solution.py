@@ -25,16 +25,23 @@ BEST = {
 
 
 def solution_of(
-    problem: Problem, pattern: Sites, baseline_m: float, samples_required: int | None
+    problem: Problem,
+    pattern: Sites,
+    baseline_m: float,
+    samples_required: int | None,
+    highest: tuple[Sites, float, float] | None = None,
 ) -> Solution:
-    """The solution for a pattern at a baseline, with its limits."""
+    """The solution for a pattern at a baseline, with its limits.
+
+    `highest` has the pattern, the baseline and the value of the highest visibility or contrast found.
+    """
     prediction = problem.model.predict(pattern, baseline_m)
     return Solution(
         pattern=pattern,
         baseline_m=baseline_m,
         prediction=prediction,
         samples_required=samples_required,
-        limits=tuple(_limits(problem, pattern, baseline_m, prediction)),
+        limits=tuple(_limits(problem, pattern, baseline_m, prediction, highest)),
         met=problem.requirement.is_met(prediction),
     )
 
@@ -45,7 +52,11 @@ def solution_limits(problem: Problem, solution: Solution) -> tuple[Limit, ...]:
 
 
 def _limits(
-    problem: Problem, pattern: Sites, baseline_m: float, prediction: Prediction
+    problem: Problem,
+    pattern: Sites,
+    baseline_m: float,
+    prediction: Prediction,
+    highest: tuple[Sites, float, float] | None = None,
 ) -> Iterator[Limit]:
     bounds, requirement, model = problem.bounds, problem.requirement, problem.model
     extent = pattern.longer_side * baseline_m
@@ -116,12 +127,14 @@ def _limits(
         )
     elif problem.objective in BEST:
         value = prediction.contrast if problem.objective == "contrast" else prediction.expected
-        yield Limit(
-            problem.objective,
-            value,
-            value,
-            f"the fewest samples near {BEST[problem.objective]}",
-        )
+        message = f"the fewest samples near {BEST[problem.objective]}"
+        if highest is None:
+            yield Limit(problem.objective, value, value, message)
+        else:
+            densest, apart_m, most = highest
+            symbol = "V" if problem.objective == "visibility" else "contrast"
+            message += f", {symbol} = {most:.4g} with N = {densest.samples} and b = {apart_m:.4g} m"
+            yield Limit(problem.objective, value, most, message)
     else:
         message = {
             "samples": "the fewest samples",

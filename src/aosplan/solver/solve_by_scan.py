@@ -11,8 +11,8 @@ target and the one below it, the smallest baseline that meets the target is foun
 - not fewer samples, and not a shorter flight;
 - not a smaller extent, of the densest patterns (the answer is then the fewest samples within 1 %
   of the least extent);
-- no visibility or contrast that is higher by more than half the slack, of the densest patterns
-  (the answer is then the fewest samples within the slack).
+- no visibility or contrast that is higher by more than the slack, of the densest patterns: the
+  highest is found to half the slack, and the answer is the fewest samples within the other half.
 
 The densest patterns are those with the most samples in one rectangle.  Of lines, lanes and spirals
 they are all patterns with up to `THINNED_FROM` samples, and then the largest of each family; a
@@ -110,10 +110,11 @@ def solve_by_scan(problem: Problem) -> Solution:
     """
     bounds = problem.bounds
     scan = Scan(problem)
+    top: Candidate | None = None
     if bounds.baseline_m is not None and bounds.samples is not None:
         best: Candidate | None = Candidate(problem.grid.pattern(bounds.samples), bounds.baseline_m)
     elif problem.objective in ("visibility", "contrast"):
-        best = scan.until_margins_hold(_best)
+        best, top = scan.until_margins_hold(_best)
     elif problem.objective == "aperture":
         best = scan.until_margins_hold(_least_aperture)
     elif problem.objective == "time":
@@ -121,11 +122,12 @@ def solve_by_scan(problem: Problem) -> Solution:
     else:
         best = scan.until_margins_hold(_fewest)
     if best is None:
-        highest = scan.until_margins_hold(_highest)
-        reached = None if highest is None else (*highest, scan.predict(highest))
+        most = scan.until_margins_hold(_highest)
+        reached = None if most is None else (*most, scan.predict(most))
         raise out_of_scan(problem, reached, problem.bounds.max_samples or SEARCHED_SAMPLES)
     required = _fewest_at(scan, best.baseline_m) if problem.count_required else None
-    return solution_of(problem, best.pattern, best.baseline_m, required)
+    highest = None if top is None else (*top, scan.value(scan.predict(top)))
+    return solution_of(problem, best.pattern, best.baseline_m, required, highest)
 
 
 class Scan:
@@ -428,12 +430,13 @@ def _highest(scan: Scan) -> Candidate | None:
     return best
 
 
-def _best(scan: Scan) -> Candidate | None:
-    """The fewest samples whose visibility or contrast is within the slack of the best."""
+def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
+    """The fewest samples whose visibility or contrast is within the slack of the best, and the best."""
     best = _highest(scan)
     if best is None:
-        return None
-    enough = scan.near(scan.value(scan.predict(best)))
+        return None, None
+    value = scan.value(scan.predict(best))
+    enough = value - 0.5 * (value - scan.near(value))
     for densest, patterns in scan.families():
         if densest.samples > best.pattern.samples:
             break
@@ -445,8 +448,8 @@ def _best(scan: Scan) -> Candidate | None:
             near = [each for each in at if scan.optimistic_value(each) >= enough]
             found = max(near, key=lambda each: scan.value(scan.predict(each)), default=None)
             if found is not None and scan.value(scan.predict(found)) >= enough:
-                return found
-    return best
+                return found, best
+    return best, best
 
 
 def _fewest_at(scan: Scan, baseline_m: float) -> int | None:

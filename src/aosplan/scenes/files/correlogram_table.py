@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.scenes.correlogram import Correlogram
+from aosplan.scenes.correlogram import INTERIOR, Correlogram
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +29,14 @@ def correlogram_table(table: Correlogram) -> dict[str, Any]:
         "density_by_offset": np.round(table.density_by_offset, DIGITS).tolist(),
         "density": table.density,
         "reach": table.reach,
+        "interior": [
+            {
+                "density": each.density,
+                "rho": np.round(each.rho, DIGITS).tolist(),
+                "density_by_offset": np.round(each.density_by_offset, DIGITS).tolist(),
+            }
+            for each in table.interior
+        ],
     }
 
 
@@ -86,7 +94,14 @@ def correlogram_from(table: Mapping[str, Any], where: str) -> Correlogram:
         raise _wrong(where, "a density is not between 0 and 1")
     if reach <= 0.0:
         raise _wrong(where, f"reach {reach:g} is not above 0")
-    return Correlogram(lags, directions, rho, densities, density, reach)
+    inside = table.get("interior", [])
+    if not isinstance(inside, list) or len(inside) not in (0, len(INTERIOR)):
+        raise _wrong(where, f"interior does not hold {len(INTERIOR)} tables")
+    if not all(isinstance(each, dict) for each in inside):
+        raise _wrong(where, "interior holds what is not a table")
+    shared = {"lags": table["lags"], "directions_deg": table["directions_deg"], "reach": reach}
+    interior = tuple(correlogram_from({**each, **shared, "interior": []}, where) for each in inside)
+    return Correlogram(lags, directions, rho, densities, density, reach, interior)
 
 
 def _wrong(where: str, what: str) -> RequestError:

@@ -37,7 +37,15 @@ from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.spool import Spool
 from aosplan.scenes.files.tiles import brought_together, warnings_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
-from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
+from aosplan.scenes.voxels import (
+    VoxelVolume,
+    cells_along,
+    fill,
+    filled_cells,
+    fits,
+    footprint,
+    too_many_voxels,
+)
 from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
@@ -202,8 +210,10 @@ def read_voxels(
             + (f" in voxels of {voxel_m:g} m" if voxel_m else ""),
             "use larger voxels",
         ) from error
+    spacing_m = math.sqrt(plot.rows * plot.columns * voxel_m**2 / cloud.count)
+    across, down = (filled_cells(float(side), voxel_m, spacing_m) for side in plot.size_m[:2])
     volume = VoxelVolume(
-        occupied=occupied,
+        occupied=occupied[:, :down, :across],
         voxel_m=voxel_m,
         x_min_m=float(plot.origin_m[0]),
         y_min_m=float(plot.origin_m[1]),

@@ -18,6 +18,14 @@ class LayerDocument(Document):
     occluder_size_m: Finite
 
 
+class InteriorDocument(Document):
+    """A correlogram of the targets whose rays to an aperture stay on the plot."""
+
+    density: Finite
+    rho: list[list[Finite]]
+    density_by_offset: list[list[Finite]]
+
+
 class CorrelogramDocument(Document):
     """Correlation of two views by direction and lag (camera offset over altitude)."""
 
@@ -25,6 +33,7 @@ class CorrelogramDocument(Document):
     directions_deg: list[Finite]
     rho: list[list[Finite]]
     reach: Finite
+    interior: list[InteriorDocument] = Field(default_factory=list)
 
 
 class SceneDocument(Document):

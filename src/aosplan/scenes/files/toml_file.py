@@ -74,7 +74,8 @@ def is_sound(table: Table) -> bool:
         and all(isinstance(layer, dict) and layer.keys() == _LAYER for layer in layers)
         and all(_is_number(number) for layer in layers for number in layer.values())
         and isinstance(correlogram, dict)
-        and correlogram.keys() == _NONE.keys()
+        and correlogram.keys() - {"interior"} == _NONE.keys()
+        and _are_interiors(correlogram.get("interior", []))
         and _are_numbers(correlogram["lags"])
         and _are_numbers(correlogram["directions_deg"])
         and _are_rows(correlogram["rho"])
@@ -100,6 +101,17 @@ def _are_numbers(values: Any) -> bool:
 
 def _are_rows(rows: Any) -> bool:
     return isinstance(rows, list) and all(_are_numbers(row) for row in rows)
+
+
+def _are_interiors(tables: Any) -> bool:
+    return isinstance(tables, list) and all(
+        isinstance(table, dict)
+        and table.keys() == {"density", "rho", "density_by_offset"}
+        and _is_number(table["density"])
+        and _are_rows(table["rho"])
+        and _are_rows(table["density_by_offset"])
+        for table in tables
+    )
 
 
 def _scene(table: Table, path: str) -> Scene:
@@ -210,12 +222,18 @@ def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
 
     tables = correlogram_table(correlogram)
 
-    def rows(name: str) -> str:
-        return f"{name} = [\n" + "".join(f"    {row},\n" for row in tables[name]) + "]\n"
+    def rows(name: str, of: Mapping[str, Any] = tables) -> str:
+        return f"{name} = [\n" + "".join(f"    {row},\n" for row in of[name]) + "]\n"
+
+    interior = "".join(
+        f"\n[[correlogram.interior]]\ndensity = {each['density']}\n"
+        f"{rows('density_by_offset', each)}{rows('rho', each)}"
+        for each in tables["interior"]
+    )
 
     return (
         f"{head}\n# One line per direction, one entry per lag (camera offset divided by "
         f"altitude).\n{rows('density_by_offset')}\n{layers}\n[correlogram]\n"
         f"directions_deg = {tables['directions_deg']}\nlags = {tables['lags']}\n"
-        f"reach = {tables['reach']}\n{rows('rho')}"
+        f"reach = {tables['reach']}\n{rows('rho')}{interior}"
     ).encode()

@@ -404,17 +404,22 @@ def print_simulation(
         # Rounding must not give -0.
         shown = [percent(number if abs(number) > 5e-5 else 0.0) for number in numbers]
         table.add_row(one_line(symbol), *shown, f"{100 * error:.2f} %")
-    verdict = ["They agree."] if simulation.agree else ["They disagree:"]
+    agree = "agree." if simulation.agree else "disagree:"
+    verdict = [f"Predicted and simulated {agree}"]
     verdict += [f"  {difference}" for difference in simulation.differences]
+    if simulation.as_flown:
+        verdict += ["As flown, the plan does not hold:"]
+        verdict += [f"  {difference}" for difference in simulation.as_flown]
     if similar:
         single, integral = similar["similarity"].values()
         verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
     if written:
         verdict.append(written_text(written))
+    of = " of leaves" if simulation.occluders == "leaves" else ""
     kind = "blocks of the plot" if settings.forest == "cloud" else "volumes"
     show(
         one_line(
-            f"{plan.model} model against a {settings.forest} forest{view}: N = "
+            f"{plan.model} model against a {settings.forest} forest{of}{view}: N = "
             f"{pattern.samples}, b = {plan.solution.baseline_m:.2f} m"
         ),
         one_line(
@@ -447,9 +452,9 @@ def print_scene(document: dict[str, Any]) -> None:
         )
     if "opacity" in document:
         rows += opacity_rows(document["opacity"])
-    if "edges" in document:
+    if "plot_m" in document:
         width, depth = document["plot_m"]
-        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m; its edges are periodic"))
+        rows.append(("Plot", f"{width:.4g} x {depth:.4g} m"))
     if "density_by_angle" in document:
         rows.append(("p off nadir", _by_angle(document["density_by_angle"])))
     for share in (0.5, 0.9, 0.98):

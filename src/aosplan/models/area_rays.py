@@ -1,0 +1,94 @@
+"""A prediction for the rays of photos to all targets of an area, instead of rays straight down.
+
+A ray with slopes x and y crosses √(1 + x² + y²) times as many leaves of random direction as a vertical one.
+Of slices of cubes it meets the side faces as well: it is clear with probability Π q^(1 + r (|x| + |y|)), r
+being the thickness of the slices divided by the size of their occluders.  With p_i(t) of view i and target t,
+
+    E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
+
+where K is that of the plan.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from aosplan.models.model import Prediction
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from aosplan.scenes.occlusion import ViewKind
+    from aosplan.scenes.scene import Scene
+
+    Floats = NDArray[np.float64]
+    LogClear = Callable[[Floats, Floats], Floats]
+
+AREA_POINTS = 9
+"""Points along either side of the area over which a prediction is averaged."""
+
+
+def cube_terms(above: Scene) -> tuple[float, float]:
+    """Logarithm of the transparency straight down, and what a unit of slope adds to it for cubes."""
+    straight = slope = 0.0
+    for layer in above.slices():
+        cubes = (layer.top_m - layer.bottom_m) / layer.occluder_size_m
+        log_clear = math.log1p(-layer.density)
+        straight += log_clear
+        slope += log_clear * cubes / max(round(cubes), 1)
+    return straight, slope
+
+
+def cubes(above: Scene) -> LogClear:
+    """Logarithm of the transparency of slices of cubes, by the slopes of a ray along x and y."""
+    straight, slope = cube_terms(above)
+    return lambda x, y: straight + slope * (x + y)
+
+
+def leaves(above: Scene) -> LogClear:
+    """Logarithm of the transparency of leaves of random direction, by the slopes of a ray."""
+    straight, _ = cube_terms(above)
+    return lambda x, y: straight * np.sqrt(1.0 + x * x + y * y)
+
+
+def slanted(
+    shortfall: float,
+    log_clear: LogClear,
+    positions_m: Floats,
+    area_m: tuple[float, float],
+    altitude_m: float,
+    view: ViewKind,
+) -> Prediction:
+    """A prediction for the rays of an area, as the module's text has it.
+
+    Parameters
+    ----------
+    shortfall
+        K of the plan.
+    log_clear
+        Logarithm of the transparency for the absolute slopes of rays along x and y.
+    positions_m
+        Of the cameras from the middle of the pattern, shape (N, 2).
+    area_m
+        Area of the targets along x and y, of perspective views.
+    altitude_m
+        Of the cameras above the targets.
+    view
+        Whether all targets are below one aperture, or each target below its own.
+    """
+    share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
+    scale = 0.0 if view == "telecentric" else 1.0
+    x, y = (
+        np.abs(positions_m[:, axis] - scale * area_m[axis] * share[:, np.newaxis]) / altitude_m
+        for axis in (0, 1)
+    )
+    clear = np.exp(log_clear(x[:, np.newaxis, :], y[np.newaxis, :, :]))
+    p, t = 1.0 - float(clear.mean()), float(clear.mean())
+    means = 1.0 - clear.mean(axis=2)
+    squares = float((means * means).mean()) + shortfall * float((clear * (1.0 - clear)).mean())
+    return Prediction(p, t, (squares - p * p) / (p * t))

@@ -1,0 +1,88 @@
+"""A quick approximation of the measured model for targets whose rays stay on the plot.
+
+Which targets count depends on the width of the aperture.  Between correlograms of the targets for a few
+widths, those of a pattern are interpolated.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from typing import TYPE_CHECKING, Any
+
+from aosplan.models.correlogram import CorrelogramModel
+from aosplan.models.model import Prediction
+from aosplan.scenes.correlogram import INTERIOR
+
+if TYPE_CHECKING:
+    from aosplan.grid.patterns import Sites
+    from aosplan.scenes.correlogram import Correlogram
+
+SHARES = (0.0, *INTERIOR)
+"""Widths of apertures that there are tables for, as shares of the reach."""
+
+
+class InteriorSurrogate:
+    """Predictions between those of correlograms for apertures of several widths.
+
+    Parameters
+    ----------
+    correlogram
+        Of the stand, with those of its interior.
+    altitude_m, heading_deg, hold_error_m
+        As in `aosplan.models.correlogram.CorrelogramModel`.
+    """
+
+    name = "correlogram"
+    edges = "interior"
+    rule_baseline_m = None
+    rises_with_baseline = False
+
+    def __init__(
+        self,
+        correlogram: Correlogram,
+        altitude_m: float,
+        *,
+        heading_deg: float = 0.0,
+        hold_error_m: float = 0.0,
+    ) -> None:
+        self.heading_deg = heading_deg
+        self._models = [
+            CorrelogramModel(table, altitude_m, heading_deg=heading_deg, hold_error_m=hold_error_m)
+            for table in (correlogram, *correlogram.interior)
+        ]
+        self._widest_m = correlogram.reach * altitude_m
+
+    def __getattr__(self, name: str) -> Any:
+        """Whatever does not depend on the aperture is that of a single view."""
+        if name.startswith("_"):  # before there are models
+            raise AttributeError(name)
+        return getattr(self._models[0], name)
+
+    def at_heading(self, heading_deg: float) -> InteriorSurrogate:
+        """The same model for patterns at another heading; both share what they have computed."""
+        turned = copy(self)
+        turned.heading_deg = heading_deg
+        turned._models = [model.at_heading(heading_deg) for model in self._models]  # noqa: SLF001
+        return turned
+
+    def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """Density and shortfall of a pattern flown at a baseline."""
+        along, across = (side * baseline_m for side in pattern.extent)
+        turn = math.radians(self.heading_deg)
+        sine, cosine = abs(math.sin(turn)), abs(math.cos(turn))
+        # The mean of the extents along both axes of the plot: a line leaves more targets than a square.
+        mean_m = 0.5 * (along + across) * (sine + cosine)
+        share = min(mean_m / self._widest_m, 1.0)
+        above = next(i for i, each in enumerate(SHARES) if share <= each)
+        if above == 0:
+            return self._models[0].predict(pattern, baseline_m)
+        weight = (share - SHARES[above - 1]) / (SHARES[above] - SHARES[above - 1])
+        low, high = (self._models[i].predict(pattern, baseline_m) for i in (above - 1, above))
+        density = low.density + weight * (high.density - low.density)
+        shortfall = low.shortfall + weight * (high.shortfall - low.shortfall)
+        return Prediction(density, 1.0 - density, shortfall)
+
+    def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
+        """The prediction itself."""
+        return self.predict(pattern, baseline_m)
