@@ -209,7 +209,9 @@ def test_slanted_predictions_are_those_of_independent_views():
             hidden.append(p.mean())
     assert found.density == pytest.approx(np.mean(hidden))
     assert found.expected == pytest.approx(1 - np.mean(squares))
-    straight = slanted(0.3, (-0.5, -0.7), np.zeros((4, 2)), (0.0, 0.0), 30.0, "telecentric")
+    straight = slanted(
+        0.3, lambda x, y: -0.5 - 0.7 * (x + y), np.zeros((4, 2)), (0.0, 0.0), 30.0, "telecentric"
+    )
     assert straight == pytest.approx((1 - math.exp(-0.5), math.exp(-0.5), 0.3))
 
 
@@ -233,7 +235,14 @@ def test_patches_stand_for_the_whole_target_area(monkeypatch):
     samples = many.samples()
     found = estimate([next(samples) for _ in range(400)])
     log_clear = 16 * math.log(0.95)
-    truth = slanted(0.5, (log_clear, log_clear), many.positions_m, many.area_m, 20.0, "perspective")
+    truth = slanted(
+        0.5,
+        lambda x, y: log_clear * (1.0 + x + y),
+        many.positions_m,
+        many.area_m,
+        20.0,
+        "perspective",
+    )
     assert abs(found.density - truth.density) < 4 * found.density_standard_error + 0.003
     assert found.density_standard_error < 0.008
     assert truth.density > 1 - math.exp(log_clear) + 0.1
