@@ -149,17 +149,7 @@ def main() -> None:
                 for quantity, pair in zip(QUANTITIES, by_quantity, strict=True):
                     found.setdefault((name, view, kind, quantity), []).append(pair)
     rows = [[*key, *shares(values)] for key, values in found.items()]
-    for view in VIEWS:  # all real plots in one row, with equal weights
-        for quantity in QUANTITIES:
-            chosen = [
-                shares(values)
-                for (name, *rest), values in found.items()
-                if not name.startswith("generated") and (rest[0], rest[2]) == (view, quantity)
-            ]
-            if chosen:
-                mean = [f"{np.mean([float(row[i]) for row in chosen]):.2f}" for i in (1, 2)]
-                count = str(sum(int(row[0]) for row in chosen))
-                rows.append(["real plots", view, "all", quantity, count, *mean, "", ""])
+    rows += together(rows)
     header = [
         "stand",
         "view",
@@ -177,6 +167,27 @@ def main() -> None:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)))
     with (HERE / "results" / "uncertainty.csv").open("w", newline="") as file:
         csv.writer(file, lineterminator="\n").writerows(table)
+
+
+def together(rows: list[list[str]]) -> list[list[str]]:
+    """Mean shares of the real plots, with equal weights for plots whatever their readings."""
+    found = []
+    for view in VIEWS:
+        for quantity in QUANTITIES:
+            plots: dict[str, list[list[str]]] = {}
+            for row in rows:
+                plot = row[0].split(",")[0]
+                if plot != "generated" and (row[1], row[3]) == (view, quantity):
+                    plots.setdefault(plot, []).append(row)
+            if plots:
+                means = [
+                    np.mean([np.mean([float(row[i]) for row in each]) for each in plots.values()])
+                    for i in (5, 6)
+                ]
+                count = sum(int(row[4]) for each in plots.values() for row in each)
+                shown = [f"{mean:.2f}" for mean in means]
+                found.append(["real plots", view, "all", quantity, str(count), *shown, "", ""])
+    return found
 
 
 def shares(pairs: list[tuple[float, float]]) -> list[str]:

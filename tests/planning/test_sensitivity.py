@@ -146,9 +146,9 @@ def test_a_measured_plan_is_changed_voxel_by_voxel(forest, tmp_path):
     grid = planned.solution.pattern, planned.solution.baseline_m
     for factor in FACTORS:
         for quantity, model in (
-            ("density", MeasuredModel(with_density_factor(forest, factor), 60.0)),
-            ("occluder_size", MeasuredModel(forest, 60.0 * factor)),
-            ("height", MeasuredModel(forest, 60.0 / factor)),
+            ("density", MeasuredModel(with_density_factor(forest, factor), 60.0, edges="auto")),
+            ("occluder_size", MeasuredModel(forest, 60.0 * factor, edges="auto")),
+            ("height", MeasuredModel(forest, 60.0 / factor, edges="auto")),
         ):
             change, shown = found[quantity, factor], model.predict(*grid)
             assert change.visibility == shown.expected

@@ -107,6 +107,10 @@ def test_the_best_visibility_of_the_uniform_model_takes_the_fewest_samples_near_
     )
     assert found.pattern.samples == enough
     assert found.baseline_m == 3.5
+    # The best that it is near is stated: 400 photos, the most that this objective takes.
+    (stated,) = (each for each in found.limits if each.quantity == "visibility")
+    assert (stated.value, stated.bound) == (found.prediction.expected, pytest.approx(limit))
+    assert "N = 400 and b = 3.5 m" in stated.message
 
 
 @pytest.mark.parametrize("density", [0.9, 0.98, 0.998])

@@ -11,8 +11,9 @@ target and the one below it, the smallest baseline that meets the target is foun
 - not fewer samples, and not a shorter flight;
 - not a smaller extent, of the densest patterns (the answer is then the fewest samples within 1 %
   of the least extent);
-- no visibility or contrast that is higher by more than the slack, of the densest patterns: the
-  highest is found to half the slack, and the answer is the fewest samples within the other half.
+- no visibility or contrast that is higher by more than half the slack than the best found, of the
+  densest patterns (the answer is the fewest samples within the slack of the best found, which the
+  solution states).
 
 The densest patterns are those with the most samples in one rectangle.  Of lines, lanes and spirals
 they are all patterns with up to `THINNED_FROM` samples, and then the largest of each family; a
@@ -435,8 +436,7 @@ def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
     best = _highest(scan)
     if best is None:
         return None, None
-    value = scan.value(scan.predict(best))
-    enough = value - 0.5 * (value - scan.near(value))
+    enough = scan.near(scan.value(scan.predict(best)))
     for densest, patterns in scan.families():
         if densest.samples > best.pattern.samples:
             break
