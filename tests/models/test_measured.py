@@ -232,12 +232,12 @@ def conifers():
     pytest.importorskip("laspy")
     if not CLOUD.is_file():
         pytest.skip("the real point clouds are not at hand")
+    from aosplan.scenes import voxels
     from aosplan.scenes.files import point_cloud
-    from aosplan.scenes.voxels import cells_along
 
     # The other codes counted the ragged last cells, too.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(point_cloud, "filled_cells", lambda m, voxel_m, _: cells_along(m, voxel_m))
+        patch.setattr(voxels, "without_ragged_cells", lambda occupied, *_: occupied)
         return point_cloud.read_voxels(str(CLOUD), voxel_m=0.25, min_height_m=0.5)
 
 

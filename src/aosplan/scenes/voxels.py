@@ -293,15 +293,31 @@ def cells_along(length_m: float, voxel_m: float) -> int:
     return math.floor(length_m / voxel_m + FACE) + 1
 
 
-def filled_cells(length_m: float, voxel_m: float, spacing_m: float) -> int:
-    """Return how many of the voxels of `cells_along` the points fill: all, or all but the last.
+def without_ragged_cells(
+    occupied: NDArray[np.bool_], size_m: Sequence[float], voxel_m: float, points: int
+) -> NDArray[np.bool_]:
+    """Return voxels without a last row or column that the points do not fill.
 
-    The last does not count if the points end farther from its edge than they are apart.  The rest of
-    it would count as open ground, although it was not measured.
+    It does not count if the points end farther from its edge than they are apart.  The rest of it
+    would count as open ground, although it was not measured.
+
+    Parameters
+    ----------
+    occupied
+        Shape (slices, rows, columns).
+    size_m
+        Extent of the points along x and y, from the corner of the voxels.
+    voxel_m
+        Edge length of a voxel.
+    points
+        Number of points.
     """
-    cells = cells_along(length_m, voxel_m)
-    ragged = cells * voxel_m - length_m > spacing_m * (1.0 + FACE)
-    return cells - (1 if ragged and cells > 1 else 0)
+    spacing_m = voxel_m * math.sqrt(occupied[0].size / points) if len(occupied) else voxel_m
+    columns, rows = (
+        cells - (cells > 1 and cells * voxel_m - length_m > spacing_m * (1.0 + FACE))
+        for cells, length_m in zip(occupied.shape[:0:-1], size_m, strict=False)
+    )
+    return occupied[:, :rows, :columns]
 
 
 def fits(size_m: Sequence[float], voxel_m: float) -> bool:

@@ -23,6 +23,7 @@ import numpy as np
 
 from aosplan.crs import given_units
 from aosplan.errors import RequestError, SurroundingsError
+from aosplan.scenes import voxels
 from aosplan.scenes.files import outliers
 from aosplan.scenes.files.crop import box_of
 from aosplan.scenes.files.ground import (
@@ -37,15 +38,7 @@ from aosplan.scenes.files.las import PointFile, not_metric
 from aosplan.scenes.files.spool import Spool
 from aosplan.scenes.files.tiles import brought_together, warnings_of_files
 from aosplan.scenes.opacity import Opacity, OpacitySource
-from aosplan.scenes.voxels import (
-    VoxelVolume,
-    cells_along,
-    fill,
-    filled_cells,
-    fits,
-    footprint,
-    too_many_voxels,
-)
+from aosplan.scenes.voxels import VoxelVolume, cells_along, fill, fits, footprint, too_many_voxels
 from aosplan.units import rounded_up
 
 if TYPE_CHECKING:
@@ -210,10 +203,8 @@ def read_voxels(
             + (f" in voxels of {voxel_m:g} m" if voxel_m else ""),
             "use larger voxels",
         ) from error
-    spacing_m = math.sqrt(plot.rows * plot.columns * voxel_m**2 / cloud.count)
-    across, down = (filled_cells(float(side), voxel_m, spacing_m) for side in plot.size_m[:2])
     volume = VoxelVolume(
-        occupied=occupied[:, :down, :across],
+        occupied=voxels.without_ragged_cells(occupied, plot.size_m, voxel_m, cloud.count),
         voxel_m=voxel_m,
         x_min_m=float(plot.origin_m[0]),
         y_min_m=float(plot.origin_m[1]),
