@@ -204,7 +204,7 @@ def read_voxels(
             "use larger voxels",
         ) from error
     volume = VoxelVolume(
-        occupied=voxels.without_ragged_cells(occupied, plot.size_m, voxel_m, cloud.count),
+        occupied=voxels.without_ragged_cells(occupied, plot.size_m.tolist(), voxel_m, cloud.count),
         voxel_m=voxel_m,
         x_min_m=float(plot.origin_m[0]),
         y_min_m=float(plot.origin_m[1]),
