@@ -299,6 +299,23 @@ def test_powershell_hands_over_its_line(monkeypatch, capsys, line, wanted):
     assert wanted is None or found == wanted
 
 
+def test_powershell_gets_utf8_whatever_the_encoding_of_the_system(tmp_path):
+    (tmp_path / "wäldchen.geojson").touch()
+    found = subprocess.run(
+        [sys.executable, "-m", "aosplan"],
+        env={
+            **os.environ,
+            "PYTHONIOENCODING": "cp850",
+            "AOSPLAN_COMPLETE": "powershell",
+            "COMP_LINE": "aosplan plan --area wä",
+        },
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+    )
+    assert found.stdout.decode("utf-8").split() == ["wäldchen.geojson"]
+
+
 @pytest.mark.skipif(shutil.which("pwsh") is None, reason="no pwsh")
 def test_powershell_completes(files):
     code = f". '{script('powershell', files)}'; (TabExpansion2 'aosplan plan --scene boreal').CompletionMatches.CompletionText"

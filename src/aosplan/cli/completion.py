@@ -8,6 +8,7 @@ has one line per candidate: the word and, after a tab, its meaning.
 
 from __future__ import annotations
 
+import io
 import os
 import shlex
 import sys
@@ -155,6 +156,8 @@ def answer(group: TyperGroup) -> None:
         )
     else:
         powershell = os.environ[VARIABLE] == "powershell"
+        if powershell and isinstance(sys.stdout, io.TextIOWrapper):
+            sys.stdout.reconfigure(encoding="utf-8")  # as the function in PowerShell reads it
         found = candidates(_of_powershell() if powershell else sys.argv[1:], group)
         lines = [f"{word}\t{text}" if text else word for word, text in found]
     for line in lines:
@@ -329,20 +332,26 @@ complete --command aosplan --no-files --arguments '(__aosplan_candidates)'
 POWERSHELL = """\
 Register-ArgumentCompleter -Native -CommandName aosplan -ScriptBlock {
     param($wordToComplete, $commandAst, $cursorPosition)
-    $line = $commandAst.Extent.Text
-    $length = $cursorPosition - $commandAst.Extent.StartOffset
+    # From the program, without a call operator (&) before it, to the cursor.
+    $start = $commandAst.CommandElements[0].Extent.StartOffset
+    $line = $commandAst.Extent.Text.Substring($start - $commandAst.Extent.StartOffset)
+    $length = $cursorPosition - $start
     if ($length -gt $line.Length) { $line = $line.PadRight($length) }
     # Windows PowerShell drops empty arguments, so the line is handed over as a whole.
     $env:AOSPLAN_COMPLETE = 'powershell'
     $env:COMP_LINE = $line.Substring(0, $length)
+    $encoding = [Console]::OutputEncoding
     try {
-        & $commandAst.CommandElements[0].Extent.Text 2>$null | ForEach-Object {
+        # An editor without a console refuses an encoding.
+        try { [Console]::OutputEncoding = New-Object System.Text.UTF8Encoding $false } catch { }
+        & $commandAst.GetCommandName() 2>$null | ForEach-Object {
             $word, $text = $_ -split "`t", 2
-            $shown = if ($word -match '[\\s&;(){}]') { "'" + $word.Replace("'", "''") + "'" } else { $word }
+            $shown = if ($word -match '[\\s&;,|<>(){}$@#`"'']') { "'" + $word.Replace("'", "''") + "'" } else { $word }
             $tip = if ($text) { $text } else { $word }
             [System.Management.Automation.CompletionResult]::new($shown, $word, 'ParameterValue', $tip)
         }
     } finally {
+        try { [Console]::OutputEncoding = $encoding } catch { }
         Remove-Item Env:AOSPLAN_COMPLETE, Env:COMP_LINE
     }
 }
