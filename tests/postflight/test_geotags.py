@@ -22,6 +22,16 @@ def test_exif_positions_are_read(tmp_path, latitude, longitude):
     assert place.longitude == pytest.approx(longitude, abs=1e-7)
 
 
+@pytest.mark.parametrize("endian", ["<", ">"])
+def test_exif_of_either_byte_order_reads_the_same(tmp_path, endian):
+    image, exif = Image.new("L", (8, 6)), Image.Exif()
+    exif.endian = endian
+    exif[0x8825] = {1: "S", 2: tuple(map(rational, (33, 30, 36))), 3: "W", 4: (70.0, 15.0, 0.0)}
+    image.save(tmp_path / "a.jpg", exif=exif)
+    (place,) = read_photos(str(tmp_path)).places.values()
+    assert (place.latitude, place.longitude) == pytest.approx((-33.51, -70.25), abs=1e-9)
+
+
 @pytest.mark.parametrize(
     "xmp",
     [

@@ -366,3 +366,32 @@ def test_cells_of_web_mercator_are_scaled_to_the_ground(raster):
     volume = read_canopy(raster(trees(), transform=place, crs="EPSG:3857"))
     assert warned(volume) == ["projection_scaled"]
     assert volume.voxel_m == pytest.approx(0.5, rel=0.003)
+
+
+@pytest.mark.parametrize(
+    "storage",
+    [
+        {"ENDIANNESS": "BIG"},
+        {"ENDIANNESS": "BIG", "compress": "lzw", "predictor": 3},
+        {"BIGTIFF": "YES", "tiled": True, "blockxsize": 16, "blockysize": 16},
+        {"compress": "deflate", "predictor": 2, "dtype": "int16"},
+        {"dtype": "float64", "nodata": float("nan")},
+        {"dtype": "int32", "nodata": -(2**31)},
+        {"dtype": "uint8", "nodata": 255},
+    ],
+)
+def test_one_canopy_in_every_storage_reads_the_same(raster, storage):
+    heights = np.round(trees())
+    given = dict(storage)
+    dressed = heights.astype(given.pop("dtype", "float32"))
+    missing = given.get("nodata")
+    if missing is not None:
+        dressed[:2, :2] = missing
+    true = read_canopy(raster(heights))
+    volume = read_canopy(raster(dressed, name="dressed.tif", **given))
+    if missing is None:
+        assert warned(volume) == warned(true)
+        assert np.array_equal(volume.occupied, true.occupied)
+    else:  # what the missing cells count as is tested elsewhere
+        away = np.s_[:, :-8, 8:]
+        assert np.array_equal(volume.occupied[away], true.occupied[away])

@@ -58,6 +58,22 @@ def dressed_keys(across, up, *, by_size, up_code):
     return geo_keys(keys | {4099: up_code}, doubles)
 
 
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("point_format", range(11))
+def test_one_stand_in_every_point_format_and_scaling(tmp_path, truth, point_format, suffix):
+    bit = {"before": [(2112, wkt("m").encode())], "bit": True}
+    if point_format < 6:  # these have keys
+        bit = {"before": dressed_keys("m", "m", by_size=False, up_code=9001), "bit": False}
+    scale, offset_m = ((1e-4, None), (1e-3, None), (1e-2, 1e6))[point_format % 3]
+    path = tmp_path / f"a.{suffix}"
+    given = {"point_format": point_format, "scale": scale, "offset_m": offset_m}
+    volume = read_voxels(write_dressed(path, XYZ, KIND, **bit, **given))
+    assert (volume.points, codes(volume)) == (truth.points, [])
+    # In steps of a centimetre some points cross the faces of voxels.
+    differing = np.count_nonzero(volume.occupied != truth.occupied)
+    assert differing <= (0 if scale < 1e-2 else 0.05 * np.count_nonzero(truth.occupied))
+
+
 @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     across=st.sampled_from(list(UNITS)),

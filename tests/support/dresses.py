@@ -54,11 +54,13 @@ def geo_keys(keys, doubles=()):
     return records
 
 
-def write_dressed(path, xyz, kind, *, before=(), behind=(), bit=None, point_format=6, scale=1e-4):
+def write_dressed(
+    path, xyz, kind, *, before=(), behind=(), bit=None, point_format=6, scale=1e-4, offset_m=None
+):
     """Write a file with records of the user LASF_Projection before and after its points."""
     header = laspy.LasHeader(point_format=point_format)
     header.scales = np.full(3, scale)
-    header.offsets = np.floor(xyz.min(axis=1))
+    header.offsets = np.floor(xyz.min(axis=1)) if offset_m is None else np.full(3, offset_m)
     if behind:
         header.version = laspy.header.Version(1, 4)
     if bit is not None:
