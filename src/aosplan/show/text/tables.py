@@ -45,7 +45,6 @@ if TYPE_CHECKING:
     from aosplan.simulation.compare import Simulation
 
 WIDTH = 80
-
 NARROWEST = 20
 """Smallest assumed width; narrower terminals wrap lines themselves."""
 
