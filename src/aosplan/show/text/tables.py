@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from aosplan.grid.spiral import Spiral
+from aosplan.show.text.detection_rows import detection_rows, map_rows
 from aosplan.show.text.flight_rows import flight_rows
 from aosplan.show.text.grid_drawing import flight_picture, grid_picture
 from aosplan.show.text.imperial import imperial, is_imperial
@@ -60,8 +61,6 @@ BANDS = 20
 MOST_NAMED = 60
 """Largest number of characters of a name that are shown."""
 
-CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
-"""Absolute contrasts for which the probability of detection is shown."""
 
 HEADLINES = ("Baseline", "Samples", "Visibility")
 """Rows of a plan with the main results, which are coloured if the terminal has colours."""
@@ -97,7 +96,7 @@ def print_plan(
     success: SearchSuccess | None = None,
 ) -> None:
     """Print the summary of a plan, its detection map if there is one, its grid, and the next steps."""
-    table = _pairs([*_plan_rows(plan), *_map_rows(found, success)])
+    table = _pairs([*_plan_rows(plan), *map_rows(found, success)])
     picture = _picture(plan)
     drawing = [Text(""), *(Text("  " + line) for line in picture)] if picture else []
     show(table, *drawing, Text(""), one_line(_next_step(plan, written)))
@@ -159,7 +158,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     else:
         yield "Visibility", "V = 100 %: nothing is hidden"
     if plan.detection is not None:
-        yield from _detection_rows(plan)
+        yield from detection_rows(plan)
     yield from () if plan.within is None else within_rows(plan.within)
     yield "", ""
     yield from _camera_rows(plan)
@@ -181,36 +180,6 @@ def _ground_text(plan: Plan) -> str:
         f"{percent(ground.worst_expected)}, over {x:.3g} x {y:.3g} m with slanted "
         f"rays (V above: {middle})"
     )
-
-
-def _detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    """Rows with the probability of detection, as a sentence and by contrast."""
-    from aosplan.planning.detection import detection_text
-
-    found = plan.detection
-    assert found is not None
-    yield "Detection", detection_text(plan)
-    if plan.layout.survey is not None:
-        samples = plan.solution.pattern.samples
-        yield "", f"at a place that {samples} photos see; --detection-map has the mean of the area"
-    contrast, offset, crowns = found.signature
-    assumed = f"{found.assumed}, assumed: " if found.assumed else ""
-    yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
-    curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
-    yield "", "by contrast " + ", ".join(curve)
-
-
-def _map_rows(
-    found: DetectionMap | None, success: SearchSuccess | None
-) -> Iterable[tuple[str, str]]:
-    """Rows with the results of a detection map."""
-    if found is None:
-        return
-    from aosplan.show.text.search_map_rows import search_map_texts
-
-    yield "", ""
-    for index, text in enumerate(search_map_texts(found, success)):
-        yield "Search" if index == 0 else "", text.removesuffix(".")
 
 
 def _sensitivity_rows(changes: Sequence[Change]) -> Iterable[tuple[str, str]]:
