@@ -318,8 +318,8 @@ def _of_rim(volume: VoxelVolume) -> tuple[Message, ...]:
         Message(
             "thin_rim",
             f"the canopy hides {rim:.0%} of the ground along the rim of the plot and {middle:.0%} in its "
-            "middle: trees were clipped, or the stand ends there; --edges interior counts the places "
-            "alone whose rays stay on the plot",
+            "middle, so trees may have been clipped; plans count only the places whose rays stay on the "
+            "plot, unless --edges wrapped is given",
         ),
     )
 
