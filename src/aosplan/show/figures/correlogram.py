@@ -114,7 +114,7 @@ def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
             lw=1.2,
             label=f"{shown.directions_deg[row]:g}° from north",
         )
-    left.set(xlabel="lag (offset / altitude)", ylabel=r"correlation $\rho$")
+    left.set(xlabel="lag (offset / altitude), log scale", ylabel=r"correlation $\rho$")
     left.set_ylim(min(0.0, *map(min, shown.rho)) - 0.02, 1.02)
     for panel in (left, right):
         if shown.reach <= shown.lags[-1]:
@@ -135,7 +135,7 @@ def draw(figure: Figure, shown: CorrelogramFigure, theme: Theme) -> None:
         vmax=1.0,
         rasterized=True,
     )
-    right.set(xlabel="lag (offset / altitude)", ylabel="direction from north [°]")
+    right.set(xlabel="lag (offset / altitude), log scale", ylabel="direction from north [°]")
     right.set_yticks([step * k for k in range(0, count + 1, max(count // 4, 1))])
     right.grid(visible=False)
     figure.colorbar(image, ax=right, label=r"correlation $\rho$")

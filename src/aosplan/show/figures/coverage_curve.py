@@ -132,7 +132,7 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
     panel.set(
         xscale="log",
         ylim=(-0.02, 1.05),
-        xlabel="baseline divided by altitude $b/h$",
+        xlabel="baseline divided by altitude $b/h$, log scale",
         ylabel="share of the occluders",
     )
     logarithmic(panel.xaxis)
@@ -142,6 +142,6 @@ def draw_panel(panel: Axes, shown: BaselineCurve, theme: Theme) -> list[Any]:
             "top", functions=(lambda ratio: altitude * ratio, lambda b: b / altitude)
         )
         logarithmic(top.xaxis)
-        top.set_xlabel(f"baseline $b$ [m] from {altitude:g} m")
+        top.set_xlabel(f"baseline $b$ [m] from {altitude:g} m, log scale")
     panel.legend(loc="lower right")
     return []

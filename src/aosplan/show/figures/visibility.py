@@ -226,17 +226,18 @@ def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
             (shown.maximum, "infinitely many photos"),
         ):
             panel.axhline(height, color=theme.muted, ls="--", lw=0.9)
-            panel.annotate(
-                words,
-                (0.99, height),
-                xycoords=("axes fraction", "data"),
-                ha="right",
-                va="bottom",
-                size=7,
-                color=theme.muted,
-                xytext=(0, 1.5),
-                textcoords="offset points",
-            )
+            if panel is axes[1][0]:  # on the right, the words would cross the vertical line
+                panel.annotate(
+                    words,
+                    (0.99, height),
+                    xycoords=("axes fraction", "data"),
+                    ha="right",
+                    va="bottom",
+                    size=7,
+                    color=theme.muted,
+                    xytext=(0, 1.5),
+                    textcoords="offset points",
+                )
     if shown.independent_m is not None:
         for panel in axes[:, 1]:
             if shown.independent_m <= panel.get_xlim()[1]:
