@@ -276,7 +276,7 @@ def test_a_target_is_drawn_where_the_plan_was_made_for_one(options, words):
     for chart in charts_of(plan(PlanRequest(altitude=40, **options))):
         texts = [line.text for line in chart.levels]
         assert [text for text in texts if text.startswith("target")] == words
-        assert {"infinitely many", "one photo"} <= set(texts)
+        assert {"∞ photos", "one photo"} <= set(texts)
 
 
 def test_bounds_are_drawn_where_they_lie():

@@ -194,7 +194,7 @@ def _levels(plan: Plan, y: Callable[[float], float]) -> list[ChartLine]:
     from aosplan.solver.solution import BEST
 
     requirement, prediction = plan.requirement, plan.solution.prediction
-    shares = [(prediction.maximum, "infinitely many"), (prediction.minimum, "one photo")]
+    shares = [(prediction.maximum, "∞ photos"), (prediction.minimum, "one photo")]
     if plan.inputs.objective not in BEST:
         shares.append((float(requirement.target), f"target {requirement.symbol}"))
     lines: list[ChartLine] = []
