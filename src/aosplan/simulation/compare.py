@@ -212,7 +212,8 @@ class Simulation(NamedTuple):
             return ""
         if abs(planned - found) <= MOST_ERRORS * error + max(self.tolerance[name], LEAST_UNLIKE):
             return ""
-        rays = "below the middle of the grid" if self.plan.model == "measured" else "straight down"
+        measured = self.plan.model == "measured"
+        rays = "for the targets that it counts" if measured else "straight down"
         return f"{SYMBOLS[name]} is {found:.1%}; the plan's {planned:.1%} holds {rays} only"
 
 

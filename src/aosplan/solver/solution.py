@@ -132,8 +132,7 @@ def _limits(
             yield Limit(problem.objective, value, value, message)
         else:
             densest, apart_m, most = highest
-            symbol = "V" if problem.objective == "visibility" else "contrast"
-            message += f", {symbol} = {most:.4g} with N = {densest.samples} and b = {apart_m:.4g} m"
+            message += f": {most:.4g} with N = {densest.samples} and b = {apart_m:.4g} m"
             yield Limit(problem.objective, value, most, message)
     else:
         message = {
