@@ -155,14 +155,14 @@ def out_of_scan(
     requirement, widest = problem.requirement, problem.widest_aperture_m
     if reached is None:
         return InfeasibleError(
-            f"{requirement} is out of reach: no grid fits into an aperture of {widest:.4g} m",
-            "allow a larger aperture, or a smaller baseline",
+            f"{requirement} is out of reach: no grid is at most {widest:.4g} m long",
+            "allow a longer grid (--max-aperture), or a smaller baseline",
         )
     pattern, baseline, prediction = reached
     extent = pattern.longer_side * baseline
     return InfeasibleError(
         f"{requirement} is out of reach: the best {problem.grid.name} grid of up "
-        f"to {most} samples within an aperture of {widest:.4g} m reaches "
+        f"to {most} samples and at most {widest:.4g} m long reaches "
         f"{value_text(problem, prediction)}, with {pattern.samples} samples "
         f"{baseline:.4g} m apart over {extent:.4g} m",
         "give a lower target, or --optimize contrast or --optimize visibility",

@@ -1,4 +1,7 @@
-"""`solve`: the solution of a problem by the solver that suits its model and objective."""
+"""`solve`: hand a problem to the solver that suits it, `solve_monotone` or `solve_by_scan`.
+
+Those two decide the number of samples.
+"""
 
 from __future__ import annotations
 

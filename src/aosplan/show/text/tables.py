@@ -147,9 +147,11 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
             f"V = {percent(prediction.expected)}{_error(errors and errors.expected)}{target}",
         )
         contrast = prediction.contrast
+        one, mean = percent(plan.one_photo), percent(prediction.minimum)
         yield (
             "",
-            f"one photo {percent(plan.one_photo)}, infinitely many photos "
+            f"one photo {one}{'' if one == mean else f' straight down, {mean} on average'}, "
+            "infinitely many photos "
             f"{percent(prediction.maximum)}"
             + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
