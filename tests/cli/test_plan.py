@@ -122,7 +122,7 @@ def test_areas_that_a_request_names_are_looked_for_beside_it(folder, document):
 def test_the_table_tells_of_the_area(command):
     status, out, err = command("plan", "--altitude", "40", "--vhat", "0.9", *FIELD)
     assert status == 0
-    assert re.fullmatch(r"warning: all flights take \d+ min; --trigger distance .*\n", err)
+    assert re.fullmatch(r"warning: the flights take \d+ min in total; --trigger distance .*\n", err)
     assert re.search(r"Area +4\.\d+ ha, 100 % of it covered from [\d,]+ sites", out)
     assert "add --out" in out
 

@@ -75,7 +75,7 @@ TABLES = [
     (b"", ["empty"]),
     (b"altitude,vhat\n", ["no rows"]),
     (b"altitude,samples\n40,10\n50,6x4\n", ["column 'samples'", "'6x4'", "(row 2)"]),
-    (b"altitude;vhat\n40;0,9\n", ["separated by semicolons", "points in numbers"]),
+    (b"altitude;vhat\n40;0,9\n", ["separated by semicolons", "decimal points"]),
     (b"altitude\tvhat\n40\t0.9\n", ["separated by tabs"]),
     (b'altitude,vhat\n40,"0,9"\n', ["column 'vhat'", "'0,9'", "(row 1)"]),
     (b"altitude,vhat,altitude\n40,0.9,50\n", ["two columns 'altitude'"]),

@@ -341,14 +341,16 @@ def _losses(survey: Survey, samples: int) -> list[Message]:
     if survey.covered_share == 1.0:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2
-    fewest = "" if survey.fewest_looks is None else f", at worst from {survey.fewest_looks}"
-    enclosed = f" and enclose {survey.sites_enclosed}" if survey.sites_enclosed else ""
+    fewest = "" if survey.fewest_looks is None else f", the worst place from {survey.fewest_looks}"
+    enclosed = (
+        f", and {survey.sites_enclosed} are enclosed by them" if survey.sites_enclosed else ""
+    )
     return [
         Message(
             "coverage_lost",
             f"{_area(lost)} of {_area(survey.area_m2)} m² ({100 * lost / survey.area_m2:.3g} %) are "
-            f"seen from fewer than {samples} sites{fewest}: no-fly zones remove "
-            f"{survey.sites_in_no_fly} sites{enclosed}",
+            f"seen from fewer than {samples} sites{fewest}: "
+            f"{survey.sites_in_no_fly} sites are in no-fly zones{enclosed}",
         )
     ]
 

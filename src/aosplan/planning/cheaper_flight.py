@@ -87,7 +87,9 @@ def long_flight(
         return
     way = cheaper_way(request, folder, loaded, time_s)
     if way is not None:
-        yield Message("cheaper_flight", f"all flights take {time_s / 60.0:,.0f} min; {way}")
+        yield Message(
+            "cheaper_flight", f"the flights take {time_s / 60.0:,.0f} min in total; {way}"
+        )
 
 
 def _below(value: float | str | None) -> str:

@@ -411,11 +411,11 @@ def _check_model(name: str, kind: str, request: PlanRequest) -> None:
         )
     if request.edges is not None and name != "measured":
         raise RequestError(
-            f"--edges {request.edges} with --model {name}", "it is for the measured model"
+            f"--edges {request.edges} is not for --model {name}", "it is for the measured model"
         )
     if request.view is not None and name != "measured":
         raise RequestError(
-            f"--view {request.view} with --model {name}", "it is for the measured model"
+            f"--view {request.view} is not for --model {name}", "it is for the measured model"
         )
     if request.rays is not None and name == "measured":
         raise RequestError(

@@ -448,8 +448,8 @@ def _of_blind(count: int) -> Iterator[Message]:
         many = count > 1
         yield Message(
             "photos_aside",
-            f"{count} photo{'s' if many else ''} at no site {'do' if many else 'does'} not see the middle "
-            f"of the grid and {'do' if many else 'does'} not count for the visibility",
+            f"{count} photo{'s' if many else ''} far from every site {'do' if many else 'does'} not see "
+            f"the middle of the grid and {'are' if many else 'is'} left out of the visibility",
         )
 
 

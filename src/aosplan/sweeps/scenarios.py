@@ -297,7 +297,7 @@ def _check_start(path: str, *, as_text: bool) -> None:
         if len(header) == 1 and other in line:
             raise RequestError(
                 f"'{path}': its columns are separated by {title}",
-                "save it with commas between columns, and points in numbers",
+                "save it with commas between columns, and with decimal points in numbers",
             )
     _check_names(header, path)
 

@@ -300,7 +300,7 @@ def _map(lazy: Any, x: str, y: str, value: str) -> MapFigure:
             raise RequestError(
                 f"column '{name}' has about {count} different values, and a map at most "
                 f"{MOST_VALUES} a side",
-                f"leave out the value for a scatter, or sweep fewer values of {name}",
+                f"omit the value to draw a scatter plot, or sweep fewer values of {name}",
             )
     ok = pl.col("status") == "ok"
     # The order of the addition only affects the last digits, which are rounded away.
