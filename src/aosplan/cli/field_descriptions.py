@@ -137,6 +137,7 @@ FIELD_DESCRIPTIONS = {
     "TargetVisibilityDocument.reading": "Uniform model: the coverage rule's d̂, or slices below it.",
     "TargetVisibilityDocument.rays": "Whether rays are vertical or follow each photo's angle.",
     "edges": "Targets that count: those whose rays stay on the plot (interior), or all (wrapped).",
+    "interior": "Correlograms of the targets whose rays stay on the plot.",
     "uncertainty": "Standard errors of the prediction.",
     "UncertaintyDocument.parts": "Contributions, whose squares add up.",
     "ErrorPartDocument.source": "What is uncertain.",
