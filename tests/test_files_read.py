@@ -159,7 +159,7 @@ def test_what_is_not_utf_8_is_refused_and_the_byte_is_named(folder, name, conten
         ("a.toml", "altitude = 40\naltitude = 41\n", "line 2"),
         ("a.toml", "altitude = \n", "line 1"),
         ("a.toml", "altitude 40", "line 1"),
-        ("a.json", '{"altitude": 40,\n}', "line 2"),
+        ("a.json", '{"altitude": 40,\n"x"}', "line 2"),
         ("a.json", "", "line 1"),
         ("a.json", "{'altitude': 40}", "line 1"),
         ("a.json", '{"altitude": 40} x', "line 1"),
