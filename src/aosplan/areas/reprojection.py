@@ -46,7 +46,8 @@ class Reprojection(NamedTuple):
                 "degrees",
                 "give the coordinate reference system of the coordinates",
             )
-        found = np.column_stack(self.transformer.transform(points[:, 0], points[:, 1]))
+        # Lists, because older versions of pyproj take an array with one value for a number.
+        found = np.column_stack(self.transformer.transform(*points.T.tolist()))
         if not np.isfinite(found).all():
             raise RequestError(f"{place}: the coordinates do not fit {self.name}")
         found[:, 0] = (found[:, 0] + 180.0) % 360.0 - 180.0
