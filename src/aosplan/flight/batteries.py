@@ -104,8 +104,8 @@ def _shorter(
     ways = there + home.way_s(track, part.last, timing, back=True)
     level = max(home.level_m(track, part.first), home.level_m(track, part.last))
     hint = (
-        f"the way there and back takes {ways / 60.0:.3g} min of this, with a climb "
-        f"to {level:.0f} m and at {timing.transit.speed_mps:.3g} m/s: take off "
+        f"the way there and back takes {ways / 60.0:.3g} min of this, over up to "
+        f"{level:.0f} m each at {timing.transit.speed_mps:.3g} m/s: take off "
         "nearer, or give a faster --transit-speed or a longer --flight-time"
     )
     if not timing.fly_through:
