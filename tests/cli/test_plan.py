@@ -105,6 +105,7 @@ def test_an_area_gives_the_place_and_goes_into_every_format(folder, command):
     assert all(48.329 < float(row["latitude"]) < 48.333 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_plan_over_an_area_fed_back_is_the_same(folder, document):
     line = ["--vhat", "0.9", *FIELD, "--clear", str(AREAS / "meadow.kml"), "--heading", "auto"]
     first = document("plan", "--altitude", "40", *line, "--no-fly", str(AREAS / "mast.geojson"))

@@ -54,6 +54,7 @@ def seen_from(planned, east, north):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [0.0, pytest.param(0.7, marks=pytest.mark.slow)])
 def test_places_are_seen_by_the_photos_whose_footprint_holds_them(noise_m):
     planned = plan(PlanRequest(**SPARSE, area=FIELD))
@@ -210,6 +211,7 @@ def test_a_raster_that_is_no_prior_is_refused(tmp_path, over_field, values, prof
         success_of(over_field[1], path)
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_map_that_lies_over_the_area(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     place = ["--area", FIELD, "--altitude", "40", "--baseline", "4", "--samples", "12"]

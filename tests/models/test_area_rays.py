@@ -22,6 +22,7 @@ def random_leaves(rng, count):
     return LeafStand(8.0, centre, normal, 0.1)
 
 
+@pytest.mark.slow
 def test_leaves_of_random_direction_hide_by_the_length_of_a_ray():
     """Rays cast through discs: ln T at a slope is that straight down, times the secant."""
     rng = np.random.default_rng(7)

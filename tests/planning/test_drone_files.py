@@ -71,6 +71,7 @@ def test_of_python(folder):
     assert aosplan.plan(of_file).document()["request"] == of_file.document()["request"]
 
 
+@pytest.mark.slow
 def test_a_plan_keeps_the_folder_of_its_area(folder):
     side = [[14.3261, 48.3358], [14.3266, 48.3358], [14.3266, 48.3361], [14.3261, 48.3358]]
     (folder / "field.json").write_text(json.dumps({"type": "Polygon", "coordinates": [side]}))

@@ -116,6 +116,7 @@ def test_a_few_cells_without_ground_do_not_unmake_heights():
     assert not is_level_zero(low, np.array([40.0, 40.0]), 0.0)
 
 
+@pytest.mark.slow
 def test_triangles_agree_with_interpolation_point_by_point():
     interpolate = pytest.importorskip("scipy.interpolate")
     for seed in range(40):

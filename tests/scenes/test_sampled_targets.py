@@ -162,6 +162,7 @@ def test_wide_plots_have_fewer_targets_in_perspective(monkeypatch):
     assert np.abs(joint_counts(fewer.masks(cameras)) / fewer.targets - want).max() < 0.004
 
 
+@pytest.mark.slow
 def test_the_correlogram_of_a_sample_is_that_of_the_plot(monkeypatch):
     volume = clumped_forest(STANDS["spruce"], side_m=40.0)
     whole = correlogram(volume)

@@ -51,6 +51,7 @@ def test_a_cloud_is_planned_by_its_voxels_unless_told_otherwise(stand):
     assert planned(stand, model="uniform").model == "uniform"
 
 
+@pytest.mark.slow
 def test_the_request_of_a_cloud_fed_back_gives_the_same_plan(stand):
     for given in ({"model": "uniform"}, {"vhat": "0.5"}, {"optimize": "contrast"}):
         document = planned(stand, heading=30, **given).document()

@@ -113,6 +113,7 @@ def hedge_problem(grid, heading=0.0, angle=0.0, objective="samples"):
     return Problem(model, vhat("0.5"), grid, bounds, objective, surrogate=surrogate)
 
 
+@pytest.mark.slow
 def test_a_line_is_flown_across_the_hedges():
     problem = hedge_problem(GridKind("line"))
     best = solve_best_heading([problem])

@@ -220,6 +220,7 @@ def test_parts_change_no_byte(tmp_path, capsys, monkeypatch, kind):
     Draft202012Validator(json_schema("sweep")).validate(json.loads(found.pop()))
 
 
+@pytest.mark.slow
 def test_words_and_what_rows_leave_out_are_told_apart(tmp_path, capsys):
     path = tmp_path / "rows.csv"
     path.write_text(TABLE)
@@ -282,6 +283,7 @@ def interrupted_after(monkeypatch, parts, seen):
     monkeypatch.setattr(run_module, "solve_part", solve_part)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "out",
     [
@@ -317,6 +319,7 @@ def test_interruptions_change_no_byte(campaign, tmp_path, capsys, monkeypatch, o
     assert sorted(os.listdir()) == sorted([campaign.name, *out[1:]])
 
 
+@pytest.mark.slow
 def test_an_interrupted_simulation_sweeps_nothing_again(campaign, tmp_path, capsys, monkeypatch):
     from aosplan.sweeps import verify
 

@@ -314,6 +314,7 @@ def test_nothing_met_is_nothing_simulated(tmp_path, capsys):
     assert "0 rows simulated" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_without_common_ground_each_target_has_its_own_aperture():
     # 25 samples with such distances have no ground in common.
     values = {
