@@ -118,7 +118,7 @@ class BlurredTable:
 
 
 def _panels(profile: Callable[[Floats], Floats], reaches_m: Floats) -> Floats:
-    """Panels in which a profile is interpolated accurately, as intervals, shape (panels, 2)."""
+    """Intervals that are short enough to interpolate a profile to `TOLERANCE`, shape (panels, 2)."""
     allowed = TOLERANCE * float(profile(np.zeros(1))[0])
     nodes, _ = _rule(NODES)
     checks = np.linspace(0.0, 1.0, 4 * NODES + 1)

@@ -291,7 +291,8 @@ class MeasuredModel:
     def widest_aperture_m(self) -> float:
         """The same distance; two sites of a grid should not be farther apart along an axis.
 
-        If targets count whose rays stay on the plot, the axes are those of the plot.
+        If only targets whose rays stay on the plot are counted, the limit applies along the axes of
+        the plot, not of the grid.
         """
         if self.edges == "wrapped":
             return self._widest_m

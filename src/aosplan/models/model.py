@@ -151,7 +151,10 @@ class VisibilityModel(Protocol):
         """Correlation of two samples for their offset along the same axes, elementwise."""
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """A fast prediction that is not worse than `predict`; only used if `rises_with_baseline`."""
+        """A fast upper bound of `predict`: its visibility is at least as high.
+
+        It is only used if `rises_with_baseline`.
+        """
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:

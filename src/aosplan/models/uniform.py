@@ -109,8 +109,9 @@ class UniformModel(NamedTuple):
         dhat = baseline_m / self.unit_baseline_m
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         if self.slices is not None and self.hold_error_m > 0.0 and pattern.samples > 1:
-            # Position noise reduces V̂ more with one d̂ for all heights than with slices. Without
-            # the minimum of the two shortfalls, V̂ would drop at the rule's baseline.
+            # Position noise reduces V̂ more with one d̂ for all heights than with slices. The
+            # smaller shortfall is used; otherwise, V̂ would drop where the model changes from
+            # slices to one d̂.
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 

@@ -98,7 +98,7 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
         return with_doubt(errors, dense, thin, UNIFORM, "opacity")
     try:
         coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
-    except RequestError:  # larger voxels would reach the cameras
+    except RequestError:  # voxels of twice the size would be as high as the cameras
         return errors
     return with_doubt(errors, model.predict_positions(sites), coarse, OCTAVE, "opacity")
 

@@ -80,7 +80,7 @@ def load_scene(
     folder
         Folder of the request file, in which file names are looked for first.
     progress
-        Called with the points read and the points in all while a point cloud is read.
+        Called while a point cloud is read, with the number of points read so far and the total.
     also
         More point clouds of the same stand.
     surroundings

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-@dataclass(frozen=True, eq=False)  # comparing field by field costs each start 2 ms to compile
+@dataclass(frozen=True, eq=False)  # a generated __eq__ adds 2 ms to each start
 class PlanRequest:
     """The checked options of ``aosplan plan`` as fields, with underscores.
 

@@ -169,8 +169,8 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
 def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
     """Integral range of a large mask: near lags from windows, far lags from the means of blocks.
 
-    The first rings are those of `integral_range`, from pairs of cells within windows that are
-    spread over the mask.  At larger lags the correlation is smooth, so that each lag between blocks
+    At small lags, correlations are those of pairs of cells within windows that are spread over the
+    mask, on the same rings as in `integral_range`.  At larger lags the correlation is smooth, so that each lag between blocks
     represents all lags between their cells.
     """
     block = LEAST_BLOCK if max(mask.shape) < 2 * LEAST_BLOCK * BLOCKS else MOST_BLOCK

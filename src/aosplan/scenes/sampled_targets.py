@@ -198,7 +198,7 @@ class SampledOcclusion:
     def _places(
         self, offsets: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Voxels at which views meet each slice, for the first target of each lattice.
+        """Voxels in which the rays from views to the first target of each lattice cross each slice.
 
         Returns
         -------

@@ -150,7 +150,10 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
 
 
 def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
-    """Rows of the densest patterns by the scan: first by the surrogate, then by the model."""
+    """One row for each densest pattern.
+
+    Its baseline is searched with the fast surrogate, then checked with the model.
+    """
     from aosplan.solver.solve_by_scan import Candidate, Scan
 
     if problem.bounds.samples is None:

@@ -25,8 +25,8 @@ EVERY_S = 5.0
 class Aggregation:
     """The summary and sample of the parts so far, and the file that stores them.
 
-    The file is written only when a sweep has taken `EVERY_S`, or is interrupted; it is always
-    complete.
+    The file is written at most every `EVERY_S` seconds, and at an interruption.  It replaces the
+    old file only when it is complete.
     """
 
     def __init__(

@@ -50,7 +50,7 @@ def named_files(values: Mapping[str, NDArray[Any]], folder: str) -> Iterator[Nam
             found = located(value, folder)
             try:
                 stood_for = cloud_files(found) or (found,)
-            except RequestError:  # a folder or pattern without files; its rows report it
+            except RequestError:  # a folder or pattern without files: rows that name it report it
                 continue
             there = tuple(file for file in stood_for if os.path.isfile(file))
             if there:
@@ -62,7 +62,7 @@ def checksums(values: Mapping[str, NDArray[Any]], folder: str) -> list[tuple[str
     sums = []
     for named in named_files(values, folder):
         for file in named.files:
-            with contextlib.suppress(OSError):  # the rows of an unreadable file report it
+            with contextlib.suppress(OSError):  # the rows that name an unreadable file report it
                 known = os.stat(file)
                 digest = _checksum(file, known.st_size, known.st_mtime_ns)
                 sums.append((named.option, named.value, digest))

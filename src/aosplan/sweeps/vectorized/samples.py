@@ -73,7 +73,10 @@ class SolvedSamples(NamedTuple):
 
 
 def answer(asked: RequirementColumns, statuses: RowStatuses) -> SolvedSamples:
-    """The answers for some requirements; those that cannot be met are refused as by the solver."""
+    """Samples and baselines that meet the requirements of all rows.
+
+    Rows that cannot be met get the error of the solver.
+    """
     symbol, value, _, fewest = asked.target
     if not asked.fixed:
         _refuse_hopeless(asked, statuses)
