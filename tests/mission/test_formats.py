@@ -260,7 +260,9 @@ def test_split_files_are_written_with_a_hint(tmp_path, capsys):
     hints = [line for line in err.splitlines() if line.startswith("hint:")]
     assert hints[1:] == [
         f"hint: {formats()['waypoints'].title} needs 2 files here: "
-        f"{tmp_path / 'grid-1.waypoints'} to {tmp_path / 'grid-2.waypoints'}"
+        f"{tmp_path / 'grid-1.waypoints'} to {tmp_path / 'grid-2.waypoints'}",
+        "hint: one flight needs several of these files: the drone returns home after each, which "
+        "the planned time does not include",
     ]
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "grid-1.waypoints",

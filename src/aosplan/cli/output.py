@@ -128,6 +128,11 @@ def write_outputs(
         if len(needed) > 1:
             first, *_, last = needed
             hints.append(f"{form.title} needs {len(needed)} files here: {first} to {last}")
+            if len(needed) > len(flown):
+                hints.append(
+                    "one flight needs several of these files: the drone returns home after each, "
+                    "which the planned time does not include"
+                )
             hints += _leftovers(path, len(needed))
     write_all(contents, force=force)
     for hint in () if quiet else hints:
