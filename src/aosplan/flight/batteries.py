@@ -115,8 +115,8 @@ def _shorter(
     shorter = f", lines of at most {left_m:.0f} m" if left_m > 0.0 else ""
     return (
         f"{hint}; the line of {length:.0f} m at {timing.speed_mps:.3g} m/s takes "
-        f"the rest: give a faster --speed{shorter} (a narrower --area, another "
-        "--heading), or --trigger stop"
+        f"the rest: give a faster --speed or a shorter --photo-interval{shorter} "
+        "(a narrower --area, another --heading), or --trigger stop"
     )
 
 
