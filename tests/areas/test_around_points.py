@@ -86,7 +86,9 @@ def test_files_without_valid_points_are_refused(tmp_path, text, message):
 def test_projected_points_are_transformed(tmp_path):
     crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32633"}}
     (tmp_path / "points").write_text(features([(450_000, 5_354_000)], crs=crs))
-    latitude, longitude = read_area(str(tmp_path / "points"), around_m=5.0).origin
+    area = read_area(str(tmp_path / "points"), around_m=5.0)
+    assert [notice.code for notice in area.notices] == ["reprojected"]  # as of polygons
+    latitude, longitude = area.origin
     assert latitude == pytest.approx(48.336, abs=0.01)
     assert longitude == pytest.approx(14.325, abs=0.01)
 

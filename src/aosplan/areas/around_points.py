@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,9 +14,12 @@ from aosplan.areas.boundary_file import (
     check_position,
     read_shapes,
 )
-from aosplan.areas.reprojection import reprojection
+from aosplan.areas.reprojection import change_of
 from aosplan.errors import RequestError
 from aosplan.geodesy import to_wgs84
+
+if TYPE_CHECKING:
+    from aosplan.messages import Message
 
 CORNERS = 32
 """Corners of the polygon around a disc; its area is 0.3 % larger than that of the disc."""
@@ -54,17 +58,17 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
     angle = 2.0 * math.pi * np.arange(CORNERS + 1) / CORNERS
     angle[-1] = 0.0  # the ring is closed
     corner_m = radius_m / math.cos(math.pi / CORNERS)
+    east_m, north_m = (corner_m * np.sin(angle)).tolist(), (corner_m * np.cos(angle)).tolist()
     polygons = []
     for point in found.points:
-        longitude, latitude = _place_of(point, path)
-        east_m, north_m = corner_m * np.sin(angle), corner_m * np.cos(angle)
-        place = to_wgs84((latitude, longitude), east_m.tolist(), north_m.tolist())
+        longitude, latitude = _place_of(point, path, found.notices)
+        place = to_wgs84((latitude, longitude), east_m, north_m)
         polygons.append([np.column_stack(place[::-1])])
     places = [point.place for point in found.points]
     return found._replace(polygons=polygons, places=places, ignored=ignored)
 
 
-def _place_of(point: Point, path: str) -> tuple[float, float]:
+def _place_of(point: Point, path: str, notices: list[Message]) -> tuple[float, float]:
     """Longitude and latitude [deg] of a point, checked."""
     place, position = f"'{path}': {point.place}", point.position
     if isinstance(position, list) and all(isinstance(part, str) for part in position):
@@ -74,7 +78,7 @@ def _place_of(point: Point, path: str) -> tuple[float, float]:
             position = point.position
     check_position(position, place)
     at = np.array([position[:2]], dtype=np.float64)
-    change = reprojection(point.crs, path) if point.crs else None
+    change = change_of(point.crs, path, notices)
     if change is not None and np.isfinite(at).all():
         at = change.degrees(at, place)
     check_globe(at, place)

@@ -18,7 +18,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from aosplan.areas.reprojection import Reprojection, is_wgs84, reprojection
+from aosplan.areas.reprojection import Reprojection, change_of, is_wgs84
 from aosplan.areas.vector_file import is_vector_file
 from aosplan.errors import RequestError
 from aosplan.files import MOST_BYTES, parse_table, read_bytes, read_start, text_of
@@ -170,13 +170,10 @@ def _too_many(path: str) -> RequestError:
 
 
 def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
-    changes: dict[str, Reprojection | None] = {}
     for place, rings, crs in _polygons(table, "", "", outline):
         if not isinstance(rings, list) or not rings:
             raise RequestError(f"'{outline.path}': {place} is empty")
-        if crs not in changes:
-            changes[crs] = reprojection(crs, outline.path) if crs else None
-        change = changes[crs]
+        change = change_of(crs, outline.path, outline.notices)
         outline.polygons.append(
             [
                 _ring(ring, f"'{outline.path}': {place}.{index}", change)
@@ -184,7 +181,6 @@ def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
             ]
         )
         outline.places.append(place)
-    outline.notices.extend(change.notice for change in changes.values() if change is not None)
 
 
 def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:

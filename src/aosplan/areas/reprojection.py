@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -59,6 +60,21 @@ def is_wgs84(name: str) -> bool:
     return name.endswith(("CRS84", "CRS:84", ":4326")) or name == "WGS 84"
 
 
+def change_of(crs: str, path: str, notices: list[Message]) -> Reprojection | None:
+    """The conversion of coordinates in a stated system, if there is one; its notice is added once.
+
+    Raises
+    ------
+    RequestError
+        As from `reprojection`.
+    """
+    change = reprojection(crs, path) if crs else None
+    if change is not None and change.notice not in notices:
+        notices.append(change.notice)
+    return change
+
+
+@cache
 def reprojection(name: str, path: str) -> Reprojection | None:
     """The conversion of a file's coordinates to degrees on WGS 84; None if they already are.
 
