@@ -99,13 +99,18 @@ def matched(values, reference, covered):
     return np.stack(bands, axis=-1)
 
 
+def reference(recording):
+    """The raster of the chart, the integral of all images, and the pixels that enough of them see."""
+    half = 0.5 * CHART_M
+    raster = recording.raster((-half, -half, half, half), 0.1)
+    everything = recording.integrate(ViewSubset(), raster)
+    return raster, everything, everything.seen(VIEWS // 10)
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
         recording = Recording(*render(folder))
-        half = 0.5 * CHART_M
-        raster = recording.raster((-half, -half, half, half), 0.1)
-        everything = recording.integrate(ViewSubset(), raster)
-        covered = everything.seen(VIEWS // 10)
+        raster, everything, covered = reference(recording)
         rows, shown = [], {}
         for name, pitch in (("2.8 m apart", RULE_M), ("all, 2 m apart", None)):
             for aperture_m in APERTURES_M:

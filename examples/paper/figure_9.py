@@ -8,7 +8,7 @@ import tempfile
 
 import numpy as np
 from common import plt, save, write_csv
-from figure_10 import CHART_M, RULE_M, VIEWS, matched, render
+from figure_10 import RULE_M, VIEWS, matched, reference, render
 
 from aosplan.postflight.integral.recording import Recording
 from aosplan.postflight.integral.view_subset import ViewSubset
@@ -20,10 +20,7 @@ APERTURES_M = (0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 28.0)
 def main():
     with tempfile.TemporaryDirectory() as folder:
         recording = Recording(*render(folder))
-        half = 0.5 * CHART_M
-        raster = recording.raster((-half, -half, half, half), 0.1)
-        everything = recording.integrate(ViewSubset(), raster)
-        covered = everything.seen(VIEWS // 10)
+        raster, everything, covered = reference(recording)
         found = [
             recording.integrate(ViewSubset(pitch_m=RULE_M, aperture_m=a), raster)
             for a in APERTURES_M
