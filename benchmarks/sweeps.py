@@ -36,9 +36,9 @@ import numpy as np
 from aosplan.errors import AosplanError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.sweeps.block_frame import USUAL, solve_block
 from aosplan.sweeps.scenarios import ScenarioProduct, column_of, read_crossing
-from aosplan.sweeps.vectorized.solve import solve_columns
+from aosplan.sweeps.solve_block import USUAL, solve_block
+from aosplan.sweeps.vectorized.solve_columns import solve_columns
 
 mpl.use("Agg")
 import matplotlib.pyplot as plt

@@ -27,8 +27,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from aosplan import PlanRequest, plan
 from aosplan.errors import AosplanError
 from aosplan.grid.patterns import Pattern
-from aosplan.planning.detection import detection_model
 from aosplan.planning.loaded_scene import load_scene
+from aosplan.planning.plan_detection import detection_model
 from aosplan.planning.resolve import resolve_inputs
 from aosplan.planning.sites import layout_of, route_of
 from aosplan.planning.solved_plan import solve_inputs

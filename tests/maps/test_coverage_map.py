@@ -11,7 +11,7 @@ from aosplan.geodesy import to_local, to_wgs84
 from aosplan.maps.coverage_map import covering
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.postflight.positions import read_positions
+from aosplan.postflight.positions_file import read_positions
 from aosplan.postflight.review import review
 from aosplan.postflight.views import read_views
 

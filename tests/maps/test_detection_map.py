@@ -14,7 +14,7 @@ from aosplan.maps.detection_map import canopy_over, detection_map, ground_of, ph
 from aosplan.maps.photo_sets import photo_sets
 from aosplan.maps.place_detection import PlaceDetection
 from aosplan.maps.prior import success_of
-from aosplan.planning.detection import detection_at
+from aosplan.planning.plan_detection import detection_at
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.postflight.views import along_heading

@@ -10,7 +10,7 @@ from support.flights import flown_in, grid, written
 
 from aosplan.cli.app import run
 from aosplan.errors import RequestError
-from aosplan.postflight.positions import read_places
+from aosplan.postflight.positions_file import read_places
 
 
 def kmz(tmp_path, waylines, name="wpmz/waylines.wpml"):

@@ -21,7 +21,7 @@ from aosplan.postflight.integral.odm_shots import read_shots
 from aosplan.postflight.integral.photo_poses import PhotoOptions, camera_rotation, read_photo_poses
 from aosplan.postflight.integral.recording import Recording
 from aosplan.postflight.integral.view_subset import ViewSubset
-from aosplan.postflight.photo_tags import read_tags
+from aosplan.postflight.photo_metadata import read_metadata
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -67,7 +67,7 @@ def test_a_folder_of_photos_is_the_plane_that_they_show(folder):
 @pytest.mark.parametrize("dialect", ["AUTEL", "PARROT", "PIX4D", "SKYDIO"])
 def test_other_makers_say_the_same(folder, dialect):
     poses = fly(folder / "photos", xmp=getattr(flown, dialect))
-    tags = [read_tags(str(path)) for path in sorted((folder / "photos").iterdir())]
+    tags = [read_metadata(str(path)) for path in sorted((folder / "photos").iterdir())]
     for tag, (position, angles) in zip(tags, poses, strict=True):
         assert (tag.yaw_deg, tag.pitch_deg, tag.roll_deg) == pytest.approx(tuple(angles), abs=1e-4)
         assert tag.absolute_altitude_m == pytest.approx(position[2] + 470.0)
@@ -84,15 +84,15 @@ def test_focal_lengths_in_the_order_of_trust(folder):
         ("c.jpg", {37386: 4.5}, None),
     ]:
         write_photo(folder / name, (0, 0, 30), (0, -90, 0), xmp=xmp, exif=exif)
-        assert read_tags(str(folder / name)).focal_px == pytest.approx(expected)
+        assert read_metadata(str(folder / name)).focal_px == pytest.approx(expected)
     dewarp = 'drone-dji:DewarpData="2021-05-01;151,152,1.5,-2,0.1,-0.2,0.001,0.002,0.05" '
     write_photo(folder / "d.jpg", (0, 0, 30), (0, -90, 0), more=dewarp)
-    tag = read_tags(str(folder / "d.jpg"))
+    tag = read_metadata(str(folder / "d.jpg"))
     assert tag.lens_px == (151, 152, 81.5, 58, 0.1, -0.2, 0.001, 0.002, 0.05)
     write_photo(
         folder / "e.jpg", (0, 0, 30), (0, -90, 0), more=dewarp + 'drone-dji:DewarpFlag="1" '
     )
-    assert read_tags(str(folder / "e.jpg")).lens_px is None
+    assert read_metadata(str(folder / "e.jpg")).lens_px is None
 
 
 def test_fixed_rtk_heights_take_the_place_of_the_barometer(folder):
@@ -148,7 +148,7 @@ def test_photos_without_a_band_beside_thermal_ones_are_visible(command, folder):
 def test_a_band_is_named_by_the_tag_before_the_name(folder):
     write_photo(folder / "DJI_0001_V.jpg", (0, 0, 30), (0, -90, 0),
                 more='drone-dji:ImageSource="InfraredCamera"')  # fmt: skip
-    assert read_tags(str(folder / "DJI_0001_V.jpg")).band == "thermal"
+    assert read_metadata(str(folder / "DJI_0001_V.jpg")).band == "thermal"
 
 
 def test_photos_of_the_horizon_and_without_a_place_are_left_out_by_name(command, folder):

@@ -16,7 +16,7 @@ from aosplan.cli.app import run
 from aosplan.cli.schema import json_schema
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.postflight.positions import read_places, read_positions
+from aosplan.postflight.positions_file import read_places, read_positions
 from aosplan.postflight.review import review
 from aosplan.postflight.views import read_views
 from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz

@@ -5,7 +5,7 @@ import math
 from aosplan.errors import AosplanError, InfeasibleError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
-from aosplan.sweeps.row_solver import RESULTS
+from aosplan.sweeps.solve_rows import RESULTS
 
 
 def results_of(result):

@@ -263,7 +263,7 @@ def test_a_stand_is_read_once_and_its_correlogram_made_once(tmp_path, monkeypatc
 
     from aosplan.scenes import correlogram as correlogram_module
     from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
-    from aosplan.sweeps import row_solver as rows
+    from aosplan.sweeps import solve_rows as rows
 
     volume = clumped_forest(STANDS["beech"], side_m=12.0, voxel_m=0.5)
     (tmp_path / "stand.npz").write_bytes(stand_npz(VoxelStand.of(volume)))

@@ -17,9 +17,9 @@ from aosplan.planning.request import PlanRequest
 from aosplan.simulation.compare import Settings, simulate
 from aosplan.sweeps import scenarios as scenarios_module
 from aosplan.sweeps import verify as v
-from aosplan.sweeps.block_frame import solve_block
 from aosplan.sweeps.grouping import grouping
 from aosplan.sweeps.scenarios import ScenarioProduct, ScenarioTable, column_of
+from aosplan.sweeps.solve_block import solve_block
 
 pytest.importorskip("polars")
 

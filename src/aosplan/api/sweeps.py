@@ -124,9 +124,9 @@ def sweep(
     """
     import tempfile
 
-    from aosplan.sweeps.block_frame import chosen_results
     from aosplan.sweeps.run import run
     from aosplan.sweeps.scenarios import crossing_of, polars, read_scenarios
+    from aosplan.sweeps.solve_block import chosen_results
     from aosplan.sweeps.sweep import Sweep as Asked
     from aosplan.sweeps.sweep import check
     from aosplan.units import whole

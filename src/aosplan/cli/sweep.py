@@ -67,10 +67,10 @@ def run(
     defaults: str | None,
 ) -> None:
     """Solve every scenario of a file, and write one row for each or print a summary."""
-    from aosplan.sweeps.block_frame import chosen_results
     from aosplan.sweeps.run import run as run_sweep
     from aosplan.sweeps.run import summarise
     from aosplan.sweeps.scenarios import read_scenarios
+    from aosplan.sweeps.solve_block import chosen_results
     from aosplan.sweeps.sweep import Sweep, check
 
     sampled = verify_options(simulate, seed, precision)

@@ -133,7 +133,7 @@ def _lattice(samples: str | None, grid: str | None, dhat: float) -> tuple[int, f
 
 def _positions(path: str, spacing_m: float, heading_deg: float) -> tuple[int, float]:
     from aosplan.models.positions import positions_shortfall
-    from aosplan.postflight.positions import read_positions
+    from aosplan.postflight.positions_file import read_positions
 
     points = read_positions(path)
     # The occluders of the model are squares aligned with the heading.

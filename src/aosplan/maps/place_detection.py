@@ -20,7 +20,7 @@ import numpy as np
 from aosplan.maps.photo_sets import along_and_across
 from aosplan.models.detection import DetectionModel
 from aosplan.models.target_window import Target
-from aosplan.planning.detection import CLEAR, find_of, slices_of
+from aosplan.planning.plan_detection import CLEAR, find_of, slices_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

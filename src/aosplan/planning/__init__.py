@@ -18,7 +18,7 @@
 - `aosplan.planning.plan_warnings`, `aosplan.planning.measured_warnings`: the warnings of a plan.
 - `aosplan.planning.confidence`: standard errors of a prediction; `aosplan.planning.sensitivity`: how a
   plan changes if the scene differs from what was assumed.
-- `aosplan.planning.detection`: the probability of detection of what ``--find`` names.
+- `aosplan.planning.plan_detection`: the probability of detection of what ``--find`` names.
 - `aosplan.planning.within`: the search for the best flight within a time, with
   `aosplan.planning.within_shapes`, `aosplan.planning.shape_space`, `aosplan.planning.least_time` and
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.

@@ -81,7 +81,7 @@ def plan(
     notices += ways_in_zones(solved.inputs, route)
     detection: Detection | None = None
     if inputs.find is not None:
-        from aosplan.planning.detection import detection_of, detection_warnings
+        from aosplan.planning.plan_detection import detection_of, detection_warnings
 
         pattern, baseline_m = solved.solution.pattern, solved.solution.baseline_m
         detection = detection_of(solved.inputs, pattern, baseline_m)

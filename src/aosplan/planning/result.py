@@ -59,7 +59,7 @@ class Plan(PlanData):
 
         documents = [row.document() for row in rows]
         if self.inputs.find is not None:
-            from aosplan.planning.detection import detections_of_rows
+            from aosplan.planning.plan_detection import detections_of_rows
 
             asked = [(row.pattern, row.baseline_m, row.front or row.chosen) for row in rows]
             found = detections_of_rows(self.inputs, asked)

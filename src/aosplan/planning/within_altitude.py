@@ -118,7 +118,7 @@ class AltitudeSearch:
 
     @cached_property
     def _detection(self) -> Any:
-        from aosplan.planning.detection import detection_model
+        from aosplan.planning.plan_detection import detection_model
 
         return detection_model(self.inputs).for_search()
 
@@ -167,7 +167,7 @@ class AltitudeSearch:
         return self._counted[shape]
 
     def _probability(self, candidate: FlownShape) -> float:
-        from aosplan.planning.detection import detection_of
+        from aosplan.planning.plan_detection import detection_of
 
         way, shape = candidate.way, candidate.shape
         baseline_m = shape.along * way.altitude_m

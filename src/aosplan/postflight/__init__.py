@@ -1,7 +1,7 @@
 """After the flight: what the photos show, which of them to keep, and integral images.
 
-- `aosplan.postflight.positions`: positions from tables, missions and logs;
-  `aosplan.postflight.geotags`: positions from photos.
+- `aosplan.postflight.positions_file`: positions from tables, missions and logs;
+  `aosplan.postflight.photo_positions`: positions from photos.
 - `aosplan.postflight.registration`: matching of positions to the sites of a plan.
 - `aosplan.postflight.review`: what a flight shows, and what it missed.
 - `aosplan.postflight.views`: recorded positions as views of a scene.

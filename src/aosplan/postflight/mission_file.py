@@ -6,7 +6,7 @@ import os
 
 from aosplan.errors import RequestError
 from aosplan.mission.mission import Mission, Waypoints
-from aosplan.postflight.positions import local_m, read_places
+from aosplan.postflight.positions_file import local_m, read_places
 
 
 def read_mission_file(path: str) -> Mission:

@@ -340,7 +340,7 @@ def _detections(
     """Probability that the target is found with photos at the positions that `_predictions` uses."""
     if planned.detection is None:
         return None
-    from aosplan.planning.detection import detection_at
+    from aosplan.planning.plan_detection import detection_at
 
     def found(points_m: NDArray[np.float64]) -> float | None:
         if not len(points_m):

@@ -198,7 +198,7 @@ def _detections(
     """Probability that the target is found with all views, and with the chosen ones."""
     if scene.inputs.find is None:
         return None
-    from aosplan.planning.detection import detection_at
+    from aosplan.planning.plan_detection import detection_at
 
     every, few = (detection_at(scene.inputs, points).probability for points in (every_m, chosen_m))
     return every, few

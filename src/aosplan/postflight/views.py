@@ -11,7 +11,7 @@ from aosplan.errors import RequestError
 from aosplan.messages import Message
 from aosplan.models.model import Prediction
 from aosplan.numerics import heading_axis, turned
-from aosplan.postflight.positions import (
+from aosplan.postflight.positions_file import (
     ALTITUDES,
     NAMES_M,
     PLACE_NAMES,
@@ -125,7 +125,7 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         If there is no position, or one that cannot be read; the message names its place.
     """
     if os.path.isdir(path):
-        from aosplan.postflight.geotags import read_photos
+        from aosplan.postflight.photo_positions import read_photos
 
         photos = read_photos(path)
         placed = {name: place for name, place in photos.places.items() if place is not None}

@@ -29,9 +29,9 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
-from aosplan.sweeps.block_frame import forget_files
 from aosplan.sweeps.input_files import named_files
 from aosplan.sweeps.scenarios import SingleBlock
+from aosplan.sweeps.solve_block import forget_files
 from aosplan.sweeps.solve_part import solve_part
 
 if TYPE_CHECKING:

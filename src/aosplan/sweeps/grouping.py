@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.sweeps.block import Block
-from aosplan.sweeps.row_solver import DETECTION, RESULTS
 from aosplan.sweeps.scenarios import ScenarioProduct
+from aosplan.sweeps.solve_rows import DETECTION, RESULTS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from aosplan.sweeps.grouping import scenario
-from aosplan.sweeps.row_solver import WHOLE
 from aosplan.sweeps.scenarios import polars
+from aosplan.sweeps.solve_rows import WHOLE
 from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.verify import RowSample, SamplingPlan, draw_rows
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from aosplan import __version__
 from aosplan.errors import RequestError
-from aosplan.sweeps.block_frame import forget_files, input_column, solve_block
 from aosplan.sweeps.input_files import checksums
 from aosplan.sweeps.scenarios import polars
+from aosplan.sweeps.solve_block import forget_files, input_column, solve_block
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:

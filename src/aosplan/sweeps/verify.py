@@ -24,7 +24,7 @@ from aosplan.errors import AosplanError
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
 from aosplan.sweeps.grouping import scenario
-from aosplan.sweeps.row_solver import scene_for
+from aosplan.sweeps.solve_rows import scene_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -16,10 +16,10 @@ from aosplan.errors import RequestError
 from aosplan.files import read_table
 from aosplan.geodesy import to_local
 from aosplan.messages import Message
-from aosplan.postflight.geotags import photo_places
 from aosplan.postflight.integral.camera_pose import Intrinsics, View
 from aosplan.postflight.integral.georeference import Georeference
-from aosplan.postflight.photo_tags import BANDS, PhotoTags, read_tags
+from aosplan.postflight.photo_metadata import BANDS, PhotoMetadata, read_metadata
+from aosplan.postflight.photo_positions import photo_places
 from aosplan.units import number, positive
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from aosplan.postflight.positions import Place
+    from aosplan.postflight.positions_file import Place
 
 FARTHEST_M = 20_000.0
 """Greatest distance between photos of one recording."""
@@ -45,7 +45,7 @@ class PhotoOptions(NamedTuple):
     Parameters
     ----------
     band
-        One of `aosplan.postflight.photo_tags.BANDS`; None if the folder has one band only.
+        One of `aosplan.postflight.photo_metadata.BANDS`; None if the folder has one band only.
     plan
         File of a plan; None for ``plan.json`` in the folder, if it exists.
     altitude_m
@@ -103,7 +103,7 @@ def read_photo_poses(
     plan, messages = _plan_of(folder, options)
     places, doubtful = photo_places(folder)
     placed = {name: place for name, place in places.items() if place is not None}
-    tags = {name: read_tags(os.path.join(folder, name)) for name in placed}
+    tags = {name: read_metadata(os.path.join(folder, name)) for name in placed}
     known = {name: found for name, found in tags.items() if found is not None}
     known = _of_band(known, options.band, folder)
     known, tilted = _looking_down(known, folder)
@@ -176,7 +176,9 @@ def _plan_of(folder: str, options: PhotoOptions) -> tuple[_Plan, list[Message]]:
     ), said
 
 
-def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> dict[str, PhotoTags]:
+def _of_band(
+    tags: Mapping[str, PhotoMetadata], band: str | None, folder: str
+) -> dict[str, PhotoMetadata]:
     """Photos of one of the drone's cameras."""
     kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
     if "thermal" in kinds.values():
@@ -214,8 +216,8 @@ def _of_band(tags: Mapping[str, PhotoTags], band: str | None, folder: str) -> di
 
 
 def _looking_down(
-    tags: Mapping[str, PhotoTags], folder: str
-) -> tuple[dict[str, PhotoTags], list[str]]:
+    tags: Mapping[str, PhotoMetadata], folder: str
+) -> tuple[dict[str, PhotoMetadata], list[str]]:
     tilted = [
         name
         for name, found in tags.items()
@@ -263,7 +265,7 @@ def _left_out(
     return found
 
 
-def _turned(tags: Mapping[str, PhotoTags]) -> list[Message]:
+def _turned(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
     """Report the photos that viewers turn, because their pixels are used as they are stored."""
     turned = [name for name, found in tags.items() if found.orientation != 1]
     if not turned:
@@ -291,7 +293,7 @@ def _middle(places: Sequence[Place]) -> tuple[float, float]:
 
 def _heights(
     folder: str,
-    tags: Mapping[str, PhotoTags],
+    tags: Mapping[str, PhotoMetadata],
     above_takeoff: Sequence[float | None],
     plan: _Plan,
 ) -> tuple[NDArray[np.float64], list[Message]]:
@@ -333,7 +335,7 @@ def _heights(
 
 
 def _rotations(
-    folder: str, tags: Mapping[str, PhotoTags], plan: _Plan
+    folder: str, tags: Mapping[str, PhotoMetadata], plan: _Plan
 ) -> tuple[list[NDArray[np.float64]], list[Message]]:
     """Rotation from world to camera of each photo."""
     found, level, turned = [], [], []
@@ -405,7 +407,7 @@ def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> NDArra
 
 def _lenses(
     folder: str,
-    tags: Mapping[str, PhotoTags],
+    tags: Mapping[str, PhotoMetadata],
     camera: Callable[[int, int], Intrinsics] | None,
     plan: _Plan,
 ) -> tuple[list[Intrinsics], list[Message]]:

@@ -40,7 +40,7 @@ def detection_curve(plan: Plan) -> DetectionCurve | None:
     found = plan.detection
     if found is None:
         return None
-    from aosplan.planning.detection import detection_text
+    from aosplan.planning.plan_detection import detection_text
 
     # Negative contrasts are equivalent to positive ones, so the axis has absolute values.
     curve = sorted((abs(contrast), share) for contrast, share in found.curve)

@@ -16,7 +16,7 @@ CURVE_SHOWN = (1.0, 2.0, 3.0, 5.0, 8.0)
 
 def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     """Rows with the probability of detection, as a sentence and by contrast."""
-    from aosplan.planning.detection import detection_text
+    from aosplan.planning.plan_detection import detection_text
 
     found = plan.detection
     assert found is not None

@@ -3,5 +3,5 @@
 - `aosplan.sweeps.vectorized.inputs`: options as columns.
 - `aosplan.sweeps.vectorized.samples`: samples and baselines.
 - `aosplan.sweeps.vectorized.flights`: lengths and times of flights.
-- `aosplan.sweeps.vectorized.solve`: columns of results.
+- `aosplan.sweeps.vectorized.solve_columns`: columns of results.
 """

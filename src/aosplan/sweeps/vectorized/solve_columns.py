@@ -4,7 +4,7 @@ A block of scenarios needs a few array operations.  Every quantity is an array o
 which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
 (`aosplan.sweeps.status`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
 (`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).  Scenarios
-that cannot be solved as columns are left to `aosplan.sweeps.row_solver`.
+that cannot be solved as columns are left to `aosplan.sweeps.solve_rows`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from aosplan.grid.patterns import MOST_SITES
 from aosplan.models.equations import sampled_side
 from aosplan.models.model import Prediction, contrast_squared
 from aosplan.solver import refusals
-from aosplan.sweeps.row_solver import NOT_OF_CLEAR_VIEWS, RESULTS
+from aosplan.sweeps.solve_rows import NOT_OF_CLEAR_VIEWS, RESULTS
 from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
 from aosplan.sweeps.vectorized.inputs import (

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import MissingExtraError, RequestError, needs_extra
 from aosplan.files import decoding
-from aosplan.postflight.positions import Place
+from aosplan.postflight.positions_file import Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -4,8 +4,8 @@ import pytest
 from support.geotagged import photo, rational
 
 from aosplan.errors import RequestError
-from aosplan.postflight import geotags
-from aosplan.postflight.geotags import read_photos
+from aosplan.postflight import photo_positions
+from aosplan.postflight.photo_positions import read_photos
 from aosplan.postflight.views import read_views
 
 Image = pytest.importorskip("PIL.Image")
@@ -113,14 +113,14 @@ def test_a_position_without_its_hemisphere_is_not_guessed(tmp_path, gps, said):
 
 @pytest.mark.parametrize(("reference", "letters"), [(1, "NS"), (3, "EW")])
 def test_a_hemisphere_that_is_not_there_is_not_guessed(reference, letters):
-    with pytest.raises(geotags.DoubtfulError, match="without its hemisphere"):
-        geotags.degrees_of({reference + 1: (33.0, 51.0, 24.5)}, reference, letters)
+    with pytest.raises(photo_positions.DoubtfulError, match="without its hemisphere"):
+        photo_positions.degrees_of({reference + 1: (33.0, 51.0, 24.5)}, reference, letters)
 
 
 def test_a_negative_angle_has_to_agree_with_its_hemisphere():
-    assert geotags.degrees_of({1: "S", 2: (-33.0, 30.0, 0.0)}, 1, "NS") == -33.5
-    with pytest.raises(geotags.DoubtfulError, match="contradict each other"):
-        geotags.degrees_of({1: "N", 2: (-33.0, 30.0, 0.0)}, 1, "NS")
+    assert photo_positions.degrees_of({1: "S", 2: (-33.0, 30.0, 0.0)}, 1, "NS") == -33.5
+    with pytest.raises(photo_positions.DoubtfulError, match="contradict each other"):
+        photo_positions.degrees_of({1: "N", 2: (-33.0, 30.0, 0.0)}, 1, "NS")
 
 
 def test_seconds_of_nothing_are_none_if_minutes_have_decimals(tmp_path):

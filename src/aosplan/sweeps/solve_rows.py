@@ -1,4 +1,4 @@
-"""Scenarios that are solved one at a time, because `aosplan.sweeps.vectorized.solve` cannot.
+"""Scenarios that are solved one at a time, because the vectorized solver cannot solve them.
 
 Scenarios with the same scene and altitude are solved one after the other, independently of their
 order.  They share the results of models: views of voxels, correlograms, predictions.  Only the
@@ -219,7 +219,7 @@ def _results(solved: SolvedPlan, length_m: float, time_s: float) -> dict[str, fl
 
 
 def _detection(solved: SolvedPlan) -> dict[str, float]:
-    from aosplan.planning.detection import detection_of
+    from aosplan.planning.plan_detection import detection_of
 
     inputs, solution = solved.inputs, solved.solution
     found = detection_of(inputs, solution.pattern, solution.baseline_m)

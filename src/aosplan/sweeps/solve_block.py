@@ -8,11 +8,11 @@ import numpy as np
 
 from aosplan.errors import RequestError
 from aosplan.sweeps.block import Block
-from aosplan.sweeps.row_solver import DETECTION, RESULTS, WHOLE, forget_scenes, solve_rows
 from aosplan.sweeps.scenarios import column_of, polars
+from aosplan.sweeps.solve_rows import DETECTION, RESULTS, WHOLE, forget_scenes, solve_rows
 from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized.inputs import uniform_scene
-from aosplan.sweeps.vectorized.solve import solve_columns
+from aosplan.sweeps.vectorized.solve_columns import solve_columns
 from aosplan.units import nearest_hint
 
 if TYPE_CHECKING:

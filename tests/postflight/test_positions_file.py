@@ -13,7 +13,7 @@ from aosplan.cli.app import run
 from aosplan.errors import AosplanError, RequestError
 from aosplan.geodesy import to_local, to_wgs84
 from aosplan.mission.export import formats, render
-from aosplan.postflight.positions import read_places, read_positions
+from aosplan.postflight.positions_file import read_places, read_positions
 
 ENDINGS = {
     "autel": ".kmz",

@@ -344,7 +344,7 @@ def read_positions(path: str) -> list[tuple[float, float]]:
         If there is no header with two known columns, no row, or a row without two numbers; the
         message names the line.
     """
-    from aosplan.postflight.positions import SUFFIXES, local_m, read_places
+    from aosplan.postflight.positions_file import SUFFIXES, local_m, read_places
 
     if os.path.splitext(path)[1].lower() in SUFFIXES:
         places = read_places(path)

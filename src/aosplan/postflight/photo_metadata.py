@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import decoding
-from aosplan.postflight.geotags import GPS, XMP_BYTES, allowing_any_size
+from aosplan.postflight.photo_positions import GPS, XMP_BYTES, allowing_any_size
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -75,7 +75,7 @@ _VALUE = re.compile(rb"([A-Za-z][\w-]*):(\w+)\s*(?:=\s*[\"']|>)\s*([^\"'<>]{0,40
 _ORIENTATION_NED = re.compile(rb"CameraOrientationNED")
 
 
-class PhotoTags(NamedTuple):
+class PhotoMetadata(NamedTuple):
     """Metadata of a photo; None for values that it does not have.
 
     Attributes
@@ -114,7 +114,7 @@ class PhotoTags(NamedTuple):
     orientation: int
 
 
-def read_tags(path: str) -> PhotoTags | None:
+def read_metadata(path: str) -> PhotoMetadata | None:
     """Read the metadata of a photo; None if the file is not an image.
 
     Raises
@@ -138,7 +138,7 @@ def read_tags(path: str) -> PhotoTags | None:
     packet = packet.encode() if isinstance(packet, str) else packet
     xmp = _xmp(packet if isinstance(packet, bytes) and packet else start)
     lens = _lens(xmp, size)
-    return PhotoTags(
+    return PhotoMetadata(
         _number(xmp, "RelativeAltitude"),
         _first(_number(xmp, "AbsoluteAltitude"), _gps_altitude(gps)),
         *_angles(xmp, gps),

@@ -6,7 +6,7 @@ from aosplan import PlanRequest, RequestError, plan
 from aosplan.models.detection import DetectionModel
 from aosplan.models.signatures import PERSON_M, Signature
 from aosplan.models.target_window import Target
-from aosplan.planning.detection import detection_text
+from aosplan.planning.plan_detection import detection_text
 
 OWN = {"contrast": 1.0, "canopy_offset": 0.0, "crown_share": 0.0}
 
