@@ -24,7 +24,7 @@ import rasterio
 from pyproj import Transformer
 from rasterio.transform import from_origin
 
-from aosplan.flight.photo_trigger import Sites
+from aosplan.flight.track import FlightPoints
 from aosplan.grid.patterns import local_sites, pattern_for
 from aosplan.planning.request import PlanRequest
 from aosplan.planning.resolve import resolve_inputs
@@ -81,7 +81,7 @@ def rows_for(counts: list[int], folder: str):
         pattern, runs = pattern_for("square", count), 5 if count <= 10_000 else 3
         east, north = local_sites(pattern, BASELINE_M, 30.0)
         bare = seconds(lambda: local_sites(pattern, BASELINE_M, 30.0), runs)  # noqa: B023
-        sites = Sites(east, north, [True] * len(east))
+        sites = FlightPoints(east, north, [True] * len(east))
         for kind, options in KINDS.items():
             request = PlanRequest(altitude=40, heading=30, **options)
             inputs = resolve_inputs(request, folder=folder)

@@ -18,8 +18,7 @@ from aosplan.flight.kinematics import (
     stop_to_stop_s,
     wind_mps,
 )
-from aosplan.flight.photo_trigger import Sites, with_turns
-from aosplan.flight.track import Track
+from aosplan.flight.track import FlightPoints, Track, with_turns
 from aosplan.grid.patterns import LATTICES, pattern_for
 from aosplan.models.uniform import UniformModel
 from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
@@ -78,7 +77,7 @@ def track_of(points, photo=None):
 
 
 def all_photos(east, north):
-    return Sites(list(east), list(north), [True] * len(east))
+    return FlightPoints(list(east), list(north), [True] * len(east))
 
 
 SLOPED = [(0, 0, 40), (3, 0, 41), (6, 0, 44), (6, 9, 44), (6, 9, 60), (-20, 9, 45.5)]

@@ -25,7 +25,7 @@ from aosplan.areas.coverage import (
 from aosplan.areas.no_fly import NoFlyZones
 from aosplan.areas.tour import shortest_m, total, tour_of
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.flight.photo_trigger import Sites
+from aosplan.flight.track import FlightPoints
 from aosplan.grid.patterns import MOST_SITES, Pattern
 from aosplan.messages import Message
 from aosplan.numerics import heading_axis, turned
@@ -75,7 +75,7 @@ class Survey(NamedTuple):
         Warnings for the user.
     """
 
-    sites_flown: Sites
+    sites_flown: FlightPoints
     origin: tuple[float, float]
     area_m2: float
     clear_m2: float
@@ -186,7 +186,7 @@ def survey_of(
         )
     ]
     result = Survey(
-        sites_flown=Sites((east + 0.0).tolist(), (north + 0.0).tolist(), photo),
+        sites_flown=FlightPoints((east + 0.0).tolist(), (north + 0.0).tolist(), photo),
         origin=area.origin,
         area_m2=float(area.whole.area),
         clear_m2=float(area.clear.area),

@@ -125,7 +125,7 @@ VALUES = {
     "signature": Values(_of("models.signatures", "SIGNATURES")),
     "terrain": Values(endings=(".tif", ".tiff")),
     "edges": Values(_of("planning.option_parsers", "EDGES")),
-    "trigger": Values(_of("flight.photo_trigger", "TRIGGERS", "best")),
+    "trigger": Values(_of("planning.option_parsers", "TRIGGERS")),
     "view": Values(_of("planning.option_parsers", "VIEWS")),
 }
 """Completions by the name of an option or argument; numbers and locations have none."""

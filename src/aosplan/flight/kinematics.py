@@ -154,6 +154,19 @@ class Timing(NamedTuple):
         return float(stop_to_stop_s(length, speed, self.acceleration_mps2))
 
 
+class SpeedBound(NamedTuple):
+    """An upper limit of the speed, and the reason."""
+
+    speed_mps: float
+    message: str
+
+
+def lowest_bound(wanted_mps: float, bounds: Sequence[SpeedBound]) -> SpeedBound | None:
+    """The limit with the lowest speed; None if the wanted speed is lower. Of equals, the first."""
+    slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
+    return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None
+
+
 class Leg(NamedTuple):
     """A leg in baselines, and by how many run-ins the run-out and run-in shorten it along each
     axis.

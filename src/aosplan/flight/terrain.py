@@ -22,7 +22,7 @@ from aosplan.crs import (
 )
 from aosplan.errors import RequestError, needs_extra
 from aosplan.files import check_input, decoding
-from aosplan.flight.photo_trigger import Ground, Sites
+from aosplan.flight.track import FlightPoints, Ground
 from aosplan.geodesy import to_wgs84
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ def _datum(crs: CRS) -> str:
 
 
 def follow(
-    terrain: Terrain, sites: Sites, origin: tuple[float, float], *, tolerance_m: float
+    terrain: Terrain, sites: FlightPoints, origin: tuple[float, float], *, tolerance_m: float
 ) -> Ground:
     """Add points to a path that keeps one height above the ground where the drone would be too low.
 
@@ -304,7 +304,7 @@ def follow(
             k = starts[place] - 1 + knot
             found.append((float(at_east[k]), float(at_north[k]), False, float(below[k])))
     columns = [list(column) for column in zip(*found, strict=True)]
-    return Ground(Sites(columns[0], columns[1], columns[2]), columns[3], closer, farther)
+    return Ground(FlightPoints(columns[0], columns[1], columns[2]), columns[3], closer, farther)
 
 
 def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:

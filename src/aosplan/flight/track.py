@@ -1,19 +1,48 @@
-"""Tracks: the points of a flight and the time at which the drone reaches each of them."""
+"""Tracks: the points of a flight and the time at which the drone reaches each of them.
+
+If photos are taken while flying, the drone accelerates before the first site of a line over v² / 2a,
+but at least one metre, and decelerates after the last site over the same distance.  All photos are
+therefore taken at constant speed.  The drone stops at both ends and flies from one line to the next
+from stop to stop.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise, starmap
-from typing import TYPE_CHECKING
+from itertools import accumulate, groupby, pairwise, starmap
+from operator import itemgetter
+from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.flight.kinematics import passing_s, same_course
+from aosplan.flight.kinematics import lines_of, passing_s, same_course
+from aosplan.numerics import heading_axis
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from aosplan.flight.kinematics import Timing
+
+
+class FlightPoints(NamedTuple):
+    """Points in flight order, east and north [m], and for each point whether a photo is taken."""
+
+    east_m: list[float]
+    north_m: list[float]
+    photo: list[bool]
+
+
+class Ground(NamedTuple):
+    """Points with the height of the ground below [m], and deviations of the ground between them.
+
+    On a straight leg, the drone is up to `closer_by_m` closer to the ground than at the two ends of
+    the leg, and up to `farther_by_m` farther away.
+    """
+
+    sites: FlightPoints
+    heights_m: list[float]
+    closer_by_m: float = 0.0
+    farther_by_m: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,3 +114,27 @@ def _course(leg: tuple[float, float, float]) -> tuple[float, float] | None:
     """Horizontal direction of a leg; None if the leg is vertical."""
     level = math.hypot(leg[0], leg[1])
     return (leg[0] / level, leg[1] / level) if level else None
+
+
+def with_turns(
+    sites: FlightPoints, *, spacing_m: float, run_in_m: float, heading_deg: float
+) -> FlightPoints:
+    """Sites with the turning points before and after each line.
+
+    Points without a photo keep their place between the lines.
+    """
+    along = heading_axis(heading_deg)
+
+    def line(points: list[tuple[float, float]]) -> Iterator[tuple[float, float, bool]]:
+        for first, last, x, y in lines_of(points, spacing_m, along):
+            east, north = points[first]
+            yield east - x * run_in_m + 0.0, north - y * run_in_m + 0.0, False
+            yield from ((*point, True) for point in points[first : last + 1])
+            east, north = points[last]
+            yield east + x * run_in_m + 0.0, north + y * run_in_m + 0.0, False
+
+    found: list[tuple[float, float, bool]] = []
+    for photo, group in groupby(zip(*sites, strict=True), key=itemgetter(2)):
+        points = list(group)
+        found += line([point[:2] for point in points]) if photo else points
+    return FlightPoints(*map(list, zip(*found, strict=True)))

@@ -25,6 +25,9 @@ EDGES = ("auto", "interior", "wrapped")
 GROUND = ("auto", "class", "filter", "normalized")
 """How the ground of a point cloud is found."""
 
+TRIGGERS = ("stop", "distance", "best")
+"""How photos are taken: at a stop, or by distance in passing; or the better of both."""
+
 OPACITY = ("auto", "pulses", "voxels")
 """Where the opacity of a point cloud comes from."""
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan import units as q
-from aosplan.flight.photo_trigger import TRIGGERS
 from aosplan.grid.patterns import GRIDS
 from aosplan.mission.mission import FRAMES
 from aosplan.models.model import MODELS, RAYS
@@ -248,7 +247,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "How PX4 triggers the camera: mavlink or outputs."),
         ("payload", parse.payload, "text", "NAME",
          "Payload of a DJI drone, such as dji-h20t.  [by camera]"),
-        ("trigger", q.one_of((*TRIGGERS, "best")), "text", "HOW",
+        ("trigger", q.one_of(parse.TRIGGERS), "text", "HOW",
          "When to take photos: stop (at each site) or distance (while flying).  [default; best "
          "with --within]"),
         ("max_blur", parse.positive, "number", "PX",

@@ -13,16 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from aosplan.errors import RequestError
 from aosplan.flight.batteries import Flight, TakeoffPoint, flights_of
-from aosplan.flight.kinematics import Timing, steady, wind_mps
-from aosplan.flight.photo_trigger import (
-    Ground,
-    Sites,
-    SpeedBound,
-    blur_speed_mps,
-    lowest_bound,
-    with_turns,
-)
-from aosplan.flight.track import Track
+from aosplan.flight.kinematics import SpeedBound, Timing, lowest_bound, steady, wind_mps
+from aosplan.flight.track import FlightPoints, Ground, Track, with_turns
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.messages import Limit
 from aosplan.mission.flown_path import way_height_m
@@ -150,7 +142,8 @@ def speed_bounds(
 ) -> tuple[SpeedBound, ...]:
     """The limits of the speed that do not depend on the baseline: the drone, and motion blur.
 
-    `blur` is the motion blur [px] and the exposure time [s] if photos are taken while flying.
+    `blur` is the motion blur [px] and the exposure time t [s] if photos are taken while flying: at
+    a speed v the ground moves by v t / GSD pixels during an exposure.
     """
     bounds = []
     if drone is not None:
@@ -161,7 +154,7 @@ def speed_bounds(
             f"the ground moves {blur[0]:g} px during --exposure-time {blur[1]:g} s, as much as "
             "--max-blur allows"
         )
-        bounds.append(SpeedBound(blur_speed_mps(gsd_m, *blur), text))
+        bounds.append(SpeedBound(blur[0] * gsd_m / blur[1], text))
     return tuple(bounds)
 
 
@@ -207,7 +200,7 @@ def timing_at_baseline(
 
 def build_route(
     flight: FlightInputs,
-    sites: Sites,
+    sites: FlightPoints,
     *,
     heading_deg: float,
     origin: tuple[float, float] | None,
@@ -243,10 +236,10 @@ def build_route(
     """
     timing, limit = timing_at_baseline(flight, heading_deg, baseline_m)
 
-    def sites_from(photo: int) -> Sites:
+    def sites_from(photo: int) -> FlightPoints:
         """The sites from a photo on, with the points at which the drone turns."""
         first = [place for place, taken in enumerate(sites.photo) if taken][photo] if photo else 0
-        left = Sites(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
+        left = FlightPoints(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
             return left
         run_in = timing.run_in_m
@@ -307,7 +300,7 @@ def build_route(
 
 
 def _grounded(
-    sites: Sites,
+    sites: FlightPoints,
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
     tolerance_m: float,
@@ -344,7 +337,7 @@ def _takeoff(
     return TakeoffPoint(east, north, float(heights_at(terrain, origin, [east], [north])[0]))
 
 
-def _photos_before(sites: Sites, waypoint: int) -> int:
+def _photos_before(sites: FlightPoints, waypoint: int) -> int:
     done = sum(sites.photo[:waypoint])
     if done == sum(sites.photo):
         last = max(place for place, photo in enumerate(sites.photo) if photo)

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError, RequestError
-from aosplan.flight.photo_trigger import Sites
+from aosplan.flight.track import FlightPoints
 from aosplan.grid.patterns import Pattern, check_size, local_sites
 from aosplan.messages import Message
 from aosplan.planning.route import build_route, timing_at_baseline
@@ -41,7 +41,7 @@ class Layout(NamedTuple):
         The area and its no-fly zones.
     """
 
-    sites: Sites
+    sites: FlightPoints
     origin: tuple[float, float] | None
     survey: Survey | None = None
     continuous: Continuous | None = None
@@ -62,7 +62,7 @@ def layout_of(solved: SolvedPlan) -> Layout:
         return Layout(survey.sites_flown, survey.origin, survey, continuous, inputs.area)
     pattern = flown_pattern(inputs, solution)
     east, north = local_sites(pattern, solution.baseline_m, inputs.heading_deg)
-    return Layout(Sites(east, north, [True] * len(east)), inputs.origin, None, continuous)
+    return Layout(FlightPoints(east, north, [True] * len(east)), inputs.origin, None, continuous)
 
 
 def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:

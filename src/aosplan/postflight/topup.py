@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from aosplan.errors import InfeasibleError
-from aosplan.flight.photo_trigger import Sites
+from aosplan.flight.track import FlightPoints
 from aosplan.messages import Message
 from aosplan.planning.plan_warnings import with_warnings
 from aosplan.planning.sites import route_of, ways_in_zones
@@ -164,7 +164,7 @@ def _topup(planned: Plan, missing: list[int]) -> Plan:
         from aosplan.areas.survey import routed
 
         points, taken = routed(points, NoFlyZones(inputs.area.keep_out))
-    sites = Sites(points[:, 0].tolist(), points[:, 1].tolist(), taken)
+    sites = FlightPoints(points[:, 0].tolist(), points[:, 1].tolist(), taken)
     layout = planned.layout._replace(sites=sites)
     route = route_of(inputs, layout, planned.solution.baseline_m)
     warnings = tuple(ways_in_zones(inputs, route))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from aosplan.errors import RequestError
-from aosplan.flight.photo_trigger import Sites, with_turns
+from aosplan.flight.track import FlightPoints, with_turns
 from aosplan.grid.patterns import LATTICES
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest, request_from
@@ -106,7 +106,7 @@ def test_a_trigger_by_distance_meets_every_site_of_a_line():
 
 
 def test_one_site_alone_is_flown_through_along_the_heading():
-    alone = Sites([3.0], [4.0], [True])
+    alone = FlightPoints([3.0], [4.0], [True])
     sites = with_turns(alone, spacing_m=0.0, run_in_m=2.0, heading_deg=90.0)
     assert sites.east_m == pytest.approx([1.0, 3.0, 5.0])
     assert sites.north_m == pytest.approx([4.0, 4.0, 4.0])
@@ -134,7 +134,7 @@ def test_flying_through_saves_time_where_the_camera_is_quick():
 
 def test_points_without_a_photo_stay_between_the_lines():
     east, north = [0.0, 2.0, 5.0, 2.0, 0.0], [0.0, 0.0, 3.0, 6.0, 6.0]
-    way = Sites(east, north, [True, True, False, True, True])
+    way = FlightPoints(east, north, [True, True, False, True, True])
     found = with_turns(way, spacing_m=2.0, run_in_m=1.0, heading_deg=90.0)
     assert found.east_m == pytest.approx([-1, 0, 2, 3, 5, 3, 2, 0, -1])
     assert found.north_m == pytest.approx([0, 0, 0, 0, 3, 6, 6, 6, 6])
