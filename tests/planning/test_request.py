@@ -522,3 +522,20 @@ def test_help_shows_the_defaults_that_a_request_takes():
     assert shown["leaf_size"].endswith(f"[{LEAF_M:g}]")
     assert shown["crown_base"].endswith(f"[{CROWN_BASE:g}]")
     assert not [name for name, text in shown.items() if "[default" in text]
+
+
+@pytest.mark.parametrize(
+    ("given", "objective", "vhat"),
+    [
+        ({}, "samples", 0.98),
+        ({"find": "person"}, "samples", 0.98),
+        ({"within": 5.0}, "visibility", 0.0),
+        ({"within": 5.0, "find": "person"}, "detection", 0.0),
+        ({"within": 5.0, "find": "person", "vhat": 0.9}, "samples", 0.9),
+        ({"within": 5.0, "visibility": 0.3}, "samples", None),
+        ({"within": 5.0, "find": "person", "optimize": "contrast"}, "contrast", 0.0),
+    ],
+)
+def test_the_default_objective_depends_on_the_time_and_the_target(given, objective, vhat):
+    request = PlanRequest(altitude=40.0, **given)
+    assert (request.optimize, request.vhat) == (objective, vhat)

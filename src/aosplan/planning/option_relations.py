@@ -413,13 +413,31 @@ def default_target(values: Mapping[str, Any]) -> float:
     return 0.0 if is_search(values) and values["optimize"] in BEST else DEFAULTS["vhat"]
 
 
+def default_objective(values: Mapping[str, Any]) -> str:
+    """Default of the objective.
+
+    With a time but without a target, it is the best result within this time.
+    """
+    has_target = values["vhat"] is not None or values["visibility"] is not None
+    if values["within"] is None or has_target:
+        return str(DEFAULTS["optimize"])
+    return "visibility" if values["find"] is None else "detection"
+
+
 def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of `LEFT_OPEN` that were not given: `OPEN` in a search, else their defaults."""
+    """Values of `LEFT_OPEN` and of the objective that were not given.
+
+    In a search, those of `LEFT_OPEN` are `OPEN`.
+    """
     found: dict[str, Any] = {}
+    if values["optimize"] is None:
+        found["optimize"] = default_objective(values)
+    objective = found.get("optimize", values["optimize"])
+    searches = is_search({**values, "optimize": objective})
     for name in LEFT_OPEN:
         if values[name] is None:
-            found[name] = "best" if is_search(values) else DEFAULTS[name]
-    if values["optimize"] == "detection" and values["find"] is None:
+            found[name] = OPEN if searches else DEFAULTS[name]
+    if objective == "detection" and values["find"] is None:
         found["find"] = PERSON
     return found
 

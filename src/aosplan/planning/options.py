@@ -184,7 +184,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("rays", q.one_of(RAYS), "text", "KIND",
          f"Rays of the uniform and layered models: {', '.join(RAYS)}.  [nadir]"),
         ("optimize", q.one_of(OBJECTIVES), "text", "WHAT",
-         f"Objective: {', '.join(OBJECTIVES)}.  [default]"),
+         f"Objective: {', '.join(OBJECTIVES)}.  [samples; with --within and without a target: "
+         "detection if --find is given, else visibility]"),
         ("within", parse.positive, "number", "MIN",
          "Choose the options that are not given (grid, trigger, heading, altitude) for a flight "
          "of this time."),

@@ -94,7 +94,7 @@ class PlanRequest:
     view: str | None = None
     edges: str | None = None
     rays: str | None = None
-    optimize: str = DEFAULTS["optimize"]
+    optimize: str = cast("str", None)
     within: float | None = None
     max_aperture: float | None = None
     max_samples: int | None = None
