@@ -18,24 +18,33 @@ from aosplan.errors import AosplanError, RequestError, SurroundingsError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-COMMANDS = {
-    "plan": "Solve for baseline and photos, and write the grid to fly.",
-    "simulate": "Check a plan against a simulated forest.",
-    "visibility": "Evaluate the visibility equations.",
-    "tradeoff": "Cost and benefit by number of photos.",
-    "scene": "Occluder statistics of a point cloud or scene file.",
-    "sweep": "Solve many scenarios and write a row for each.",
-    "plot": "Draw a figure of a plan or of a scene.",
-    "export": "Write files from a saved plan.",
-    "review": "Compare a flight with its plan, and plan the missing photos.",
-    "thin": "Select the best N of many recorded views.",
-    "integrate": "Average recorded images on a focal plane.",
-    "cameras": "List the built-in cameras.",
-    "drones": "List the built-in drones.",
-    "scenes": "List the built-in scenes.",
-    "formats": "List the formats of waypoint files.",
-    "schema": "Print the JSON Schema of documents.",
+PANELS = {
+    "Plan a flight": {
+        "plan": "Compute the baseline and the number of photos, and write a mission.",
+        "scene": "Print how much of the ground a forest hides, and at which heights.",
+        "tradeoff": "Compare plans with different numbers of photos.",
+        "simulate": "Check a plan against a simulated forest.",
+        "sweep": "Plan many scenarios, and write one row for each.",
+        "plot": "Draw a figure of a plan, a scene or a sweep.",
+        "export": "Write mission files from a saved plan.",
+        "visibility": "Evaluate the equations of visibility.",
+    },
+    "After the flight": {
+        "review": "Compare the photos of a flight with its plan, and plan the missing ones.",
+        "thin": "Select the best of many recorded photos.",
+        "integrate": "Average recorded photos on a focal plane.",
+    },
+    "Look things up": {
+        "cameras": "List the built-in cameras.",
+        "drones": "List the built-in drones.",
+        "scenes": "List the built-in scenes.",
+        "formats": "List the formats of mission files.",
+        "schema": "Print the JSON Schema of the documents.",
+    },
 }
+"""Summary of each command, by panel of the help."""
+
+COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
 class LazyGroup(TyperGroup):
@@ -47,6 +56,12 @@ class LazyGroup(TyperGroup):
         if name in COMMANDS:
             command = import_module(f"aosplan.cli.{name}").COMMAND
         return name, command, rest
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 (the signature is inherited)
+        """Write the commands by panel."""
+        for panel, summaries in PANELS.items():
+            with formatter.section(panel):
+                formatter.write_dl(list(summaries.items()))
 
 
 def _show_version(_context: Any, _parameter: Any, value: bool) -> None:  # noqa: FBT001
@@ -89,7 +104,10 @@ def _asked(flag: str, callback: Callable[..., None], help_text: str, **kind: Any
 
 GROUP = LazyGroup(
     name="aosplan",
-    help="Sampling plans for airborne optical sectioning: how many photos, how far apart, where.",
+    help=(
+        "Plan drone flights for airborne optical sectioning: how many photos to take, how far "
+        "apart, and where."
+    ),
     epilog="Try: aosplan plan --altitude 40 --vhat 0.98",
     commands={
         name: TyperCommand(name, help=text, rich_markup_mode=None)

@@ -27,7 +27,7 @@ def run(*, as_json: bool) -> None:
 COMMAND = command(
     "cameras",
     run,
-    summary="List the built-in cameras; --json adds the numbers and their sources.",
+    summary="List the built-in cameras.  --json prints all values and their sources.",
     examples="aosplan cameras\naosplan cameras --json",
     parameters=[json_option()],
 )

@@ -25,9 +25,10 @@ def run(*, as_json: bool) -> None:
         )
         for name, drone in DRONES.items()
     ]
-    print_rows(("name", "m/s", "most", "min", "photo s", "camera"), rows)
+    print_rows(("name", "speed", "airspeed", "time", "interval", "camera"), rows)
     print(
-        "\nCruise and top speed, minutes of flight, seconds between photos, camera."
+        "\nspeed: cruise speed [m/s]; airspeed: largest speed through the air [m/s];"
+        "\ntime: flight time in still air [min]; interval: shortest time between photos [s]."
         "\nSources and assumptions: aosplan drones --json"
     )
 
@@ -39,7 +40,7 @@ def _known(value: float | None) -> str:
 COMMAND = command(
     "drones",
     run,
-    summary="List the built-in drones; --json adds the numbers and their sources.",
+    summary="List the built-in drones.  --json prints all values and their sources.",
     examples="aosplan drones\naosplan drones --json",
     parameters=[json_option()],
 )

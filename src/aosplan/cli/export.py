@@ -32,7 +32,7 @@ def run(
 COMMAND = command(
     "export",
     run,
-    summary="Write files from a plan saved by `plan --json`, without solving again.",
+    summary="Write mission files from a plan that `plan --json` saved, without planning again.",
     examples=(
         "aosplan export plan.json --out plan.csv\n"
         "aosplan export plan.json --out plan.geojson --out csv:grid.txt --force\n"
@@ -41,7 +41,8 @@ COMMAND = command(
     parameters=[
         file_argument(
             "plan",
-            "What `aosplan plan --json` printed, or a mission (.waypoints, .plan, .kmz, .mavlink, .csv).",
+            "Output of `aosplan plan --json`, or a mission file (.waypoints, .plan, .kmz, "
+            ".mavlink, .csv).",
         ),
         *[option for option in output_options() if option.name != "as_json"],
     ],

@@ -35,15 +35,15 @@ def run(*, as_json: bool) -> None:
         )
         for form in known.values()
     ]
-    print_rows(("name", "endings", "format", "place", "heights above"), rows)
-    show(one_line(""), one_line("What one file holds:"))
+    print_rows(("name", "extension", "format", "needs a location", "heights above"), rows)
+    show(one_line(""), one_line("Limits of one file:"))
     print_pairs((form.name, _limits_text(form)) for form in known.values())
 
 
 def _limits_text(form: Format) -> str:
     named = [(limits.target, _bounds(limits)) for limits in form.limits]
     if len(named) == 1:
-        return named[0][1] or "any number"
+        return named[0][1] or "any number of waypoints"
     return "; ".join(f"{target}: {bounds}" for target, bounds in named)
 
 
@@ -51,7 +51,11 @@ def _bounds(limits: Limits) -> str:
     fewest, most = limits.waypoints
     bounds = (
         (f"{fewest} to {most}" if fewest > 1 else f"{most}", limits.unit, most),
-        (f"{limits.leg_m[0]:g} to {limits.leg_m[1] or 0.0:g}", "m a leg", limits.leg_m[1]),
+        (
+            f"{limits.leg_m[0]:g} to {limits.leg_m[1] or 0.0:g}",
+            "m between waypoints",
+            limits.leg_m[1],
+        ),
         (f"up to {limits.speed_mps[1] or 0.0:g}", "m/s", limits.speed_mps[1]),
         (f"up to {limits.height_m[1] or 0.0:g}", "m high", limits.height_m[1]),
         (f"hold up to {limits.hold_s[1] or 0.0:g}", "s", limits.hold_s[1]),
@@ -62,7 +66,7 @@ def _bounds(limits: Limits) -> str:
 COMMAND = command(
     "formats",
     run,
-    summary="List the formats of waypoint files, with their requirements and limits.",
+    summary="List the formats of mission files, with their requirements and limits.",
     examples="aosplan formats\naosplan formats --json",
     parameters=[json_option()],
 )

@@ -212,7 +212,7 @@ def _bar(total: int, *, quiet: bool, doing: str = "integrating") -> Iterator[Cal
 COMMAND = command(
     "integrate",
     run,
-    summary="Average recorded images on a focal plane, and compare choices of them.",
+    summary="Average recorded photos on a focal plane, and compare the integrals of different photos.",
     examples=(
         "aosplan integrate photos --plan plan.json --out integral.png\n"
         "aosplan integrate poses.json images --fov 50.8 --focal-height -36 \\\n"

@@ -120,7 +120,7 @@ def _help_all(hidden: int) -> TyperOption:
         is_eager=True,
         expose_value=False,
         callback=_show_all,
-        help=f"Show also the other {hidden} options of a plan.",
+        help=f"Show this help with {hidden} more options of a plan.",
     )
 
 
@@ -182,11 +182,12 @@ def output_options() -> list[TyperOption]:
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write the waypoints; the extension, or NAME:PATH, sets the format.  Repeatable.",
+            help="Write a mission file.  The extension or NAME:PATH selects the format.  "
+            "Repeatable.",
             rich_help_panel="Output",
         ),
         text_option(
-            "--format", "NAME", "Format of the --out file, if there is only one.", "Output"
+            "--format", "NAME", "Format of the mission file, for a single --out.", "Output"
         ),
         flag_option("--force", "Overwrite existing files."),
         flag_option("--quiet", "Print no table and no hints."),
@@ -200,6 +201,6 @@ def json_option() -> TyperOption:
         param_decls=["as_json", "--json"],
         is_flag=True,
         default=False,
-        help="Print one JSON document.",
+        help="Print the result as a JSON document.",
         rich_help_panel="Output",
     )

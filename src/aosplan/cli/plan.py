@@ -173,7 +173,7 @@ def _check_report(path: str, others: list[str], *, seed: int | None, force: bool
 COMMAND = command(
     "plan",
     run,
-    summary="Solve for the baseline and the number of photos, and write the grid to fly.",
+    summary="Compute the baseline and the number of photos, and write a mission.",
     examples=(
         "aosplan plan --altitude 40 --vhat 0.98\n"
         "aosplan plan --altitude 50 --scene stand.laz --model uniform \\\n"
@@ -183,24 +183,33 @@ COMMAND = command(
     parameters=[
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; options override it.",
+            "Request file (TOML or JSON) or saved plan.  Options override its values.",
             required=False,
         ),
         *request_options(),
         defaults_option(),
         *output_options(),
-        text_option("--report", "PAGE.html", "Write an HTML page about the plan.", "Output"),
         text_option(
-            "--report-seed", "N", "Random seed of the page's simulated picture.  [1]", "Output"
+            "--report", "PAGE.html", "Write a report of the plan as an HTML page.", "Output"
         ),
-        flag_option("--no-report-picture", "Leave out the simulated picture."),
         text_option(
-            "--detection-map", "POD.tif", "Write a map of the probability of detection.", "Output"
+            "--report-seed",
+            "N",
+            "Random seed of the simulated picture in the report.  [1]",
+            "Output",
+        ),
+        flag_option("--no-report-picture", "Leave the simulated picture out of the report."),
+        text_option(
+            "--detection-map",
+            "POD.tif",
+            "Write a map of the probability of detection (GeoTIFF).",
+            "Output",
         ),
         text_option(
             "--poa",
             "PRIOR.tif",
-            "Prior probability of the target's place (GeoTIFF), for the map's POS.",
+            "Where the target is expected (GeoTIFF of relative probabilities).  The map then "
+            "contains the probability of success (POS).",
             "Output",
         ),
     ],

@@ -193,7 +193,7 @@ def _is_request(path: str) -> bool:
 COMMAND = command(
     "plot",
     run,
-    summary="Draw a figure of a plan or of a scene, and describe it in text.",
+    summary="Draw a figure of a plan, a scene or a sweep, and describe it in text.",
     examples=(
         "aosplan plot visibility --altitude 40 --out visibility.png\n"
         "aosplan plot correlogram stand.npz --dark --out correlogram.svg"
@@ -203,13 +203,13 @@ COMMAND = command(
         file_argument("kind", "; ".join(f"{k.name}: {k.summary}" for k in KINDS.values()) + "."),
         file_argument(
             "file",
-            "Request file or earlier result; for density, baseline-curve and "
-            "correlogram also a scene; for sweep the results of a sweep.",
+            "Request file or saved plan.  For density, baseline-curve and correlogram, also "
+            "a scene.  For sweep, the file that aosplan sweep wrote.",
             required=False,
         ),
         *request_options(),
         defaults_option(),
-        text_option("--out", "PATH", "The figure: .png, .svg or .pdf.", "Output"),
+        text_option("--out", "PATH", "Write the figure: .png, .svg or .pdf.", "Output"),
         text_option("--x", "COLUMN", "Sweep: column of the x axis.  [samples]", "Sweep"),
         text_option("--y", "COLUMN", "Sweep: column of the y axis.  [flight_time_s]", "Sweep"),
         text_option("--value", "COLUMN", "Sweep: column to draw as a map over both axes.", "Sweep"),

@@ -217,7 +217,8 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
 COMMAND = command(
     "review",
     run,
-    summary="Compare a flight's photos with its plan, and write a mission for the missing ones.",
+    summary="Compare the photos of a flight with its plan, and write a mission for the missing "
+    "photos.",
     examples=(
         "aosplan review photos/ plan.json --out topup.waypoints\n"
         "aosplan review flown.csv request.toml --tolerance 1 --json"
@@ -226,23 +227,26 @@ COMMAND = command(
     parameters=[
         file_argument(
             "positions",
-            "Folder of photos, a mission (.waypoints, .plan, .kmz, .mavlink), CSV or .geojson.",
+            "Positions of the photos: a folder of photos, a mission file (.waypoints, .plan, "
+            ".kmz, .mavlink), a CSV or a .geojson.",
         ),
         file_argument(
             "plan",
-            "The plan: what `aosplan plan --json` printed, or its request; options override it.",
+            "Output of `aosplan plan --json`, or the request file.  Options override its values.",
             required=False,
         ),
         text_option(
             "--tolerance",
             "M",
-            "Largest distance between a photo and its site.  [half the smaller pitch]",
+            "Largest distance between a site and a photo that counts for this site.  [half "
+            "the smaller distance between neighbouring sites]",
         ),
         text_option(
             "--within",
             "MIN",
-            "Longest time of the top-up, from take-off to landing: it takes the photos that close "
-            "most of the gaps.  [all missing photos]",
+            "Longest time of the mission for the missing photos, from take-off to landing.  "
+            "Within this time, it takes the photos that close most of the gaps.  [time for "
+            "all missing photos]",
         ),
         *request_options(lambda option: option.name not in ("resume_at", "sensitivity", "within")),
         defaults_option(),

@@ -72,7 +72,7 @@ def run(
 COMMAND = command(
     "scene",
     run,
-    summary="Occluder statistics of a point cloud, a scene file or a preset.",
+    summary="Print how much of the ground a forest hides, and at which heights.",
     examples=("aosplan scene stand.laz --save stand.npz\naosplan scene north.laz south.laz --json"),
     parameters=[
         TyperArgument(
@@ -81,8 +81,8 @@ COMMAND = command(
             nargs=-1,
             required=False,
             metavar="[SCENE]...",
-            help="Point clouds (.las, .laz, a folder, a pattern) of one stand; a height raster "
-            "(.tif); a scene file (.toml, .json, .npz, .csv); or a preset.",
+            help="Point clouds of one stand (.las, .laz, a folder or a pattern), a canopy height "
+            "raster (.tif), a scene file (.toml, .json, .npz, .csv), or a preset.",
         ),
         *request_options(
             lambda option: (
@@ -94,8 +94,8 @@ COMMAND = command(
             type=str,
             multiple=True,
             metavar="PATH",
-            help="Write a scene file that is fast to load: .toml, or .npz with the voxels.  "
-            "Repeatable.",
+            help="Save the scene in a file that loads quickly: .toml (statistics) or .npz "
+            "(voxels).  Repeatable.",
             rich_help_panel="Output",
         ),
         flag_option("--force", "Overwrite an existing file."),

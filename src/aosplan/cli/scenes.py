@@ -37,11 +37,13 @@ def run(*, word: str | None, as_json: bool) -> None:
 COMMAND = command(
     "scenes",
     run,
-    summary="List the built-in scenes; --json adds their sources and what is assumed.",
+    summary="List the built-in scenes.  --json prints their sources and assumptions as well.",
     examples="aosplan scenes\naosplan scenes spruce --json",
     parameters=[
         file_argument(
-            "word", "Only scenes of this species or kind: spruce, oak, winter.", required=False
+            "word",
+            "List only scenes of this species or type of forest, such as spruce, oak or winter.",
+            required=False,
         ),
         json_option(),
     ],

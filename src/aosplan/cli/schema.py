@@ -76,7 +76,8 @@ COMMAND = command(
             type=str,
             required=False,
             metavar="DOCUMENT",
-            help="plan, request, scene, camera, statistics, visibility, poses, integral, sweep, …",
+            help="Name of a document: plan, request, scene, camera, statistics, visibility, "
+            "poses, integral, sweep, …",
         )
     ],
 )

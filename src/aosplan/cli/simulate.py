@@ -192,7 +192,7 @@ COMMAND = command(
     parameters=[
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; options override it.",
+            "Request file (TOML or JSON) or saved plan.  Options override its values.",
             required=False,
         ),
         *request_options(),
@@ -214,26 +214,28 @@ COMMAND = command(
         text_option(
             "--occluders",
             "KIND",
-            "Occluders of simulated volumes: cubes, whose side faces slanted rays meet as well, or "
-            "leaves of random direction.  [cubes]",
+            "Occluders of a uniform or layered forest: cubes (their side faces also block "
+            "slanted rays), or leaves (in random directions).  [cubes]",
             "Simulation",
         ),
         text_option(
             "--max-targets",
             "N",
-            "Largest number of targets, whatever the precision.  [100000000]",
+            "Number of simulated targets at which the simulation stops, even without the "
+            "--precision.  [100000000]",
             "Simulation",
         ),
         text_option(
             "--picture",
             "PATH.png",
-            "Draw a resolution chart through the forest: one photo, the integral, infinitely many photos.",
+            "Draw a resolution chart below the forest, as it looks in one photo, in the "
+            "integral, and in infinitely many photos.",
             "Output",
         ),
         text_option(
             "--occlusion-map",
             "PATH.png",
-            "Draw the share of photos that see each target.",
+            "Draw which share of the photos sees each target.",
             "Output",
         ),
         flag_option("--force", "Overwrite existing files."),

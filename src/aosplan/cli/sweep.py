@@ -250,7 +250,7 @@ def _bar(total: int, *, quiet: bool) -> Iterator[Callable[[int], None] | None]:
 COMMAND = command(
     "sweep",
     run,
-    summary="Solve many scenarios: write a row for each, or print a summary.",
+    summary="Plan many scenarios, and write one row for each or print a summary.",
     examples=(
         "aosplan sweep campaign.toml --summary --simulate 20\n"
         'aosplan sweep campaign.toml --out best.csv --where "samples <= 100" \\\n'
@@ -261,12 +261,14 @@ COMMAND = command(
     parameters=[
         file_argument(
             "file",
-            "TOML with a table [sweep] of options, or a CSV or Parquet with one scenario per row.",
+            "TOML file with a table [sweep] of options, or a CSV or Parquet file with one "
+            "scenario per row.",
         ),
         text_option(
             "--out",
             "PATH",
-            "Result: .csv, .parquet, .jsonl, or a folder of Parquet files (ends in /).",
+            "Write the rows: .csv, .parquet, .jsonl, or a folder of Parquet files if PATH "
+            "ends in /.",
             "Output",
         ),
         text_option("--plot", "PATH", "Draw the result: .png, .svg or .pdf.", "Output"),
@@ -276,14 +278,19 @@ COMMAND = command(
         text_option(
             "--columns",
             "LIST|all",
-            "Columns of results to write.  [a standard selection]",
+            "Columns of results to write, separated by commas.  [a standard selection]",
             "Output",
         ),
-        text_option("--where", "SQL", "Keep only the rows that meet this condition.", "Output"),
+        text_option(
+            "--where",
+            "SQL",
+            "Keep only the rows that meet this condition, such as 'samples <= 49'.",
+            "Output",
+        ),
         text_option(
             "--best",
             "[-]COLUMN",
-            "Keep the row with the largest value (-COLUMN: smallest).",
+            "Keep only the row with the largest value of this column (-COLUMN: with the smallest).",
             "Output",
         ),
         TyperOption(
@@ -291,11 +298,13 @@ COMMAND = command(
             type=str,
             multiple=True,
             metavar="COLUMNS",
-            help="With --best: keep one row for each value of these columns.",
+            help="With --best: keep one row for each combination of values of these columns.",
             rich_help_panel="Output",
         ),
         flag_option(
-            "--summary", "Print a summary: counts, extremes, shares by input.  Works without --out."
+            "--summary",
+            "Print a summary: numbers of rows, extremes, and shares for each input.  Does "
+            "not need --out.",
         ),
         text_option(
             "--simulate",
@@ -306,7 +315,7 @@ COMMAND = command(
         text_option(
             "--seed",
             "N",
-            "Random seed of the selected rows and their simulations.  [1]",
+            "Random seed of the selection of rows and of their simulations.  [1]",
             "Simulation",
         ),
         text_option(
@@ -320,10 +329,13 @@ COMMAND = command(
         text_option(
             "--scheduler",
             "HOST:PORT",
-            "Address of a Dask scheduler, whose workers see --out under the same path.",
+            "Use the Dask cluster whose scheduler has this address.  All workers must see "
+            "--out under the same path.",
         ),
         flag_option(
-            "--resume", "Continue an interrupted sweep, or repair the parts of a folder.", "Options"
+            "--resume",
+            "Continue an interrupted sweep, or repair damaged parts of a folder.",
+            "Options",
         ),
         flag_option("--yes", f"Allow more than {MOST_SCENARIOS} scenarios.", "Options"),
         flag_option("--force", "Overwrite an existing file, and discard an interrupted sweep."),

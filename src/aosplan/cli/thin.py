@@ -89,7 +89,7 @@ def run(
 COMMAND = command(
     "thin",
     run,
-    summary="Select the best N of many recorded views: those that share the fewest occluders.",
+    summary="Select the best N of many recorded photos: those that share the fewest occluders.",
     examples=(
         "aosplan thin views.csv plan.json --samples 50 --out kept.csv\n"
         "aosplan thin photos/ --samples 25 --altitude 35 --scene stand.laz --json"
@@ -98,26 +98,28 @@ COMMAND = command(
     parameters=[
         file_argument(
             "positions",
-            "Folder of photos, a mission (.waypoints, .plan, .kmz, .mavlink), CSV or .geojson.",
+            "Positions of the photos: a folder of photos, a mission file (.waypoints, .plan, "
+            ".kmz, .mavlink), a CSV or a .geojson.",
         ),
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; options override it.",
+            "Request file (TOML or JSON) or saved plan.  Options override its values.",
             required=False,
         ),
-        text_option("--samples", "N", "Number of views to keep."),
+        text_option("--samples", "N", "Number of photos to select."),
         text_option(
             "--best",
             "WHAT",
-            "Quantity to maximise: normalized (V̂), visibility (V), or similarity to the integral of "
-            "all views.  [normalized]",
+            "Quantity to maximise: normalized (V̂), visibility (V), or similarity (to the "
+            "integral of all photos).  [normalized]",
         ),
         *request_options(lambda option: option.name in SHOWING),
         defaults_option(),
         text_option(
             "--out",
             "PATH",
-            "Write the kept views, in order, as CSV; for photos also their names.",
+            "Write the positions of the selected photos as CSV, with their file names if "
+            "they have some.",
             "Output",
         ),
         flag_option("--force", "Overwrite an existing file."),

@@ -112,7 +112,8 @@ def _line(row: dict[str, Any]) -> list[str]:
 COMMAND = command(
     "tradeoff",
     run,
-    summary="Cost and benefit by number of photos: baseline, extent, time, visibility.",
+    summary="Compare plans with different numbers of photos: baseline, extent, flight time and "
+    "visibility.",
     examples=(
         "aosplan tradeoff --altitude 40 --vhat 0.98 --out table.csv\n"
         "aosplan tradeoff --altitude 50 --scene stand.laz --vhat 0.8 \\\n"
@@ -122,7 +123,7 @@ COMMAND = command(
     parameters=[
         file_argument(
             "request",
-            "Request file (TOML or JSON), or an earlier result; options override it.",
+            "Request file (TOML or JSON) or saved plan.  Options override its values.",
             required=False,
         ),
         *request_options(),

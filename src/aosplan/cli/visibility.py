@@ -151,27 +151,38 @@ def _options() -> list[Any]:
             "P",
             "Integrated density: share of the ground that one sample does not see.",
         ),
-        text_option("--slice-density", "D", "Density per slice, instead of --density (Eq. 1)."),
+        text_option(
+            "--slice-density",
+            "D",
+            "Share of each slice that occluders fill, instead of --density (Eq. 1).",
+        ),
         text_option(
             "--height-ratio", "L/O", "Volume height divided by occluder size, for --slice-density."
         ),
-        text_option("--samples", "N", "Number of samples, on the trimmed grid."),
+        text_option("--samples", "N", "Number of samples of a trimmed grid."),
         text_option(
-            "--grid", "ROWSxCOLUMNS", "Complete rectangle of samples, instead of --samples."
+            "--grid",
+            "ROWSxCOLUMNS",
+            "Rows and columns of a rectangular grid, instead of --samples.",
         ),
-        text_option("--dhat", "X", "Normalised disparity d̂ between neighbours."),
+        text_option("--dhat", "X", "Normalised disparity d̂ between neighbouring samples."),
         text_option(
             "--positions",
             "FILE",
             "Positions of the samples, instead of a grid: CSV with x,y or east_m,north_m in metres, "
             ".waypoints, .plan or .geojson.",
         ),
-        text_option("--spacing", "M", "Offset at which an occluder has moved by its own size."),
+        text_option(
+            "--spacing",
+            "M",
+            "Distance between two positions at which an occluder moves by its own size; for "
+            "--positions.",
+        ),
         text_option(
             "--heading",
             "DEG",
-            "Direction of the flight lines, clockwise from true north; occluders are "
-            "squares parallel to it.  [0]",
+            "Direction of the flight lines, clockwise from true north.  The occluders are "
+            "squares along it.  [0]",
         ),
         json_option(),
     ]

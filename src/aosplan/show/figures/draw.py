@@ -50,26 +50,40 @@ KINDS = {
     for kind in (
         FigureKind(
             "visibility",
-            "V̂ and V against N and b, and the chosen point",
+            "V̂ and V against the number of photos N and the baseline b, with the plan",
             "plan",
             "visibility",
             0.82,
         ),
-        FigureKind("tradeoff", "baseline, extent and time of each N", "plan", "tradeoff", 0.82),
+        FigureKind(
+            "tradeoff",
+            "baseline, extent and flight time of each number of photos",
+            "plan",
+            "tradeoff",
+            0.82,
+        ),
         FigureKind("grid", "the waypoints on the ground, to scale", "plan", "grid", 1.0),
         FigureKind("density", "density of occluders at each height", "scene", "density", 0.62),
         FigureKind(
             "baseline-curve",
-            "share of occluders at d̂ >= 1 against b/h",
+            "share of the occluders that neighbouring photos separate, against the baseline",
             "scene",
             "coverage_curve",
             0.62,
         ),
         FigureKind(
-            "correlogram", "correlation of views by lag and direction", "scene", "correlogram", 0.56
+            "correlogram",
+            "correlation of what two photos hide, by distance and direction",
+            "scene",
+            "correlogram",
+            0.56,
         ),
         FigureKind(
-            "sweep", "two results of a sweep, or one over two inputs", "results", "sweep", 0.66
+            "sweep",
+            "one result of a sweep against another, or one result over two inputs",
+            "results",
+            "sweep",
+            0.66,
         ),
     )
 }
