@@ -116,7 +116,7 @@ def test_short_help_of_plan_fits_on_two_screens_and_says_how_to_see_the_rest(com
     assert len(short.splitlines()) < 80 < len(whole.splitlines())
     shown = [option for option in OPTIONS if re.search(rf"^  {option.flag} ", short, re.MULTILINE)]
     assert {option.name for option in shown} == COMMON
-    assert f"Show also the other {len(OPTIONS) - len(COMMON)} options" in " ".join(short.split())
+    assert f"with {len(OPTIONS) - len(COMMON)} more options of a plan" in " ".join(short.split())
     assert set(short.split()) <= set(whole.split())
 
 

@@ -12,7 +12,7 @@ def run(*, as_json: bool) -> None:
     if as_json:
         print_json([{"name": name, **preset._asdict()} for name, preset in DRONES.items()])
         return
-    from aosplan.show.text.tables import print_rows
+    from aosplan.show.text.tables import one_line, print_rows, show
 
     rows = [
         (
@@ -26,10 +26,13 @@ def run(*, as_json: bool) -> None:
         for name, drone in DRONES.items()
     ]
     print_rows(("name", "speed", "airspeed", "time", "interval", "camera"), rows)
-    print(
-        "\nspeed: cruise speed [m/s]; airspeed: largest speed through the air [m/s];"
-        "\ntime: flight time in still air [min]; interval: shortest time between photos [s]."
-        "\nSources and assumptions: aosplan drones --json"
+    show(
+        one_line(""),
+        one_line(
+            "speed: cruise speed [m/s]; airspeed: largest speed through the air [m/s]; time: flight "
+            "time in still air [min]; interval: shortest time between photos [s]"
+        ),
+        one_line("Sources and assumptions: aosplan drones --json"),
     )
 
 

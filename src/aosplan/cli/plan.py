@@ -195,7 +195,7 @@ COMMAND = command(
         text_option(
             "--report-seed",
             "N",
-            "Random seed of the simulated picture in the report.  [1]",
+            "Seed of the simulated picture in the report.  [1]",
             "Output",
         ),
         flag_option("--no-report-picture", "Leave the simulated picture out of the report."),

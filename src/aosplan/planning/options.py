@@ -198,8 +198,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Uniform and layered models: vertical rays (nadir), slanted rays (oblique), or "
          "slanted rays through cubes (cubes).  [nadir]"),
         ("optimize", q.one_of(OBJECTIVES), "text", "WHAT",
-         f"Quantity to minimise or maximise: {', '.join(OBJECTIVES)}.  [samples; with --within and "
-         "no target: detection if --find is given, else visibility]"),
+         f"Quantity to minimise or maximise: {', '.join(OBJECTIVES)}.  [samples; with "
+             "--within and no target: detection or visibility]"),
         ("within", parse.positive, "number", "MIN",
          "Longest time from take-off to landing; aosplan then chooses all options of the grid "
          "and the flight that are not given."),
