@@ -128,7 +128,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
          "Preset, scene file, point cloud (a file, a folder or '*.laz'), or canopy height "
          "raster.  [default]"),
         ("density", q.share, "share", "D",
-         "Uniform scene: share of each slice that occluders fill."),
+         "Uniform scene: share of a slice that occluders fill."),
         ("integrated_density", q.share, "share", "P",
          "Uniform scene: share of the ground that one photo does not see, instead of "
          "--density."),
