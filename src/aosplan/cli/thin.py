@@ -118,8 +118,7 @@ COMMAND = command(
         text_option(
             "--out",
             "PATH",
-            "Write the positions of the selected photos as CSV, with their file names if "
-            "they have some.",
+            "Write the positions (and file names) of the selected photos as CSV.",
             "Output",
         ),
         flag_option("--force", "Overwrite an existing file."),
