@@ -227,8 +227,8 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
         ("origin", q.latitude_longitude, "pair", "LAT,LON",
          "Latitude and longitude of the grid's centre."),
         ("heading", parse.heading_or_auto, "number", "DEG",
-         "Direction of the flight lines, clockwise from true north; best (highest visibility); "
-         "or auto (along the longer side of an area).  [default]"),
+         "Direction of the flight lines, clockwise from true north; best (for visibility); "
+             "or auto (along an area).  [default]"),
         ("line_length", parse.length, "number", "M",
          "Length of a continuous line, for --grid line.  Any N consecutive photos make an "
          "integral."),
