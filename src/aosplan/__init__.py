@@ -5,7 +5,7 @@ Public names are imported when they are first used, so that ``import aosplan`` i
 
 from __future__ import annotations
 
-TYPE_CHECKING = False  # the name that type checkers recognise, without importing typing
+TYPE_CHECKING = False  # Type checkers recognise this name, so that typing need not be imported.
 if TYPE_CHECKING:
     from aosplan.api.flown import Review as Review
     from aosplan.api.flown import Thinning as Thinning

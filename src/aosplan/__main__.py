@@ -21,7 +21,9 @@ def main() -> None:
             # The shell has closed this stream. Without a replacement, the next file that is opened
             # would get its descriptor.
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
-    gc.set_threshold(100_000)  # otherwise garbage collection of imports takes a twentieth of a plan
+    # With the default threshold, garbage collection during imports takes 5 % of the time of a
+    # plan.
+    gc.set_threshold(100_000)
     # If Ctrl-C is ignored, as it is for a background job of a shell, it stays ignored.
     heeded = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heeded:
@@ -30,11 +32,12 @@ def main() -> None:
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _end)
     if sys.argv[1:2] != ["thin"]:
-        # OpenBLAS, which numpy loads, starts one thread per processor. Starting them takes longer
-        # than all matrix products of the commands other than `thin`.
+        # OpenBLAS, which numpy loads, starts one thread per processor. Except in `thin`, starting
+        # these threads takes longer than all matrix products of a command.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    if not sys.warnoptions:  # the user did not ask for them with -W or PYTHONWARNINGS
-        # Warnings of libraries are meant for programmers; aosplan's own warnings are messages.
+    if not sys.warnoptions:  # true unless the user gives -W or PYTHONWARNINGS
+        # Python warnings come only from libraries and are meant for programmers. The warnings of
+        # aosplan itself are messages.
         sys.warnoptions.append("ignore")  # worker processes inherit this list
         warnings.simplefilter("ignore")
     from aosplan.cli.app import leave, run
@@ -47,18 +50,20 @@ def main() -> None:
         finally:
             if heeded:
                 signal.signal(signal.SIGINT, _leave)
-    except KeyboardInterrupt:  # not during `run`, which handles it
+    except KeyboardInterrupt:  # Ctrl-C outside `run`; `run` handles Ctrl-C itself.
         status = 130
     leave(status)
 
 
 def _leave(_number: int, _frame: object) -> None:
-    """Exit at once on Ctrl-C: no work has begun, or all work is finished."""
+    """Exit at once on Ctrl-C.  The handler is active only before the work begins and after it
+    ends.
+    """
     os._exit(130)
 
 
 def _raise_again(lost: sys.UnraisableHookArgs) -> None:
-    """Send SIGINT again if KeyboardInterrupt was raised in a callback that discards exceptions."""
+    """Send SIGINT again if a callback discarded the KeyboardInterrupt that was raised in it."""
     if issubclass(lost.exc_type, KeyboardInterrupt):
         _thread.start_new_thread(_interrupt_soon, (_thread.get_ident(),))
     else:
@@ -66,11 +71,12 @@ def _raise_again(lost: sys.UnraisableHookArgs) -> None:
 
 
 def _interrupt_soon(thread: int) -> None:
-    time.sleep(0.01)  # the callback has returned by then
+    time.sleep(0.01)  # By then, the callback has returned.
     if sys.platform == "win32":
         _thread.interrupt_main()
     else:
-        signal.pthread_kill(thread, signal.SIGINT)  # also ends a system call that waits
+        # The signal also interrupts a system call that waits.
+        signal.pthread_kill(thread, signal.SIGINT)
 
 
 def _end(_number: int, _frame: object) -> None:

@@ -1,9 +1,10 @@
 """Units and coordinate reference systems of georeferenced files.
 
-Readers of point clouds, canopy rasters and terrain need the unit of x and y, the unit of z, and
-the length of one unit of x and y on the ground at a place.  These come from the axes of the
-coordinate reference system as PROJ describes them.  A unit that a file does not state is None here;
-it is never guessed.  The reader either asks the user for the unit or reports which unit it assumes.
+Readers of point clouds, canopy rasters and terrain need the unit of x and y, the unit of z, and the
+length of one unit of x and y on the ground at a place.  The units and the length come from the axes
+of the coordinate reference system, as PROJ describes them.  If a file does not state a unit, the
+functions of this module return None and never guess.  The reader of the file then asks the user for
+the unit, or reports which unit it assumes.
 """
 
 from __future__ import annotations
@@ -36,13 +37,19 @@ _SYNONYMS = {
 }
 
 SAME_UNIT = 1e-4
-"""Units whose relative difference is smaller count as equal for heights, such as all kinds of feet."""
+"""Largest relative difference between two units of height that are treated as equal, such as the
+international foot and the US survey foot.
+"""
 
 SCALED = 0.003
-"""Largest relative scale error of a projection that is ignored; UTM stays below it in its zone."""
+"""Largest relative scale error of a projection that is ignored.  The error of UTM is smaller within
+its zone.
+"""
 
 MOST_SKEW_DEG = 1.0
-"""Largest deviation from 90° between a projection's axes on the ground; beyond it, scaling fails."""
+"""Largest deviation from 90° of the angle between a projection's axes on the ground.  If it is
+larger, lengths cannot be corrected by a scale along each axis.
+"""
 
 ASK = "give --units, such as m, ft or us-ft, or us-ft,m for x and y in feet and z in metres"
 """Hint for a scene file that does not state its units."""
@@ -56,7 +63,8 @@ class Units(NamedTuple):
 
 
 class GroundScale(NamedTuple):
-    """Length on the ground [m] of one unit of x and of one unit of y at a place, and the place.
+    """Length on the ground [m] of one unit of x and of one unit of y at a place, and the
+    coordinates of this place.
 
     `skew_deg` is the deviation of the angle between the two axes from a right angle on the ground.
     """
@@ -69,7 +77,7 @@ class GroundScale(NamedTuple):
 
 
 def unit_m(name: str) -> float | None:
-    """Metres in a unit of length that EPSG or PROJ names; None if the name is unknown."""
+    """Metres in a unit of length, by its EPSG or PROJ name; None if the name is unknown."""
     plain = " ".join(name.lower().split())
     for short, synonyms in _SYNONYMS.items():
         if plain == short or plain in synonyms:
@@ -78,7 +86,7 @@ def unit_m(name: str) -> float | None:
 
 
 def unit_of_code_m(code: int) -> float | None:
-    """Metres in a unit of length with an EPSG code, such as 9003; None if the code is unknown."""
+    """Metres in a unit of length, by its EPSG code, such as 9003; None if the code is unknown."""
     return _units_by_code().get(str(code))
 
 
@@ -99,7 +107,9 @@ def are_same(one_m: float, other_m: float) -> bool:
 
 
 def given_units(text: str) -> Units:
-    """Metres in the units that ``--units`` gives: one for all axes, or one for x and y and one for z."""
+    """Metres in the units that ``--units`` gives: one unit for all axes, or one unit for x and y
+    and another one for z.
+    """
     across, _, up = text.partition(",")
     across_m = unit_m(across.strip())
     return Units(across_m, unit_m(up.strip()) if up else across_m)
@@ -113,13 +123,13 @@ def units_of(crs: CRS, what: str) -> Units:
     crs
         A projected, local or compound system.
     what
-        What the system belongs to, for messages: ``point cloud 'a.laz'``.
+        The data that have this system, for messages: ``point cloud 'a.laz'``.
 
     Raises
     ------
     RequestError
-        If x and y are in degrees or geocentric, if an axis points west or south, or if z increases
-        downwards.
+        If x and y are in degrees, if the system is geocentric, if an axis points west or south, or
+        if z increases downwards.
     """
     if crs.is_geographic or crs.is_geocentric:
         raise RequestError(
@@ -146,7 +156,7 @@ def crs_of_wkt(text: str, what: str) -> CRS:
     Raises
     ------
     RequestError
-        If PROJ cannot read it.
+        If PROJ cannot read the text.
     """
     from pyproj import CRS
     from pyproj.exceptions import CRSError
@@ -172,13 +182,13 @@ def height_unit_m(band: str | None, stated: Units, what: str, hint: str) -> floa
     stated
         Units of its coordinate reference system.
     what, hint
-        What the raster is and how the user can give the unit, for messages.
+        Parts of messages: a name of the raster, and a hint how the user can give the unit.
 
     Raises
     ------
     RequestError
-        If the unit is unknown, if band and axis disagree, or if no unit is stated and x and y are
-        in feet.
+        If the unit is unknown, if the unit of the band differs from that of the axis, or if no unit
+        of heights is stated and x and y are in feet.
     """
     named_m = unit_m(band) if band and band.strip() else None
     if band and band.strip() and named_m is None:
@@ -256,11 +266,11 @@ def transformer(source: CRS | str, target: CRS | str) -> Transformer:
 
 
 def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
-    """Length on the ground, on the ellipsoid, of one unit of x and of one unit of y at a place.
+    """Length of one unit of x and of one unit of y at a place, measured on the ellipsoid.
 
-    The lengths [m] contain both the unit and the scale error of the projection: those of a degree,
-    of a US survey foot, or of a metre of web Mercator (1 / cos φ too long).  None if the place has
-    no latitude and longitude.
+    The lengths [m] include both the unit and the scale error of the projection.  A degree, a US
+    survey foot and a metre of web Mercator (too long by the factor 1 / cos φ) all have such
+    lengths.  The result is None if the place has no latitude and longitude.
     """
     from pyproj.exceptions import ProjError
 
@@ -269,7 +279,8 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     ellipsoid = plane.get_geod()
     if globe is None or ellipsoid is None or not (math.isfinite(x) and math.isfinite(y)):
         return None
-    # Long enough that the differences keep nine digits, short enough that the scale is constant.
+    # This step is long enough that differences of coordinates keep nine digits, and short enough
+    # that the scale is constant along it.
     step = 1e-3 if plane.is_geographic else 100.0
     try:
         longitudes, latitudes = transformer(plane, globe).transform(
@@ -287,7 +298,8 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
     )
     if not min(lengths) > 0.0:
         return None
-    turn = (azimuths[0] - azimuths[1]) % 360.0  # 90° if x points east and y north
+    # The turn is 90° if x points east and y points north.
+    turn = (azimuths[0] - azimuths[1]) % 360.0
     return GroundScale(
         lengths[0] / (2.0 * step),
         lengths[1] / (2.0 * step),
@@ -298,17 +310,18 @@ def ground_scale(crs: CRS, x: float, y: float) -> GroundScale | None:
 
 
 def true_lengths(scale: GroundScale | None, across_m: float, what: str) -> tuple[float, float]:
-    """Length on the ground of one unit of x and of y at a place; `across_m` if the scale is close
-    to 1.
+    """Length on the ground of one unit of x and of one unit of y at a place.
+
+    If the scale of the projection is close to 1, both lengths are `across_m`.
 
     Parameters
     ----------
     scale
-        Result of `ground_scale` at the place; None if unknown, when `across_m` is returned.
+        Result of `ground_scale` at the place.  If it is None, `across_m` is returned.
     across_m
         Metres in the unit of x and y, without the scale of the projection.
     what
-        What has the coordinates, for messages.
+        The data that have these coordinates, for messages.
 
     Raises
     ------

@@ -22,7 +22,7 @@ DEEPEST = 60
 """Greatest number of nesting levels in a document."""
 
 _WINDOWS_PATH = re.compile(r'"[^"\n]*\\[^"\n]*"')
-"""Matches a double-quoted TOML string with a backslash, which starts an escape sequence."""
+"""A double-quoted TOML string with a backslash, which TOML reads as an escape."""
 
 MOST_NAMES = 200_000
 """Greatest number of names in a TOML document; the parser needs up to 2 kB for each."""
@@ -34,9 +34,9 @@ def read_bytes(path: str, *, most: int = MOST_BYTES) -> bytes:
     Raises
     ------
     RequestError
-        If there is no such file, or it is larger than `most`.
+        If the file does not exist or is larger than `most`.
     SurroundingsError
-        If it cannot be read.
+        If the file cannot be read.
     """
     content = read_start(path, most + 1)
     if len(content) > most:
@@ -50,9 +50,9 @@ def read_start(path: str, most: int) -> bytes:
     Raises
     ------
     RequestError
-        If there is no such file.
+        If the file does not exist.
     SurroundingsError
-        If it cannot be read.
+        If the file cannot be read.
     """
     with reading(path):
         if path == "-":
@@ -63,8 +63,7 @@ def read_start(path: str, most: int) -> bytes:
 
 @contextmanager
 def reading(path: str, what: str = "file") -> Iterator[None]:
-    """Wrap the opening and reading of a file; its errors get the same messages as for any other
-    input.
+    """Wrap the opening and reading of a file, so that all input files get the same error messages.
 
     Parameters
     ----------
@@ -76,13 +75,14 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
     Raises
     ------
     RequestError
-        If there is no such file.
+        If the file does not exist.
     SurroundingsError
-        If it cannot be read.
+        If the file cannot be read.
     """
     try:
         yield
-    except (FileNotFoundError, NotADirectoryError, ValueError):  # ValueError: a zero byte
+    # ValueError: the path contains a zero byte
+    except (FileNotFoundError, NotADirectoryError, ValueError):
         raise RequestError(f"no {what} '{path}'") from None
     except IsADirectoryError:
         raise RequestError(f"'{path}' is a folder, not a {what}") from None
@@ -93,13 +93,15 @@ def reading(path: str, what: str = "file") -> Iterator[None]:
 def read_table(path: str, *, most: int = MOST_BYTES, with_nan: bool = False) -> dict[str, Any]:
     """Read a TOML or JSON document that has named values at its top level.
 
-    The extensions ``.toml`` and ``.json`` decide; with any other, the first character decides.
+    The extension ``.toml`` or ``.json`` determines the format.  If the extension is a different
+    one, the first character of the file determines it.
 
     Raises
     ------
     RequestError
-        If it is neither, is nested too deeply, gives a name twice, or has a number that is too
-        large for a float or text that is not Unicode; the message says where.
+        If the document is neither TOML nor JSON, is nested too deeply, has the same name twice, or
+        contains a number that is too large for a float or text that is not Unicode.  The message
+        gives the place.
     """
     return parse_table(read_bytes(path, most=most), path, with_nan=with_nan)
 
@@ -110,7 +112,7 @@ def text_of(content: bytes, path: str) -> str:
     Raises
     ------
     RequestError
-        If it is neither.
+        If the file has neither of these encodings.
     """
     wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
     try:
@@ -174,16 +176,16 @@ _TOML_TEXT = (
     r"|'[^'\n]*+'?"
     r"|#[^\n]*+"
 )
-"""Strings and comments of TOML.  One that is not closed ends with its line or with the text."""
+"""Strings and comments of TOML.  An unclosed string ends with its line or with the text."""
 
 
 def _from_toml(text: str) -> Any:
     import re
     import tomllib
 
-    # tomllib creates a table for every part of a dotted key and walks through all of them again for
-    # each part, so the depth has to be checked before parsing. Possessive quantifiers keep the
-    # search linear.
+    # tomllib creates a table for every part of a dotted key. For each part, it walks through all
+    # these tables again. The depth therefore has to be checked before parsing. Possessive
+    # quantifiers keep the search linear.
     names = re.sub(_TOML_TEXT, lambda found: "" if found[0][0] == "#" else "_", text)
     if re.search(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}", names):
         raise RecursionError
@@ -194,7 +196,7 @@ def _from_toml(text: str) -> Any:
 
 
 def _check_values(document: Any, text: str) -> None:
-    """Refuse a document that is nested too deeply or has a number or text that is not valid.
+    """Refuse a document that is nested too deeply, or that contains an invalid number or text.
 
     Numbers and text are only checked if the text contains a large exponent, a very long number or
     an escaped surrogate.
@@ -223,7 +225,7 @@ def _check_values(document: Any, text: str) -> None:
 def _is_wrong(value: Any) -> bool:
     """Whether a value is a number that is too large for a float, or text that is not Unicode.
 
-    A table is wrong if one of its names is not Unicode.
+    A table is also wrong if one of its names is not Unicode.
     """
     if isinstance(value, dict):
         return not all(map(is_unicode, value))
@@ -238,7 +240,7 @@ def _is_wrong(value: Any) -> bool:
 
 
 def _wrong_values(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Wrong values of a document, each with its place: names and indices joined by dots."""
+    """Wrong values of a document, with their places: names and indices, joined by dots."""
     if _is_wrong(value):
         yield place or "a name", value
     if isinstance(value, (dict, list)):
@@ -248,7 +250,7 @@ def _wrong_values(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def is_unicode(text: str) -> bool:
-    """Whether a text can be encoded as UTF-8, which an unpaired surrogate cannot."""
+    """Whether a text can be encoded as UTF-8.  A text with an unpaired surrogate cannot."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -295,10 +297,10 @@ def decoding(what: str, path: str) -> Iterator[None]:
 
 @contextmanager
 def discarding_output(descriptor: int) -> Iterator[None]:
-    """Discard what a compiled library prints to stdout (1) or stderr (2)."""
+    """Discard the output of a compiled library to stdout (descriptor 1) or stderr (2)."""
     try:
         kept = os.dup(descriptor)
-    except OSError:  # the descriptor is closed, so nothing can be printed
+    except OSError:  # The descriptor is closed, so that nothing can be printed.
         yield
         return
     (sys.stdout if descriptor == 1 else sys.stderr).flush()
@@ -318,9 +320,9 @@ def check_input(path: str) -> None:
     Raises
     ------
     RequestError
-        If there is no such file.
+        If the file does not exist.
     SurroundingsError
-        If it cannot be read.
+        If the file cannot be read.
     """
     with reading(path), open(path, "rb"):
         pass
@@ -358,7 +360,7 @@ def write_all(contents: Mapping[str, bytes], *, force: bool = False) -> None:
     Raises
     ------
     RequestError
-        As `check_output`.
+        If `check_output` refuses one of the paths.
     SurroundingsError
         If a file cannot be written: no permission, disk full.
     """
@@ -413,9 +415,9 @@ def _target(path: str) -> str:
 
 
 def _place(temporary: str, path: str, *, force: bool) -> str | None:
-    """Rename a temporary file to its final name, and keep an earlier file under another name.
+    """Rename a temporary file to its final name.  An earlier file is kept under another name.
 
-    The result is that other name, or None if there was no earlier file.
+    Returns this other name, or None if there was no earlier file.
     """
     if not os.path.lexists(path):
         earlier = None
@@ -459,9 +461,7 @@ def _reason(error: OSError) -> str:
 
 
 def is_locked(error: OSError) -> bool:
-    """Whether Windows refused access because another program, such as a spreadsheet, has the file
-    open.
-    """
+    """Whether Windows refused access because another program has the file open."""
     return getattr(error, "winerror", None) in (5, 32, 33)
 
 
@@ -471,7 +471,10 @@ def _refused(path: str, error: OSError) -> SurroundingsError:
 
 
 def located(name: str, folder: str) -> str:
-    """Resolve a file name from a request file: first in that file's folder, then as given."""
+    """Resolve a file name from a request file: first in the folder of the request file.
+
+    If the folder of the request file does not contain the file, the name is used as given.
+    """
     beside = os.path.join(folder, name)
     if not folder:
         return name
@@ -484,10 +487,10 @@ def located(name: str, folder: str) -> str:
 
 
 def is_file_name(name: str) -> bool:
-    """Whether a name has an extension or a folder, so that it is a file and not a preset."""
+    """Whether a name is that of a file and not of a preset: it has an extension or a folder."""
     return os.path.splitext(name)[1] != "" or os.sep in name
 
 
 def is_pattern(name: str) -> bool:
-    """Whether a name is a pattern such as ``tiles/*.laz`` and not the name of an existing file."""
+    """Whether a name is a pattern such as ``tiles/*.laz``, and no file has this name."""
     return any(mark in name for mark in "*?[") and not os.path.lexists(name)

@@ -19,10 +19,10 @@ def to_wgs84(
 ) -> tuple[list[float], list[float]]:
     """Latitudes and longitudes of points that are given as metres east and north of an origin.
 
-    The local frame is an azimuthal equidistant projection: distance and azimuth from the origin are
-    exact on the ellipsoid, everywhere on earth.  The distance between two neighbouring points at r
-    from the origin has a relative error of at most r²/(6 R²), where R is the earth's radius: 1e-9
-    at 500 m, 2e-6 at 20 km.
+    The local frame is an azimuthal equidistant projection.  Distances and azimuths from the origin
+    are exact on the ellipsoid, everywhere on earth.  The distance between two neighbouring points
+    that are r away from the origin has a relative error of at most r²/(6 R²), where R is the radius
+    of the earth.  This is 1e-9 at r = 500 m and 2e-6 at r = 20 km.
 
     Parameters
     ----------
@@ -83,9 +83,11 @@ def local_crs(latitude: float, longitude: float) -> str:
 def path_parts(
     longitude: Sequence[float], latitude: Sequence[float], altitude_m: Sequence[float]
 ) -> list[tuple[Sequence[float], Sequence[float], Sequence[float]]]:
-    """Split a path into parts that do not cross the antimeridian; the columns of each part.
+    """Split a path into parts that do not cross the antimeridian, and return the columns of each
+    part.
 
-    A leg that crosses it is cut there, on the straight line in longitude and latitude.
+    A leg that crosses the antimeridian is cut there.  The leg is assumed to be straight in
+    longitude and latitude.
     """
     if max(longitude) - min(longitude) <= 180.0:
         return [(longitude, latitude, altitude_m)]

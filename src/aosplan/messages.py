@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 
 class Limit(NamedTuple):
-    """A limit that took effect: the quantity, its value, the bound that it reached, and the reason."""
+    """A limit that took effect: the quantity, its value, the bound that the value reached, and the
+    reason for the bound.
+    """
 
     quantity: str
     value: float

@@ -1,8 +1,9 @@
 """Formulas that work on floats and on arrays.
 
-A kernel is written once, as arithmetic on its arguments and calls of a namespace `xp`.  For floats,
-`xp` is `SCALARS`, which uses `math`, so that a plain command does not import numpy.  For arrays it
-is numpy, applied to blocks that fit the processor's cache.
+Each formula is written once, as a kernel: a function that uses only arithmetic operators and the
+functions of a namespace `xp`.  For floats, `xp` is `SCALARS`, which uses `math`, so that a plain
+command does not import numpy.  For arrays, `xp` is numpy, and the kernel is applied to blocks that
+fit the processor's cache.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ BLOCK = 8192
 
 
 class _Scalars:
-    """The numpy functions that the kernels use, for floats."""
+    """The numpy functions that the kernels use, implemented for floats."""
 
     minimum = staticmethod(min)
     maximum = staticmethod(max)
@@ -52,8 +53,8 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
     Parameters
     ----------
     kernel
-        ``kernel(xp, *arguments)`` returns ``(value, valid)``: the value, and whether the
-        arguments are in its domain.
+        ``kernel(xp, *arguments)`` returns ``(value, valid)``: the value of the formula, and whether
+        the arguments are in the domain of the formula.
     arguments
         Floats, or anything that numpy can broadcast.
 
@@ -71,7 +72,7 @@ def elementwise(kernel: Callable[..., Any], *arguments: Any) -> Any:
             ZeroDivisionError,
             OverflowError,
             ValueError,
-        ):  # numpy would give inf or nan, which is not valid either
+        ):  # In this case, numpy gives inf or nan, which is also not valid.
             return math.nan
         return float(value) if valid else math.nan
 
@@ -101,7 +102,9 @@ def triangle(distance: Any, xp: Any = SCALARS) -> Any:
 
 
 def heading_axis(heading_deg: float) -> tuple[float, float]:
-    """East and north components of the unit vector along a heading, clockwise from true north."""
+    """East and north components of the unit vector along a heading.  The heading is clockwise from
+    true north.
+    """
     heading = math.radians(math.fmod(heading_deg, 360.0))
     return math.sin(heading), math.cos(heading)
 
@@ -109,12 +112,12 @@ def heading_axis(heading_deg: float) -> tuple[float, float]:
 def turned(first: Any, second: Any, axis: tuple[float, float]) -> tuple[Any, Any]:
     """Convert between (east, north) and (x along a heading, y to its right).
 
-    Both directions are the same reflection, which is its own inverse.
+    Both conversions are the same reflection, because a reflection is its own inverse.
 
     Parameters
     ----------
     first, second
-        East and north, or x and y: floats or arrays.
+        East and north, or x and y, as floats or arrays.
     axis
         Result of `heading_axis` for the heading.
     """
@@ -126,7 +129,7 @@ def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
     """Smallest number in [low, high] for which a condition is true.
 
     The condition must be monotone (once true, it stays true), and `holds(high)` must be true.  The
-    bisection goes on to the last bit, and the condition is true for the result.
+    bisection continues to the last bit.  The condition is true for the result.
     """
     if holds(low):
         return low
@@ -141,12 +144,13 @@ def smallest(holds: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def smallest_root(excess: Callable[[float], float], low: float, high: float) -> float:
-    """Smallest number in [low, high] for which a function that never increases is at most 0.
+    """Smallest number in [low, high] at which a monotone decreasing function is at most 0.
 
-    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with two
-    additions: a bisection if four steps have not made the interval eight times narrower, and a step
-    to the next float if the root is at an end of the interval within rounding.  The function is at
-    most 0 for the result and, within rounding, above 0 for the next smaller float.
+    `excess(high)` must be at most 0.  This is the Illinois method (Dowell and Jarratt, 1971) with
+    two additions: a bisection if four steps have not made the interval eight times narrower, and a
+    step to the next float if the root is at an end of the interval within rounding.  The function
+    is at most 0 at the result.  At the next smaller float it is above 0, except for rounding
+    errors.
     """
     above, below = excess(low), excess(high)
     if above <= 0.0:
@@ -159,7 +163,7 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
         guess = high - below * (high - low) / (below - above)
         if low < guess < high:
             beside_end = False
-        elif beside_end:  # the function is 0 on both sides of the end
+        elif beside_end:  # The function is 0 on both sides of this end.
             guess, beside_end = middle, False
         else:
             guess = math.nextafter(low, high) if guess <= low else math.nextafter(high, low)
@@ -179,7 +183,9 @@ def smallest_root(excess: Callable[[float], float], low: float, high: float) -> 
 
 
 def smallest_whole(holds: Callable[[int], bool], low: int, high: int) -> int:
-    """Smallest whole number in [low, high] for which a condition is true; `holds(high)` must be."""
+    """Smallest whole number in [low, high] for which a monotone condition is true; `holds(high)`
+    must be true.
+    """
     while low < high:
         middle = (low + high) // 2
         if holds(middle):

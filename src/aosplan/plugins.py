@@ -1,6 +1,6 @@
 """Formats, cameras and drones that other installed distributions add by entry points.
 
-The metadata of distributions is read only for a name that is not built in, to keep the start fast.
+To keep the start fast, the metadata of distributions is read only if a name is not built in.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Parsing and printing of quantities: numbers and text become floats in metres, degrees, seconds.
 
-Every value that a user gives, on the command line, in a file or in Python, is parsed by one of
-these functions.  The same units are therefore converted everywhere (feet, knots), and the same
-mistakes get the same messages: a percentage instead of a fraction, text instead of a number,
-infinity.
+One of these functions parses every value that a user gives on the command line, in a file or in
+Python.  Units such as feet and knots are therefore converted everywhere.  The same mistake gets the
+same message everywhere: for example a percentage instead of a fraction, text instead of a number,
+or infinity.
 """
 
 from __future__ import annotations
@@ -39,12 +39,13 @@ _FOREIGN = {
 
 
 def number(value: Any, name: str, unit: str = "") -> float:
-    """A finite number, which may be followed by its unit: ``"40m"``, ``"130ft"``.
+    """Parse a finite number, which may be followed by its unit: ``"40m"``, ``"130ft"``.
 
     Parameters
     ----------
     value
-        A number in `unit`, or text that may end in `unit` or in a unit that is converted to it.
+        A number in `unit`, or text.  The text may end with `unit` or with a unit that is converted
+        to `unit`.
     name
         Name of the value in messages.
     unit
@@ -53,7 +54,7 @@ def number(value: Any, name: str, unit: str = "") -> float:
     Raises
     ------
     RequestError
-        If it is not a finite number, or if its unit is of another quantity.
+        If the value is not a finite number, or if its unit belongs to another quantity.
     """
     if isinstance(value, str):
         return _from_text(value.strip(), name, unit)
@@ -79,7 +80,7 @@ def at_least_zero(value: Any, name: str, unit: str = "") -> float:
     result = number(value, name, unit)
     if result < 0.0:
         raise RequestError(f"{name} {shown(value)} is below zero", _unit_hint(unit))
-    return result + 0.0  # -0.0 would be printed with its sign
+    return result + 0.0  # Adding zero turns -0.0 into 0.0; -0.0 would be printed with its sign.
 
 
 def whole(value: Any, name: str) -> int:
@@ -99,7 +100,7 @@ def index(value: Any, name: str) -> int:
 
 
 def share(value: Any, name: str) -> float:
-    """A share between 0 and 1; text may be a percentage such as ``98%``."""
+    """A share between 0 and 1.  If the value is text, it may be a percentage such as ``98%``."""
     text = value.strip() if isinstance(value, str) else ""
     result = number(text[:-1], name) / 100.0 if text.endswith("%") else number(value, name)
     if not 0.0 <= result <= 1.0:
@@ -131,7 +132,7 @@ def one_of(choices: Iterable[str]) -> Callable[[Any, str], str]:
 
 
 def flag(value: Any, name: str) -> bool:
-    """True or false, also as text."""
+    """True or false, as a Boolean or as text."""
     if isinstance(value, str) and value.strip().lower() in ("true", "false"):
         return value.strip().lower() == "true"
     if not isinstance(value, bool):
@@ -163,8 +164,8 @@ def latitude_longitude(value: Any, name: str) -> tuple[float, float]:
     Raises
     ------
     RequestError
-        If it is not two numbers in range.  If the latitude is beyond 90 degrees but would be a
-        valid longitude, the hint suggests that the two are swapped.
+        If the value does not consist of two numbers in their ranges.  If the latitude is beyond 90
+        degrees but is a valid longitude, the hint suggests that latitude and longitude are swapped.
     """
     parts = value.split(",") if isinstance(value, str) else value
     if not isinstance(parts, (list, tuple)) or len(parts) != 2:
@@ -206,8 +207,8 @@ def nearest_hint(name: str, known: Iterable[str]) -> str:
 
 
 def preset_hint(name: str, titles: Mapping[str, str]) -> str:
-    """The hint that lists the presets whose name or title resembles a word; empty if there are
-    none.
+    """The hint that lists the presets whose name or title resembles a word; empty if there is no
+    such preset.
     """
     word = _squashed(name)
     parts = [each for each in titles if each.startswith(f"{name.lower()}-")]
@@ -253,7 +254,7 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
     Raises
     ------
     RequestError
-        If it is not a finite number.
+        If the value is not a finite number.
     """
     text = str(value).strip() if isinstance(value, (str, Decimal)) else None
     try:
@@ -272,7 +273,9 @@ def exact_share(value: float | str | Decimal | Fraction, name: str) -> Fraction:
 
 
 def _fraction(text: str) -> Fraction | None:
-    """The exact value of a decimal or a percentage; None if it is longer than about 400 digits."""
+    """The exact value of a decimal number or a percentage; None if it has more than about 400
+    digits.
+    """
     if len(text) > 400 or "_" in text:
         return None
     digits = Decimal(text[:-1].rstrip() if text.endswith("%") else text)
@@ -286,7 +289,7 @@ def shown(value: Any) -> str:
     """A value for a message: one line of printable characters, shortened if it is long."""
     try:
         text = value if isinstance(value, str) else repr(value)
-    except ValueError:  # repr of an integer with thousands of digits
+    except ValueError:  # Python does not convert an integer with thousands of digits to text.
         text = f"a number of {value.bit_length()} bits"
     text = text.encode("unicode_escape").decode() if not text.isprintable() else text
     return f"'{text[:57]}...'" if len(text) > 60 else f"'{text}'"
@@ -295,7 +298,7 @@ def shown(value: Any) -> str:
 def percent(value: float) -> str:
     """A share in per cent with one decimal.
 
-    A share just below 100 % gets as many decimals as are needed to show that it is less.
+    A share just below 100 % gets more decimals, so that the text is not ``100 %``.
     """
     shown = 100.0 * value
     decimals = 1

@@ -1,4 +1,6 @@
-"""Validation of tables from files: strict types, and one sentence that says what is wrong."""
+"""Validation of tables from files: types are strict, and an error message of one sentence names the
+fault.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,10 @@ def _as_tuple(value: Any) -> Any:
 
 
 Pair = Annotated[tuple[Finite, Finite], BeforeValidator(_as_tuple)]
-"""Two numbers, which are a list in a file."""
+"""Two numbers, which are written as a list in a file."""
 
 Words = Annotated[tuple[str, ...], BeforeValidator(_as_tuple)]
-"""Several texts, which are a list in a file."""
+"""Several texts, which are written as a list in a file."""
 
 Pixels = Annotated[int, Field(gt=0, le=10**9)]
 
@@ -35,7 +37,7 @@ class Document(BaseModel):
 
 
 class OpenDocument(BaseModel):
-    """A table that may get more names in later versions."""
+    """A table that may contain unknown names, because later versions may add names."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
@@ -49,8 +51,8 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
     Raises
     ------
     RequestError
-        If it does not match; the message names the file and the place in it, and the hint the
-        most similar name that is known there.
+        If the table does not match the model.  The message names the file and the place in the
+        file.  If a name is unknown, the hint gives the most similar known name.
     """
     try:
         return model.model_validate(table)
@@ -68,7 +70,7 @@ def checked(model: type[Checked], table: Mapping[str, Any], path: str) -> Checke
 
 
 def _names_at(model: type[BaseModel], place: tuple[int | str, ...]) -> list[str]:
-    """Names that are allowed where an unknown name was found, in the document or a table inside it."""
+    """Names that are allowed at a place of the document, at which an unknown name was found."""
     for part in place[:-1]:
         if isinstance(part, str) and part in model.model_fields:
             model = next(_documents_in(model.model_fields[part].annotation), model)
@@ -83,7 +85,9 @@ def _documents_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def _is_branch(part: Any) -> bool:
-    """Whether a part of an error's location is a member of a union type, not a name in the file."""
+    """Whether a part of an error's location names a member of a union type.  Such a part is not a
+    name in the file.
+    """
     return isinstance(part, str) and (
         part in {"str", "float", "int"} or part.startswith(("constrained", "tuple", "function"))
     )

@@ -1,7 +1,8 @@
 """The commands as Python functions.
 
-Each function takes keyword arguments or a request, does the same as its command, and returns a
-frozen result with a short ``repr``, a table for notebooks, and figures.
+Each function takes keyword arguments or a request, and does the same as the command with its name.
+The result cannot be changed.  It has a short ``repr``, a table for notebooks, and methods that draw
+figures.
 
 - `aosplan.api.request`: a request from a `PlanRequest`, a file, an earlier plan or keyword arguments.
 - `aosplan.api.request_options`: the keyword arguments with their types.

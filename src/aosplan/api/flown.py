@@ -1,4 +1,4 @@
-"""Functions for after the flight: `review` and `thin`."""
+"""Functions for use after the flight: `review` and `thin`."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Review(Summarized, reviews.Review):
     """
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         sites = len(self.sites)
         headline = f"{sites - len(self.missing)} of {sites} sites have a photo"
         facts = {"Photos": f"{len(self.views)}, {len(self.strays)} of them at no site"}
@@ -99,12 +99,12 @@ def review(
     Parameters
     ----------
     positions
-        A folder of photos, a mission (``.waypoints``, ``.plan``, ``.kmz``, ``.mavlink``), a CSV or
-        a ``.geojson`` file.
-    plan
+        A folder of photos, or a mission, CSV or GeoJSON file (``.waypoints``, ``.plan``, ``.kmz``,
+        ``.mavlink``, ``.csv``, ``.geojson``). plan
         A plan, a request, or the path of a saved plan or a request file.
     tolerance_m
-        Largest distance of a photo from its site; half the smaller pitch by default.
+        Largest distance between a photo and its site; by default half the smaller one of the two
+        pitches of the grid.
     progress
         Function that is called with the number of points read and the total, while a point cloud
         is read.
@@ -114,7 +114,8 @@ def review(
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if the positions cannot be read or are far from the plan.
+        In the same cases as `aosplan.plan`.  Also if the positions cannot be read or are far from
+        the plan.
     """
     from aosplan.postflight.views import read_views
     from aosplan.units import positive
@@ -141,7 +142,7 @@ class Thinning(Summarized, thinnings.Thinning):
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         headline = f"{len(self.chosen)} of {len(self.views)} views"
         facts = {
             "All": _shown(self.every),
@@ -191,7 +192,7 @@ def thin(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Thinning:
-    """Choose the best views of a recording, which share the fewest occluders.
+    """Choose the best views of a recording: those that share the fewest occluders.
 
     Parameters
     ----------
@@ -202,15 +203,15 @@ def thin(
     request, **options
         Scene, altitude, camera and model, as for `aosplan.plan`.
     best
-        Quantity to maximise: ``normalized`` (V̂), ``visibility`` (V), or ``similarity`` to the
-        integral of all views.
+        Quantity to maximise: ``normalized`` (V̂), ``visibility`` (V), or ``similarity`` (to the
+        integral of all views).
     progress
-        Function that is called with the number of steps done and their total.
+        Function that is called with the number of finished steps and the total number of steps.
 
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if there are too few or too many views.
+        In the same cases as `aosplan.plan`.  Also if there are too few or too many views.
     """
     from aosplan.postflight.views import read_views
     from aosplan.units import one_of, whole

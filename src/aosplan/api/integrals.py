@@ -30,12 +30,12 @@ class Integral(Summarized, integrals.Integral):
     """
 
     focus: Focus | None = None
-    """Result of the search for the focus, if there was one: curve, peaks and corrections."""
+    """Result of the search for the focus: curve, peaks and corrections; None without a search."""
     warnings: tuple[Message, ...] = ()
     """Warnings for the user."""
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         rows, columns, bands = self.values.shape
         headline = f"Integral of {self.views} views, {columns} x {rows} pixels"
         west, south, east, north = self.raster.extent_m
@@ -105,42 +105,48 @@ def integrate(
     photos
         A folder of photos with EXIF and XMP, a file of poses, or a COLMAP folder.
     images
-        The folder of the images, if `photos` has the poses.
+        The folder of the images, if `photos` is a file of poses or a COLMAP folder.
     focal_height_m
-        Height of the focal plane along the world's upward axis; by default 0, or found by `focus`.
+        Height of the focal plane along the world's upward axis; by default 0, or the result of
+        `focus`.
     focal_surface
         A GeoTIFF of ground heights, to focus on the ground at all heights.
     slope
         Rise of the plane per metre to the east and to the north.
     focus, align
-        ``auto``, or the lowest and the highest plane [m] of a search for the height of the ground;
-        and what it corrects in the poses: ``positions``, ``yaw`` or ``none``, by default
-        ``positions`` for photos.
+        `focus` starts a search for the height of the ground.  It is ``auto``, or the height of the
+        lowest and of the highest plane [m].  `align` gives the part of the poses that the search
+        corrects: ``positions``, ``yaw`` or ``none``; by default ``positions`` for photos.
     up
-        ``z``, ``-z``, ``y`` or ``-y``; by default z or -z, opposite to the viewing directions.
+        Axis of the world that points upwards: ``z``, ``-z``, ``y`` or ``-y``.  By default z or -z,
+        whichever is opposite to the viewing directions.
     camera, fov_deg
-        The camera, if the poses have none: a preset or file, or a horizontal field of view.
+        The camera, if the poses do not contain one: a preset or file, or a horizontal field of
+        view.
     band, plan, altitude_m, heading_deg
-        For a folder of photos: the band, the file of the plan, and values that the photos do not
-        have: height of the cameras above the take-off point, and direction of the top of the
-        photos.
+        For a folder of photos: the band, and the file of the plan.  If the photos do not have these
+        values: the height of the cameras above the take-off point, and the direction of the top
+        edge of the photos.
     extent
-        ``centre``, ``all``, or (x from, y from, x to, y to) [m] on the plane.
+        Part of the plane that is drawn: ``centre``, ``all``, or (smallest x, smallest y, largest x,
+        largest y) [m].
     gsd_m
         Pixel size of the integral image; by default that of the images.
     views, aperture_m, pitch_m
-        The views to use: numbers from 1, ranges and names; those within a square of this side;
-        views that are at least this far apart.
+        The views to use.  `views` gives numbers from 1, ranges and names.  `aperture_m` is the side
+        of a square; only views in it are used.  `pitch_m` is the smallest distance between two used
+        views.
     equalize, feather
-        Whether to equalise the exposure of the photos, and to reduce their weight towards their
-        edges.
+        Whether the exposure of the photos is equalised, and whether their weight decreases towards
+        their edges.
     progress
-        Function that is called with the number of views done.
+        Function that is called with the number of finished views.
 
     Raises
     ------
     RequestError
-        If the poses or images are not valid, no camera is known, or no plane is in focus.
+        If the poses or images are not valid, if the camera is not known, or if the search finds no
+        plane in focus.
     """
     from aosplan.postflight.integral.camera_pose import named_camera
     from aosplan.postflight.integral.focus import focus_recording, search_of

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Plan(Summarized, result.Plan):
-    """A plan: the flight, and the visibility that it achieves.
+    """A plan: the flight and the predicted visibility.
 
     `waypoints` are the sites in flight order.  `solution` has the baseline and the prediction.
     `document()` returns everything that ``aosplan plan --json`` prints.  The other attributes are
@@ -33,7 +33,7 @@ class Plan(Summarized, result.Plan):
     """
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         solution, route = self.solution, self.route
         survey = self.layout.survey
         samples = solution.pattern.samples
@@ -122,15 +122,16 @@ def plan(
     progress: Callable[[int, int], None] | None = None,
     **options: Unpack[RequestOptions],
 ) -> Plan:
-    """Solve a request: number of photos, their distance, and their positions.
+    """Compute a plan for a request: the number of photos, their distance, and their positions.
 
     Parameters
     ----------
     request
         A `PlanRequest`, an earlier `Plan`, or the path of a request file or a saved plan.
     folder
-        Folder in which the files that `request` and the options name are looked for before the
-        current folder; None for the folder of the request file, or of the earlier plan.
+        Folder of the files that `request` and the options name.  Files that are not in it are
+        looked for in the current folder.  None: the folder of the request file, or that of the
+        earlier plan.
     progress
         Function that is called with the number of points read and the total, while a point cloud
         is read.
@@ -142,8 +143,8 @@ def plan(
     Raises
     ------
     RequestError
-        If a name, file or number is not valid, or if they contradict each other, such as an
-        altitude below the top of the canopy.
+        If a name, file or number is not valid, or if two options contradict each other.  An example
+        is an altitude below the top of the canopy.
     InfeasibleError
         If no grid meets the target.
 
@@ -159,7 +160,7 @@ def plan(
 
 
 def plan_of(found: FoundRequest, *, progress: Callable[[int, int], None] | None = None) -> Plan:
-    """The plan of a request."""
+    """Compute the plan of a request."""
     plain = planner.plan(found.request, folder=found.folder, loaded=found.loaded, progress=progress)
     return Plan(**{field.name: getattr(plain, field.name) for field in fields(plain)})
 
@@ -170,7 +171,8 @@ class _Rows(NamedTuple):
 
 
 class Tradeoff(Summarized, _Rows):
-    """Cost and benefit by number of photos, one row each; the row of the plan has `chosen` set.
+    """Cost and benefit by number of photos, with one row for each number.  `chosen` is true in the
+    row of the plan.
 
     Attributes
     ----------
@@ -191,7 +193,7 @@ class Tradeoff(Summarized, _Rows):
         return columns_of(self.document()["rows"])
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         front = [row for row in self.rows if row.front]
         facts = {}
         for row in front[:: max(-(-len(front) // 3), 1)]:
@@ -217,7 +219,7 @@ def tradeoff(request: Asked | None = None, **options: Unpack[RequestOptions]) ->
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if no occluder is above the focal plane.
+        In the same cases as `aosplan.plan`.  Also if no occluder is above the focal plane.
 
     Examples
     --------
@@ -237,7 +239,9 @@ def export(
     format: str | None = None,  # noqa: A002 (the option's name)
     force: bool = False,
 ) -> list[str]:
-    """Write the waypoints of a plan, or of a file of a plan or mission, completely or not at all.
+    """Write the waypoints of a plan, of a saved plan, or of a mission file to a file.
+
+    The file is written completely or not at all.
 
     Parameters
     ----------
@@ -245,22 +249,24 @@ def export(
         A plan, a file with the output of ``aosplan plan --json``, or a mission file
         (``.waypoints``, ``.plan``, ``.kmz``, ``.mavlink``, ``.csv``).
     path
-        Path of the output.  Its extension selects the format, or a name before a colon does:
-        ``litchi:grid.csv``.
+        Path of the output.  The extension selects the format.  A format name before a colon
+        overrides the extension: ``litchi:grid.csv``.
     format
-        Name of the format, independently of the extension.
+        Name of the format; it overrides the extension.
     force
         Whether an existing file is overwritten.
 
     Returns
     -------
     paths
-        Paths of the written files: `path`, or numbered files if one cannot hold all waypoints.
+        Paths of the written files: `path`, or several numbered files if one file cannot contain all
+        waypoints.
 
     Raises
     ------
     RequestError
-        If the format is unknown or needs a location, or the file exists.
+        If the format is unknown, if the format needs a location that the plan does not have, or if
+        the file exists and `force` is false.
     SurroundingsError
         If the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""The request of a function, from any of the arguments that may describe it."""
+"""Conversion of the arguments of a function of `aosplan` to a request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class FoundRequest(NamedTuple):
-    """A request, the folder of its file, and its scene if that has been read before."""
+    """A request, the folder of its file, and its scene if the scene has been read before."""
 
     request: PlanRequest
     folder: str = ""
@@ -33,19 +33,21 @@ class FoundRequest(NamedTuple):
 def found_request(
     asked: Asked | None, options: Mapping[str, Any], *, folder: str | None = None
 ) -> FoundRequest:
-    """The request from the arguments of a function of `aosplan`; options override it.
+    """The request from the arguments of a function of `aosplan`.
+
+    Options override the values of `asked`.
 
     Parameters
     ----------
     asked
-        A request, an earlier plan, a request file or a saved plan (TOML or JSON); None to use
-        only the options.
+        A request, an earlier plan, or the path of a request file or saved plan (TOML or JSON).  If
+        it is None, only the options are used.
     options
         Keyword arguments with the names of the fields of `PlanRequest`.  `scene` may also be a
         result of `aosplan.read_scene`.
 
     folder
-        Where the files that the request and the options name are looked for first; None: the
+        Folder in which files that the request and the options name are looked for first.  None: the
         folder of the request file, or that of the earlier plan.
 
     Raises

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Stand(Summarized, LoadedScene):
-    """A scene, which can be given to `aosplan.plan` as `scene`.
+    """A scene.  It can be passed to `aosplan.plan` as the argument `scene`.
 
     It has the attributes of `aosplan.planning.loaded_scene.LoadedScene`: `scene` (a `UniformScene`
     or `LayeredScene`), `volume` (the voxels of a point cloud) and `warnings`.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
-    """The options with which it was read, including its name."""
+    """The options with which the scene was read, including its name."""
 
     def document(self) -> dict[str, Any]:
         """Occluder statistics as plain values, which ``aosplan scene --json`` prints."""
@@ -44,7 +44,8 @@ class Stand(Summarized, LoadedScene):
         Raises
         ------
         RequestError
-            If the extension is another one, the file exists, or ``.npz`` is given without voxels.
+            If the extension is neither ``.toml`` nor ``.npz``, if the file exists and `force` is
+            false, or if the extension is ``.npz`` and the scene has no voxels.
         """
         from aosplan.files import write_all
         from aosplan.planning.saved_scene import scene_bytes
@@ -53,7 +54,7 @@ class Stand(Summarized, LoadedScene):
         write_all({target: scene_bytes(self, self._correlogram(), target)}, force=force)
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         scene = self.scene
         bottom = min((slab.bottom_m for slab in scene.slabs()), default=0.0)
         facts = {
@@ -73,8 +74,8 @@ class Stand(Summarized, LoadedScene):
         ax
             Axes to draw on; a new figure by default.
         kind
-            ``density``, ``baseline-curve`` or ``correlogram``.  The first and the last have two
-            panels and always make a new figure.
+            ``density``, ``baseline-curve`` or ``correlogram``.  The kinds ``density`` and
+            ``correlogram`` have two panels and always make a new figure.
 
         Returns
         -------
@@ -122,14 +123,15 @@ def read_scene(
     *more
         More point clouds of the same stand.
     voxel, ground, min_height, crop, units, opacity, leaf_size, trajectory, crown_base, occluder_size
-        The options of ``aosplan scene`` with underscores; lengths in metres.
+        The options of ``aosplan scene``, with underscores instead of hyphens.  Lengths are in
+        metres.
     progress
         Function that is called with the number of points read and the total.
 
     Raises
     ------
     RequestError
-        If there is no such file or preset, or it cannot be read.
+        If the file or preset does not exist, or cannot be read.
 
     Examples
     --------
@@ -154,7 +156,7 @@ def read_scene(
     }
     options = {name: value for name, value in given.items() if value is not None}
     options["scene"] = os.fspath(path)
-    # A request needs an altitude, on which the scene does not depend.
+    # A request needs an altitude. The scene does not depend on the altitude.
     found = load_scene(
         request_from(options | {"altitude": 1.0}),
         progress=progress,

@@ -29,7 +29,7 @@ class Simulation(Summarized, compare.Simulation):
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         verdict = "agree" if self.agree else "disagree"
         headline = (
             f"Prediction and simulation {verdict}: {self.views} views of {self.targets} targets"
@@ -95,8 +95,9 @@ def simulate(
     max_targets: int = compare.MOST_TARGETS,
     **options: Unpack[RequestOptions],
 ) -> Simulation:
-    """Check a plan against a simulated forest: compare the simulated visibility with the
-    prediction.
+    """Check a plan against a simulated forest.
+
+    The simulated visibility is compared with the prediction.
 
     Parameters
     ----------
@@ -107,19 +108,21 @@ def simulate(
     precision
         Standard error of V and V̂ at which the simulation stops.
     forest
-        ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the forest that
-        corresponds to the scene.
+        ``noise``, ``uniform``, ``layered``, ``clumped`` or ``cloud``; by default the kind of forest
+        that corresponds to the scene.
     occluders
-        Occluders of generated volumes: ``cubes``, with side faces, or ``leaves`` of random direction.
+        Occluders of generated volumes: ``cubes``, which have side faces, or ``leaves``, which are
+        flat and have random directions.
     max_targets
-        Largest number of targets, for any precision.
+        Largest number of targets.  The simulation stops there, even if `precision` is not reached.
     **options
         As for `aosplan.plan`.
 
     Raises
     ------
     RequestError
-        As for `aosplan.plan`, or if the forest does not suit the scene.
+        In the same cases as `aosplan.plan`.  Also if the kind of forest is not possible for the
+        scene.
 
     Examples
     --------
@@ -143,5 +146,5 @@ def simulate(
         found = found_request(request, options)
         view = found.request.view
         planned = plan_of(found._replace(request=without_simulated_view(found.request)))
-    given: Any = view or "perspective"  # the request was checked
+    given: Any = view or "perspective"  # any value, because the request has been checked
     return Simulation(*compare.simulate(planned, settings._replace(view=given)))

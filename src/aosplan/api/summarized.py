@@ -1,4 +1,4 @@
-"""Results as a few lines of text, and as a table for notebooks."""
+"""Display of results as a few lines of text, and as a table in notebooks."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 class Summarized:
     """A result that is displayed as a headline and a few named values.
 
-    ``repr`` returns them as text; notebooks display them as a table.
+    ``repr`` returns text; notebooks display a table.
     """
 
     __slots__ = ()
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -55,13 +55,13 @@ class Summarized:
 
 
 def warnings_text(warnings: Iterable[Message]) -> dict[str, str]:
-    """The codes of warnings as a row of a summary; empty without warnings."""
+    """A row of a summary with the codes of the warnings; empty if there are no warnings."""
     codes = list(dict.fromkeys(warning.code for warning in warnings))
     return {"Warnings": ", ".join(codes)} if codes else {}
 
 
 def columns_of(documents: Sequence[dict[str, object]]) -> dict[str, list[object]]:
-    """Rows with the same names, converted to columns."""
+    """Convert rows to columns.  All rows have the same names."""
     if not documents:
         return {}
     return {name: [document[name] for document in documents] for name in documents[0]}

@@ -1,4 +1,4 @@
-"""Sweeps in memory, with one row per scenario: `sweep`."""
+"""Sweeps whose rows are kept in memory: `sweep`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Sweep(Summarized, _Frame):
         return found
 
     def summary(self) -> tuple[str, dict[str, str]]:
-        """A headline and named values as text."""
+        """The result as text: a headline and named values."""
         statuses = self.frame.get_column("status").value_counts().sort("status").rows()
         counted = ", ".join(f"{count} {status}" for status, count in statuses)
         headline = f"{self.frame.height} rows of {self.scenarios} scenarios"
@@ -56,14 +56,14 @@ class Sweep(Summarized, _Frame):
         y: str | None = None,
         value: str | None = None,
     ) -> Axes:
-        """Draw two results against each other, or a third one as a map over two columns.
+        """Draw one column over another, or draw a third one as a map over two columns.
 
         Parameters
         ----------
         ax
             Axes to draw on; a new figure by default.
         x, y
-            Columns; ``samples`` and ``flight_time_s`` by default.
+            Columns for the two axes; ``samples`` and ``flight_time_s`` by default.
         value
             A result that is drawn as a map over x and y.
         """
@@ -87,26 +87,29 @@ def sweep(
 ) -> Sweep:
     """Solve many scenarios.
 
-    The rows are kept in memory; ``aosplan sweep --out`` is for results that do not fit there.
+    The rows are kept in memory.  Use ``aosplan sweep --out`` for results that do not fit into
+    memory.
 
     Parameters
     ----------
     scenarios
-        Options of `aosplan.plan` by name.  Each has a value, a list of values or a range
-        ``{"start": 20, "stop": 120, "count": 50, "spacing": "log"}``.  All combinations are solved,
-        and the last option varies fastest.  Or the path of a file as for ``aosplan sweep``.
+        Options of `aosplan.plan` by name, or the path of a scenario file for ``aosplan sweep``.
+        Each option has a value, a list of values or a range ``{"start": 20, "stop": 120, "count":
+        50, "spacing": "log"}``.  All combinations are solved.  The last option varies fastest.
     columns
         Results to compute: names, or ``"all"``.
     where
         An SQL condition that selects the rows to keep: ``"samples <= 100"``.
     best, per
-        Keep the row with the largest value of the column `best` (with a minus before the name: the
-        smallest), for each combination of the values of the columns `per`.
+        For each combination of the values in the columns `per`, keep only the row with the largest
+        value in the column `best`.  With a minus before the name of the column, the row with the
+        smallest value is kept.
     workers
-        Number of processes.  More than one require a script with a guarded entry point
-        (``if __name__ == "__main__":``), as for `multiprocessing`.
+        Number of processes.  If it is greater than 1, the script needs a guarded entry point (``if
+        __name__ == "__main__":``), as `multiprocessing` does.
     progress
-        Function that is called with the number of scenarios done since the last call.
+        Function that is called with the number of scenarios that have been solved since its last
+        call.
 
     Raises
     ------

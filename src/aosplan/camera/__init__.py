@@ -1,4 +1,4 @@
-"""The camera: intrinsics, camera presets, and disparity.
+"""Cameras: intrinsics, presets, and the disparity of occluders in the images.
 
 - `aosplan.camera.camera`: intrinsics, ground resolution and footprint.
 - `aosplan.camera.presets`: the built-in cameras, each with its source.

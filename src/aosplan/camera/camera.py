@@ -15,7 +15,8 @@ SMALLEST, LARGEST = 1e-6, 1e9
 class Camera:
     """A pinhole camera that looks straight down.
 
-    The image width is across the heading (y) and the image height along it (x).
+    The width of the image is across the heading (y), and the height of the image is along the
+    heading (x).
 
     Parameters
     ----------
@@ -67,7 +68,9 @@ class Camera:
     def from_field_of_view(
         cls, fov_deg: float, image_width_px: int, image_height_px: int, *, name: str = "custom"
     ) -> Camera:
-        """A camera with a horizontal field of view [deg]; its sensor width is set to 1 mm."""
+        """A camera with a given horizontal field of view [deg].  The sensor width is set to 1 mm,
+        because only its ratio to the focal length matters.
+        """
         if not 0.0 < fov_deg < 180.0:
             raise RequestError(f"field of view {fov_deg:g} is not between 0 and 180 degrees")
         focal = 0.5 / math.tan(math.radians(fov_deg) / 2)
@@ -76,7 +79,7 @@ class Camera:
 
     @property
     def focal_length_px(self) -> float:
-        """Focal length in pixels, for the pixel pitch along the image width."""
+        """Focal length in pixels, computed with the pixel pitch along the image width."""
         return self.focal_length_mm * self.image_width_px / self.sensor_width_mm
 
     @property

@@ -1,10 +1,10 @@
 """Disparity of occluders, and the baseline of the coverage rule.
 
 An occluder of size o at height H above the focal plane is seen from altitude h by a camera with
-focal length f (pixels).  Its image is f o/(h - H) pixels large, and it moves by
-f b (1/(h-H) - 1/h) pixels between two samples that are b apart.  The ratio of the two is the
-normalised disparity d̂ = b H/(h o), which does not depend on the camera.  The exception is an
-occluder that is smaller than a pixel: it has to move by one pixel.
+focal length f (pixels).  The image of the occluder is f o/(h - H) pixels large.  Between two
+samples at the distance b, this image moves by f b (1/(h-H) - 1/h) pixels.  The normalised disparity
+d̂ = b H/(h o) is the movement divided by the size.  It does not depend on the camera, unless the
+image is smaller than a pixel.  Such an occluder has to move by one pixel.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 MOST_SHARES = 4_000_000
-"""Limit of the number of slabs times the number of knots of a baseline curve."""
+"""Largest product of the number of slabs and the number of knots of a baseline curve."""
 
 
 def occluder_px(
@@ -28,29 +28,32 @@ def occluder_px(
 ) -> float:
     """Size of an occluder in the image, at least one pixel [px].
 
-    `height_m` and `altitude_m` are above the focal plane, and the height is below the altitude.
+    `height_m` and `altitude_m` are above the focal plane, and `height_m` is less than `altitude_m`.
     """
     return max(focal_length_px * occluder_size_m / (altitude_m - height_m), 1.0)
 
 
 def disparity_px(baseline_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any) -> Any:
     """Shift of an occluder between neighbouring registered samples [px]."""
-    # b f (1/(h-H) - 1/h), rewritten so that no two similar terms are subtracted.
+    # This is b f (1/(h-H) - 1/h), written without a difference of two similar terms.
     return baseline_m * focal_length_px * height_m / ((altitude_m - height_m) * altitude_m)
 
 
 def baseline_for_disparity_px(
     disparity: Any, height_m: Any, altitude_m: Any, focal_length_px: Any
 ) -> Any:
-    """Baseline [m] at which an occluder moves by a number of pixels: inverse of `disparity_px`."""
+    """Baseline [m] at which an occluder moves by `disparity` pixels: the inverse of
+    `disparity_px`.
+    """
     return disparity * (altitude_m - height_m) * altitude_m / (focal_length_px * height_m)
 
 
 def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
-    """Height above which a share of the occluders between two heights lies.
+    """Height above which the share `coverage` of the occluders between two heights lies.
 
-    The occluders are distributed uniformly in height.  The formula starts at the bottom, because
-    the lowest occluders determine the baseline, and to avoid cancellation.
+    The occluders are distributed uniformly in height.  The formula adds a part of the interval to
+    its bottom instead of subtracting from its top.  This avoids cancellation for the lowest
+    occluders, which determine the baseline.
     """
     return bottom_m + (1.0 - coverage) * (top_m - bottom_m)
 
@@ -58,9 +61,10 @@ def covered_height_m(bottom_m: Any, top_m: Any, coverage: Any) -> Any:
 def unit_baseline_m(
     occluder_size_m: Any, height_m: Any, altitude_m: Any, focal_length_px: Any, xp: Any = SCALARS
 ) -> Any:
-    """Baseline [m] at which an occluder has d̂ = 1; an occluder is at least one pixel large.
+    """Baseline [m] at which an occluder has d̂ = 1.  An occluder smaller than a pixel is treated as
+    one pixel large.
 
-    Heights are above 0.  Takes floats, or arrays with numpy as `xp`.
+    Heights are greater than 0.  The arguments are floats, or arrays with numpy as `xp`.
     """
     by_size = occluder_size_m * altitude_m / height_m
     by_pixel = baseline_for_disparity_px(1.0, height_m, altitude_m, focal_length_px)
@@ -71,8 +75,8 @@ def unit_baseline_m(
 class CoverageBaseline(NamedTuple):
     """The baseline of the coverage rule, and the occluder that determines it.
 
-    An occluder of size `occluder_size_m` at `height_m` has d̂ = 1 at `baseline_m`.  The wanted
-    share of the occluders has d̂ >= 1 there.
+    An occluder of size `occluder_size_m` at `height_m` has d̂ = 1 at `baseline_m`.  At this
+    baseline, the required share of the occluders has d̂ >= 1.
     """
 
     baseline_m: float
@@ -97,8 +101,8 @@ def coverage_share(
 def coverage_baseline(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, coverage: float
 ) -> CoverageBaseline:
-    """Smallest baseline at which a share of the occluders has d̂ >= 1: the coverage rule of the
-    paper.
+    """Smallest baseline at which the share `coverage` of the occluders has d̂ >= 1.  This is the
+    coverage rule of the paper.
 
     The lowest occluders move least and therefore determine the baseline.  Within a slab, occluders
     are distributed uniformly in height.
@@ -113,7 +117,7 @@ def coverage_baseline(
     focal_length_px
         Focal length; occluders smaller than a pixel are treated as one pixel large.
     coverage
-        Wanted share, above 0 and at most 1.
+        Required share, greater than 0 and at most 1.
 
     Raises
     ------
@@ -160,7 +164,7 @@ def baseline_curve(slabs: Sequence[Slab]) -> list[tuple[float, float]]:
     The curve has one knot for each bottom and top of a slab, in order of increasing baseline.  A
     bottom on the focal plane has no knot, because occluders there have no disparity.  If there are
     very many slabs, only every n-th knot is kept, always including the largest baseline.  The size
-    of a pixel is ignored.
+    of a pixel is not taken into account.
     """
     ends = {
         slab.occluder_size_m / height
@@ -177,7 +181,7 @@ def _covering_baseline_m(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, coverage: float
 ) -> float:
     def covers(baseline_m: float) -> bool:
-        # Rounding may leave the sum of all shares just below 1.
+        # Because of rounding, the sum of all shares may be slightly below 1.
         share = coverage_share(slabs, altitude_m, focal_length_px, baseline_m)
         return share >= coverage * (1.0 - 1e-15)
 
@@ -192,7 +196,7 @@ def _covering_baseline_m(
 def _deciding(
     slabs: Sequence[Slab], altitude_m: float, focal_length_px: float, baseline_m: float
 ) -> tuple[Slab, float]:
-    """The slab that has d̂ = 1 at a baseline, and the height in it at which d̂ = 1."""
+    """The slab in which d̂ reaches 1 at a baseline, and the height at which d̂ = 1."""
 
     def outside(slab: Slab) -> float:
         height = _unit_height_m(slab, altitude_m, focal_length_px, baseline_m)
@@ -216,7 +220,7 @@ def _unit_height_m(
 
 def _share_above(slab: Slab, height_m: float) -> float:
     if slab.top_m == slab.bottom_m:
-        # The baseline may have been computed from this height, so equality is tested with a
+        # The baseline may have been computed from this height. Equality is therefore tested with a
         # tolerance.
         return 1.0 if slab.top_m >= height_m * (1.0 - 1e-12) else 0.0
     share = (slab.top_m - height_m) / (slab.top_m - slab.bottom_m)
@@ -226,7 +230,7 @@ def _share_above(slab: Slab, height_m: float) -> float:
 class Slab(NamedTuple):
     """Occluders of one size, distributed uniformly between two heights, which may be equal.
 
-    `weight` is the slab's share of all occluders, up to a factor that is the same for all slabs.
+    `weight` is proportional to the slab's share of all occluders.
     """
 
     bottom_m: float

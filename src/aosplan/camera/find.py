@@ -1,4 +1,4 @@
-"""Finding a camera by preset name or file."""
+"""Find a camera by the name of a preset or the path of a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def find_camera(name: str) -> Camera:
     Raises
     ------
     RequestError
-        If there is no such preset or file; the hint names the most similar preset.
+        If no preset or file has this name.  The hint gives the most similar preset.
     """
     from aosplan.camera.presets import CAMERAS, CameraPreset
 

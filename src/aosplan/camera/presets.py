@@ -1,11 +1,10 @@
 """Presets of cameras that are used for airborne optical sectioning.
 
-Each preset is a pinhole model of a still image.  The field of view along the image width is
-``2 * atan(sensor_width_mm / (2 * focal_length_mm))``.  The fields of view that manufacturers
-publish are nominal values of the uncorrected image; a lens with barrel distortion therefore sees
-slightly more than the pinhole model.  If the two differ by more than about 2 %, ``assumed`` says
-so.  The pinhole model then underestimates the footprint, and the real overlap is larger than
-planned.
+Each preset is a pinhole model of a still image.  The field of view along the image width is ``2 *
+atan(sensor_width_mm / (2 * focal_length_mm))``.  Manufacturers publish nominal fields of view of
+the uncorrected image.  With barrel distortion, this field of view is slightly larger than that of
+the pinhole model.  If the difference is more than about 2 %, ``assumed`` mentions it.  For such a
+lens, the pinhole model underestimates the footprint, and the real overlap is larger than planned.
 
 Fisheye modes (such as GoPro "wide") have no pinhole model and are not included.
 """
@@ -33,7 +32,7 @@ class CameraPreset(NamedTuple):
     source: str
     """Where the numbers are published."""
     assumed: str = ""
-    """Which number is derived or assumed, and how; empty if none is derived or assumed."""
+    """Which numbers are derived or assumed, and how; empty if all numbers are published."""
 
 
 CAMERAS: dict[str, CameraPreset] = {

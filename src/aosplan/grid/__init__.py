@@ -1,4 +1,4 @@
-"""Grids: positions of the samples relative to each other, in baselines.
+"""Grids: relative positions of the samples, in units of the baseline.
 
 - `aosplan.grid.patterns`: trimmed grids, rectangles, lines and lanes.
 - `aosplan.grid.spiral`: spirals.

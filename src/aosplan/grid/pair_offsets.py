@@ -10,7 +10,9 @@ if TYPE_CHECKING:
 
 
 DIRECT_PAIRS = 4_000_000
-"""Number of lattice offsets times sites up to which direct counting is faster than a transform."""
+"""Largest product of lattice offsets and sites for which direct counting is faster than a Fourier
+transform.
+"""
 
 
 def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArray[np.float64]:
@@ -21,7 +23,8 @@ def offset_counts(mask: NDArray[np.bool_], reach_y: int, reach_x: int) -> NDArra
     mask
         Shape (rows, columns); true for each lattice point that is a site.
     reach_y, reach_x
-        Largest offsets to count; smaller than the number of rows and of columns.
+        Largest offsets to count.  They are smaller than the number of rows and the number of
+        columns.
 
     Returns
     -------

@@ -1,12 +1,13 @@
-"""Patterns of sites, in baselines.
+"""Patterns of sites.  The unit of length is the baseline.
 
 A pattern is a rectangle of rows and columns, from which a few sites may be removed, or a spiral
-(`aosplan.grid.spiral`).  Columns are along the heading (x), rows across it (y).  The distance
-between neighbouring columns is 1 baseline, and between neighbouring rows `row_pitch` baselines.
+(`aosplan.grid.spiral`).  The columns follow each other along the heading (x), and the rows across
+the heading (y).  The distance between neighbouring columns is 1 baseline.  The distance between
+neighbouring rows is `row_pitch` baselines.
 
 A *frame* is a rectangle together with the range of sample counts for which a kind of grid uses it.
-Frames are ordered by increasing number of samples, so that a solver goes through frames instead of
-every single count.
+Frames are ordered by increasing number of samples.  A solver therefore tests frames instead of
+every sample count.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ GRIDS = (*LATTICES, "spiral")
 """All kinds of grid by name."""
 
 NARROWEST_TURNS = 2.0
-"""Smallest distance between a spiral's turns: above it, each sample reduces the shortfall of V."""
+"""Smallest distance between a spiral's turns.  At larger distances, each additional sample reduces
+the shortfall of V.
+"""
 
 MOST_SITES = 5_000_000
 """Largest number of sites; a plan keeps every waypoint in memory."""
@@ -68,8 +71,8 @@ class Pattern(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Least distance between two sites in baselines: the larger of their distances along x and
-        y.
+        """Smallest distance between two sites, in baselines.  The distance is the larger one of the
+        distances along x and y.
         """
         return min(1.0, self.row_pitch)
 
@@ -91,7 +94,7 @@ class Pattern(NamedTuple):
     def steps(self) -> Counter[tuple[float, float]]:
         """Steps along x and y from site to site in flight order, in baselines, and their counts.
 
-        The steps of a line without removed sites are counted without a loop over its sites.
+        If no sites of a line are removed, its steps are counted without a loop over its sites.
         """
         gone: dict[int, set[int]] = {}
         for row, column in self.removed:
@@ -121,7 +124,9 @@ Sites = Pattern | Spiral
 
 
 class Frame(NamedTuple):
-    """A rectangle, and the sample counts from `fewest` to `most` for which a kind of grid uses it."""
+    """A rectangle and a range of sample counts.  A kind of grid uses the rectangle for all counts
+    from `fewest` to `most`.
+    """
 
     rows: int
     columns: int
@@ -156,7 +161,7 @@ class Frame(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Least distance between two sites of the rectangle, as `Pattern.nearest` defines it."""
+        """Smallest distance between two sites of the rectangle, as defined by `Pattern.nearest`."""
         return self.rectangle.nearest
 
     @property
@@ -166,7 +171,7 @@ class Frame(NamedTuple):
 
 
 class SpiralFrame(NamedTuple):
-    """A spiral as a frame, for the single sample count that it has."""
+    """A frame that contains one spiral, with a single sample count."""
 
     fewest: int
     turn_pitch: float
@@ -193,7 +198,7 @@ class SpiralFrame(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Least distance between two sites of the spiral, as `Spiral.nearest` defines it."""
+        """Smallest distance between two sites of the spiral, as defined by `Spiral.nearest`."""
         return self.whole.nearest
 
     @property
@@ -202,7 +207,7 @@ class SpiralFrame(NamedTuple):
         return Spiral(self.fewest, self.turn_pitch)
 
     def pattern(self, samples: int) -> Spiral:
-        """The spiral; `samples` has to be its sample count."""
+        """The spiral.  `samples` must be the sample count of this spiral."""
         assert samples == self.fewest
         return self.whole
 
@@ -211,9 +216,10 @@ AnyFrame = Frame | SpiralFrame
 
 
 def frames(grid: str, *, lanes: int = 3, lane_pitch: float = 4.0) -> Iterator[AnyFrame]:
-    """Frames of a kind of grid by increasing number of samples, without end.
+    """Infinite sequence of the frames of a kind of grid, by increasing number of samples.
 
-    - ``trimmed``: every count, in the smallest rectangle of r x r or r x (r+1) sites that holds it
+    - ``trimmed``: every count, in the smallest rectangle of r x r or r x (r+1) sites that has at
+      least as many sites
     - ``rectangle``: the same rectangles without removed sites
     - ``square``: n x n sites
     - ``line``: one row
@@ -237,7 +243,9 @@ def frame_at(grid: str, index: int, *, lanes: int = 3, lane_pitch: float = 4.0) 
 
 
 def rectangle_at(grid: str, index: Any) -> tuple[Any, Any]:
-    """Rows and columns of the frames at one index or an array of them, except lanes and spirals."""
+    """Rows and columns of the frames at one index or at an array of indices; not for lanes and
+    spirals.
+    """
     if grid == "line":
         return 1, index
     if grid == "square":
@@ -253,7 +261,7 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
     Raises
     ------
     RequestError
-        If it has more than `MOST_SITES`.
+        If the pattern has more than `MOST_SITES` sites.
     """
     check_size(samples)
     index = index_for(grid, samples, lanes=lanes)
@@ -262,7 +270,9 @@ def pattern_for(grid: str, samples: int, *, lanes: int = 3, lane_pitch: float = 
 
 
 def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
-    """Index of the first frame of a kind of grid that holds this many samples, counted from 1."""
+    """Index of the first frame of a kind of grid that has at least this many samples, counted from
+    1.
+    """
     if grid == "spiral":
         return samples
     if grid == "lanes":
@@ -271,9 +281,10 @@ def index_for(grid: str, samples: int, *, lanes: int = 3) -> int:
 
 
 def index_by_side(grid: str, samples: Any, side: Any) -> Any:
-    """The same as `index_for` for one sample count or an array of them, except lanes and spirals.
+    """The same as `index_for`, for one sample count or an array of sample counts; not for lanes and
+    spirals.
 
-    `side` is the whole part of the square root of `samples`.
+    `side` is the integer part of the square root of `samples`.
     """
     if grid == "line":
         return samples
@@ -296,11 +307,11 @@ def too_many_sites(wanted: str, samples: int) -> str:
 
 @lru_cache(maxsize=512)
 def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
-    """Sites to remove: in point-symmetric pairs, those farthest from the centre first.
+    """Sites to remove: point-symmetric pairs, beginning with those farthest from the centre.
 
-    Sites at equal distances are ordered by (row, column); for an odd surplus the last one has no
-    partner. The search starts at the corners, so that only removed sites and their neighbours are
-    visited.
+    Sites at equal distances are ordered by (row, column); if the surplus is odd, the last removed
+    site has no partner.  The search starts at the corners, so that it visits only removed sites and
+    their neighbours.
     """
     if surplus <= 0:
         return ()
@@ -320,10 +331,10 @@ def _trimmed(frame: Frame, surplus: int) -> tuple[tuple[int, int], ...]:
 def _outermost_first(rows: int, columns: int) -> Iterator[tuple[int, int]]:
     """Sites by decreasing distance from the centre; equal distances are ordered by (row, column).
 
-    Distances are squares of whole numbers of half pitches, so that ties are exact.  A site and its
-    mirror images across both axes share one entry of the heap, which has their distances (u, v)
-    from the axes.  After (u, v) the entry (u, v - 2) is added, and if v is at its maximum also (u -
-    2, v).
+    Distances are compared as sums of squares of whole numbers (in half pitches), so that ties are
+    exact.  A site and its mirror images across both axes share one entry (u, v) of the heap, where
+    u and v are their distances from the axes.  After (u, v) is taken from the heap, (u, v - 2) is
+    added to it.  If v is at its maximum, (u - 2, v) is added too.
     """
     u_most, v_most = rows - 1, columns - 1
     heap = [(-(u_most**2 + v_most**2), u_most, v_most)]

@@ -1,10 +1,11 @@
-"""Double spirals: sites on one line that winds inwards and out again, in baselines.
+"""Double spirals: sites on one line that winds inwards and out again.  The unit of length is the
+baseline.
 
-Two arms of an Archimedean spiral meet in the centre; one is the other rotated by half a turn.  The
-distance between turns is constant.  The drone flies inwards along one arm and outwards along the
-other, straight from site to site, and consecutive sites are one baseline apart.  The centre of the
-sites is the centre of the spiral for every number of sites.  A spiral is contained in every longer
-spiral whose number of sites differs by an even number.
+Two arms of an Archimedean spiral meet in the centre.  Rotating one arm by half a turn gives the
+other arm.  The distance between turns is constant.  The drone flies inwards along one arm and
+outwards along the other, on a straight line from site to site.  Consecutive sites are one baseline
+apart.  The centre of the sites is the centre of the spiral for every number of sites.  A spiral is
+contained in every longer spiral whose number of sites differs by an even number.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Spiral(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """1, because all sites of a spiral are on a single line."""
+        """The number of rows, which is 1 because all sites of a spiral are on a single line."""
         return 1
 
     @property
@@ -56,11 +57,11 @@ class Spiral(NamedTuple):
 
     @property
     def nearest(self) -> float:
-        """Least distance between two sites in baselines: the larger of their distances along x and
-        y.
+        """Smallest distance between two sites, in baselines.
 
-        It is at most 1, and at least 0.7 if turns are 2 baselines apart or more.  It is less than 1
-        because neighbouring sites are not aligned with the axes.
+        The distance of two sites is the larger one of their distances along x and y.  The result is
+        at most 1, and it is at least 0.7 if turns are 2 baselines apart or more.  It is usually
+        less than 1 because neighbouring sites are not aligned with the axes.
         """
         return self._arm.reach[self.samples // 2][2]
 
@@ -73,7 +74,9 @@ class Spiral(NamedTuple):
         yield from arm
 
     def steps(self) -> Counter[tuple[float, float]]:
-        """Steps along x and y from site to site, in baselines, and how often each occurs."""
+        """Steps along x and y from site to site, in baselines, and the number of times that each
+        step occurs.
+        """
         return Counter((to_x - x, to_y - y) for (x, y), (to_x, to_y) in pairwise(self.offsets()))
 
     @property
@@ -87,8 +90,9 @@ class Spiral(NamedTuple):
 class Arm:
     """The sites of one arm of a spiral, computed as far as needed.
 
-    If the centre is a site, the first site is one baseline from it, otherwise half a baseline.
-    `reach[n]` is for the first n sites: the largest |x|, the largest |y| and the least distance.
+    If there is a site at the centre, the first site of the arm is one baseline from the centre;
+    otherwise it is half a baseline from the centre.  `reach[n]` has the largest |x|, the largest
+    |y| and the smallest distance of the first n sites.
     """
 
     def __init__(self, turn_pitch: float, *, from_middle: bool) -> None:
@@ -110,7 +114,11 @@ class Arm:
             self._angle = self._next_angle()
 
     def _next_angle(self) -> float:
-        """Angle of the next site: r² + R² - 2 r R cos(Δ) = 1, solved by Newton's method."""
+        """Angle of the next site, one baseline from the last.
+
+        With the radii r and R of the two sites and the angle Δ between them, r² + R² - 2 r R cos(Δ)
+        = 1.  The equation is solved by Newton's method.
+        """
         start, growth = self._angle, self._growth
         here = growth * start
         angle = start + 1.0 / math.hypot(growth, here)
@@ -126,7 +134,8 @@ class Arm:
         return angle
 
     def _least_distance(self, x: float, y: float) -> float:
-        """Least distance to the sites so far: the larger of the distances along x and y.
+        """Smallest distance from (x, y) to the earlier sites, as the larger one of the distances
+        along x and y.
 
         Only sites in neighbouring unit cells are compared, so the result is exact if it is below 1.
         """

@@ -1,7 +1,8 @@
 """Numbers of drones and cameras in DJI's files.
 
-Source: DJI Cloud API documentation, 1.14 and as of March 2026, product support (type and sub_type of aircraft, type of
-cameras), as DJI WPML refers to it.
+Source: the product support page of the DJI Cloud API documentation, version 1.14 and as of March
+2026.  The DJI WPML documentation refers to this page.  Its columns are type and sub_type of
+aircraft, and type of cameras.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from aosplan.errors import RequestError
 
 
 class DjiDrone(NamedTuple):
-    """droneEnumValue and droneSubEnumValue, and the name of the built-in camera."""
+    """A drone: its droneEnumValue and droneSubEnumValue, and the name of its built-in camera."""
 
     number: int
     variant: int
@@ -59,13 +60,13 @@ PAYLOADS = {
 
 
 def check_carried(drone: str, payload: str) -> None:
-    """Refuse a payload that a drone does not carry.
+    """Refuse a payload that a drone cannot carry.
 
     Raises
     ------
     RequestError
-        If the drone has another camera that is built in, the payload is built into another drone, or the
-        drone is not one of DJI's that carry payloads.
+        If the drone has another built-in camera, if the payload is built into another drone, or if
+        the drone is not a DJI drone that carries payloads.
     """
     known = DRONES.get(drone)
     own = None if known is None else known.payload

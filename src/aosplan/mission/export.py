@@ -1,4 +1,4 @@
-"""Missions as files: the formats by name, and the bytes of each file.
+"""Conversion of missions to files: finds a format by its name, and returns the bytes of each file.
 
 A format is a module in `aosplan.mission.formats` with a `FORMAT` and a pure function
 ``render(mission) -> bytes``, which returns the same bytes for the same mission.
@@ -41,7 +41,9 @@ FORMER = {"qgc_plan": "plan", "wpml": "kmz"}
 
 
 GROUP = "aosplan.formats"
-"""Group of entry points by which other distributions add formats: modules like the built-in ones."""
+"""Group of the entry points with which other distributions add formats.  Each is a module like
+those of the built-in formats.
+"""
 
 
 def formats() -> dict[str, Format]:
@@ -50,8 +52,8 @@ def formats() -> dict[str, Format]:
 
 
 def choose_format(path: str, name: str | None = None) -> tuple[Format, str]:
-    """The format and path of an output: by format name, by ``NAME:PATH``, or by the file's
-    extension.
+    """The format and path of an output.  The format is given by its name, by ``NAME:PATH``, or by
+    the extension of the file.
 
     Raises
     ------
@@ -93,13 +95,13 @@ def choose_format(path: str, name: str | None = None) -> tuple[Format, str]:
 
 
 def render(mission: Mission, chosen: Format) -> bytes:
-    """The bytes of a mission in a format; limits of the target are not checked.
+    """The bytes of a mission in a format.  This function does not check the limits of the target.
 
     Raises
     ------
     RequestError
-        If the format needs a location and the mission has none, if the format cannot express the
-        flight settings, or if the mission's autopilot does not fly it.
+        If the format needs a location and the mission has no location, if the format cannot express
+        the flight settings, or if the autopilot of the mission does not fly this format.
     """
     if chosen.needs_place and not mission.has_place:
         raise RequestError(
@@ -122,7 +124,8 @@ def render(mission: Mission, chosen: Format) -> bytes:
 
 
 def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dict[str, bytes]:
-    """Contents of the files for some missions, by path: one file, or numbered files.
+    """Contents of the files of some missions, by path.  There is one file, or there are several
+    numbered files.
 
     ``grid.plan`` becomes ``grid-1.plan``, ``grid-2.plan`` and so on if there are several missions,
     or if a mission is too large for one file.
@@ -130,8 +133,8 @@ def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dic
     Raises
     ------
     RequestError
-        If a mission exceeds a limit that splitting cannot satisfy, or if several files would be
-        written to stdout.
+        If a mission exceeds a limit even after splitting, or if several files would be written to
+        stdout.
     """
     pieces = [
         piece
@@ -156,7 +159,9 @@ def mission_files(missions: Iterable[Mission], chosen: Format, path: str) -> dic
 
 
 def size_of(chosen: Format) -> Callable[[Mission], int]:
-    """The function that counts what a format limits: points of the path, or commands of the file."""
+    """The function that counts the items that a format limits: points of the path, or commands of
+    the file.
+    """
     from aosplan.mission.flown_path import path_size
 
     count: Callable[[Mission], int] = getattr(_module(chosen.name), "size", path_size)
@@ -183,12 +188,16 @@ def _module(name: str) -> Any:
 
 
 def _may_be_added(prefix: str) -> bool:
-    """Whether the text before a colon can be a format name, rather than a drive or part of a path."""
+    """Whether the text before a colon can be a format name.  Otherwise it is a drive or part of a
+    path.
+    """
     return len(prefix) > 1 and prefix.replace("-", "").isalnum()
 
 
 def _added(name: str) -> dict[str, Format]:
-    """The format that another distribution adds under a name, if there is one."""
+    """The format that another distribution adds under this name; None if there is no such
+    format.
+    """
     module = plugin(GROUP, name)
     return {} if module is None else {name: _format_of(module)}
 

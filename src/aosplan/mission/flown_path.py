@@ -1,11 +1,12 @@
 """The path in a mission file: the points, the speeds, and the commands of the camera.
 
-A mission has a waypoint for every photo.  If photos are taken in passing, a file needs only the
-ends of each line.  The distance trigger is switched on at the first photo.  It is switched off half
-a spacing after the last photo, so that a small error of the position neither drops the last photo
-nor adds another one.  Further points remain where the height changes along a line.  If the transit
-to the first waypoint or back home is higher than the waypoint, the path starts or ends vertically
-above it, because the drone climbs first.
+A mission has a waypoint for every photo.  If photos are taken while flying, a file needs only the
+ends of each line and the points at which the height bends.  The distance trigger is switched on at
+the first photo of a line.  It is switched off half a spacing after the last photo, so that a small
+error of the position neither drops the last photo nor adds another one.  If the transit is higher
+than the first waypoint, the path starts vertically above this waypoint, because the drone climbs
+first.  If the transit back home is higher than the last waypoint, the path ends vertically above
+the last waypoint.
 """
 
 from __future__ import annotations
@@ -25,19 +26,20 @@ LEVEL_M = 0.01
 """Heights that differ by less than this are treated as equal."""
 
 BEND_M = 0.1
-"""Points along a line are left out if the height is within this distance of a straight line."""
+"""A point along a line is left out if its height differs from a straight line by less than this."""
 
 LEAST_LEG_M = 0.5
 """Shortest leg that DJI's flight controllers accept."""
 
 
 class PathPoint(NamedTuple):
-    """One point of a file.
+    """One point of the path in a mission file.
 
     - `speed_mps`: speed from this point on
     - `stop`: whether the drone stops here; otherwise it flies through
     - `photo`: whether a photo is taken here
-    - `switch`: True switches the distance trigger on here, False switches it off, None does neither
+    - `switch`: whether the distance trigger is switched on here (True), switched off (False), or
+      not changed (None)
     - `height_m`: above the take-off point if `above_takeoff`, otherwise in the mission's altitude
       frame
     """
@@ -55,7 +57,10 @@ class PathPoint(NamedTuple):
 
 
 def flown_path(mission: Mission) -> list[PathPoint]:
-    """The points of a mission's file, including those above the first and the last waypoint."""
+    """The points of the path in a mission's file.
+
+    The path may include a point vertically above the first waypoint, and one above the last.
+    """
     points = list(_stops(mission) if mission.settings.trigger == "stop" else _lines(mission))
     points = _without_short_legs(points)
     above = mission.above_takeoff_m()
@@ -70,10 +75,10 @@ def flown_path(mission: Mission) -> list[PathPoint]:
 
 
 def way_height_m(waypoint_m: float, least_m: float) -> float:
-    """Height of the horizontal transit to a waypoint, or back from it [m].
+    """Height of the horizontal transit to a waypoint, or back from a waypoint [m].
 
-    If the transit has to be above the waypoint, it is at least `LEAST_LEG_M` above it, because the
-    vertical leg between them must not be shorter.
+    If the transit has to be above the waypoint, the vertical leg between them is at least
+    `LEAST_LEG_M` long.
     """
     if least_m <= waypoint_m + LEVEL_M:
         return waypoint_m
@@ -86,7 +91,7 @@ def path_size(mission: Mission) -> int:
 
 
 def _without_short_legs(points: Sequence[PathPoint]) -> list[PathPoint]:
-    """Remove points without a command that are too close to their neighbour."""
+    """Remove points that have no command and are too close to a neighbour."""
     kept: list[PathPoint] = []
     for point in points:
         idle = not point.photo and point.switch is None
@@ -106,14 +111,16 @@ def _place(point: PathPoint) -> tuple[float, float, float]:
 
 
 def _above(point: PathPoint, height_m: float, speed_mps: float) -> PathPoint:
-    """The point vertically above another one, at which the transit ends or starts."""
+    """The point vertically above a given point.  The transit to the first waypoint ends there, and
+    the transit home starts there.
+    """
     east, north, latitude, longitude = point[:4]
     return PathPoint(east, north, latitude, longitude, height_m, speed_mps, above_takeoff=True)
 
 
 def _points(mission: Mission) -> Iterator[PathPoint]:
     ways, speed = mission.waypoints, mission.settings.speed_mps
-    assert ways.latitude is not None  # formats that are flown require a location
+    assert ways.latitude is not None  # Formats for autopilots require a location.
     assert ways.longitude is not None
     columns = (ways.east_m, ways.north_m, ways.latitude, ways.longitude, mission.flown_m())
     for place in zip(*columns, strict=True):
@@ -145,7 +152,9 @@ def _course(start: tuple[float, float], stop: tuple[float, float]) -> tuple[floa
 
 
 def _lines(mission: Mission) -> Iterator[PathPoint]:
-    """Points of lines with photos in passing: ends, bends, and where the trigger is switched."""
+    """Points of lines on which photos are taken while flying: ends, bends, and switches of the
+    trigger.
+    """
     points, spacing = list(_points(mission)), mission.settings.spacing_m
     photo = mission.waypoints.photo or [True] * len(points)
     ends, lines = line_ends(mission), photo_lines(mission)
@@ -153,14 +162,15 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
     off = {last for first, last in lines if last > first}
     lone = {first for first, last in lines if last == first}
     kept = {*ends, *on, *lone}
-    # Between points above the ground a drone may fly straight, as Litchi does: its height bends with
-    # the ground all the same.
+    # If heights are above the ground, a drone may still fly on a straight line between two points,
+    # as Litchi does. The height above the take-off point therefore decides which points are bends.
     above = mission.above_takeoff_m()
     profile = [point._replace(height_m=up) for point, up in zip(points, above, strict=True)]
     for first, last in pairwise(ends):
         heights = above[first : last + 1]
         if max(heights) - min(heights) > LEVEL_M:
-            # Points that are listed anyway are bends: between them the height is straight.
+            # Points that are in the list anyway divide a line, because the drone changes its height
+            # linearly between them.
             fixed = {first, last, *(kept | off) & set(range(first, last))}
             kept |= fixed
             for start, stop in pairwise(sorted(fixed)):
@@ -180,8 +190,8 @@ def _lines(mission: Mission) -> Iterator[PathPoint]:
 
 
 def _is_off(points: Sequence[PathPoint], place: int, spacing_m: float) -> bool:
-    """Whether the end of a line is so close to its last photo that the trigger is switched off
-    there.
+    """Whether the trigger is switched off at the end of a line, because the end is close to the
+    last photo.
     """
     return _apart(points[place - 1], points[place]) <= 0.9 * spacing_m
 
@@ -189,7 +199,9 @@ def _is_off(points: Sequence[PathPoint], place: int, spacing_m: float) -> bool:
 def _after(
     points: Sequence[PathPoint], place: int, spacing_m: float, *, end: bool, near: bool
 ) -> PathPoint:
-    """The point half a spacing after the last photo of a line: on the line, or beyond its end."""
+    """The point half a spacing after the last photo of a line.  It is on the line or beyond the end
+    of the line.
+    """
     point, other = points[place], points[place - 1 if end else place + 1]
     length, off_m = _apart(point, other), 0.5 * spacing_m
     if off_m < LEAST_LEG_M:
@@ -215,7 +227,9 @@ def _apart(one: PathPoint, other: PathPoint) -> float:
 
 
 def _bends(line: Sequence[PathPoint]) -> Iterator[int]:
-    """Indices at which the height of a line leaves a straight line (Douglas and Peucker, 1973)."""
+    """Indices of the points at which the height along a line bends, by the algorithm of Douglas and
+    Peucker (1973).
+    """
     along = [_apart(line[0], point) for point in line]
     waiting = [(0, len(line) - 1)]
     while waiting:

@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 
 class Limits(NamedTuple):
-    """Smallest and largest values that a target accepts in one file; None if there is no known
-    bound.
+    """Smallest and largest values that a target accepts in one file; None if a bound is not known.
 
-    Heights are those in the file.  `source` says where the numbers are published.  `waypoints`
-    counts the waypoints of the file or all of its commands, as `unit` says.
+    Heights are those that are written to the file.  `source` names the publication of the numbers.
+    `waypoints` is the largest number of waypoints or of commands in a file; `unit` tells which.
     """
 
     target: str = ""
@@ -26,10 +25,10 @@ class Limits(NamedTuple):
 class Format(NamedTuple):
     """A format: its name and extensions, and what it requires.
 
-    - `altitudes`: what its altitudes can be relative to
+    - `altitudes`: the possible references of the altitudes
     - `limits`: limits of a file for each target that reads it, the usual target first
-    - `flown_by`: autopilots that fly it; empty if the file is not flown
-    - `triggers`: how photos may be triggered
+    - `flown_by`: autopilots that fly this format; empty if the files are not for autopilots
+    - `triggers`: the possible ways to trigger photos
     - `asks_drone`: whether the format is written only for a drone that is known to fly it
     """
 
@@ -45,5 +44,5 @@ class Format(NamedTuple):
 
     @property
     def written_as(self) -> str:
-        """How the user names an output of this format on the command line."""
+        """How an output of this format is written on the command line."""
         return self.suffixes[0] if self.suffixes else f"{self.name}:FILE"

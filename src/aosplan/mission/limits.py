@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 
 def limits_of(mission: Mission, chosen: Format) -> Limits:
-    """The limits for a mission: those of its autopilot, or the format's first limits.
+    """The limits that apply to a mission: those of its autopilot if the format has them, otherwise
+    the first limits of the format.
 
-    If the user gives a number of waypoints per file, it replaces the known limit.
+    If the user gives a number of waypoints per file, this number replaces the known limit.
     """
     wanted = mission.settings.autopilot
     limits = next((one for one in chosen.limits if one.target == wanted), chosen.limits[0])
@@ -39,8 +40,9 @@ def check_flown(mission: Mission, chosen: Format) -> None:
     Raises
     ------
     RequestError
-        If the drone is not known or does not fly this format, if the format does not have the
-        trigger, or if it only has heights above the take-off point.
+        If the drone is not known or does not fly this format, if the format cannot express the
+        trigger, or if the mission follows the terrain and the format has only heights above the
+        take-off point.
     """
     settings = mission.settings
     flown = settings.mission_formats or ()
@@ -70,14 +72,16 @@ def check_flown(mission: Mission, chosen: Format) -> None:
 def split_for_limits(
     mission: Mission, chosen: Format, size: Callable[[Mission], int]
 ) -> list[Mission]:
-    """Split a mission into consecutive parts of about equal size that the format's target accepts.
+    """Split a mission into consecutive parts of about equal size, so that the target of the format
+    accepts each part.
 
-    A line with photos in passing is never split.  `size` counts what the limit applies to.
+    A line on which photos are taken while flying is never split.  `size` is the function that
+    counts the limited items.
 
     Raises
     ------
     RequestError
-        If the mission exceeds a limit that splitting cannot satisfy; the message has the number.
+        If the mission exceeds a limit even after splitting.  The message gives the limit.
     """
     limits = limits_of(mission, chosen)
     path = flown_path(mission)
@@ -112,7 +116,9 @@ def split_for_limits(
 
 
 def _begins(mission: Mission) -> list[int]:
-    """Waypoints at which a file may start: all, or starts of lines if lines are flown through."""
+    """Waypoints at which a file may start: all waypoints, or only the first waypoint of each line
+    if the drone does not stop on lines.
+    """
     if mission.settings.trigger == "stop":
         return list(range(len(mission.waypoints)))
     photo = mission.waypoints.photo
@@ -163,7 +169,8 @@ def _check_legs(path: Sequence[PathPoint], chosen: Format, limits: Limits) -> No
             (start.east_m, start.north_m, start.height_m),
             (stop.east_m, stop.north_m, stop.height_m),
         )
-        if start.above_takeoff != stop.above_takeoff:  # one above the other, at different datums
+        # One of the two heights is above the take-off point, the other above the ground.
+        if start.above_takeoff != stop.above_takeoff:
             continue
         if not shortest <= leg <= (math.inf if longest is None else longest):
             raise RequestError(

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 ABSOLUTE, COMMAND, RELATIVE, TERRAIN = 0, 2, 3, 10
-"""Frames: above sea level; no position; above home; above the ground."""
+"""Frames of a command: height above sea level, no position, height above home, height above the
+ground.
+"""
 
 WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTURE = (
     16, 20, 22, 93, 115, 178, 203, 205, 206, 2000,
@@ -28,10 +30,12 @@ WAYPOINT, RETURN, TAKEOFF, DELAY, YAW, SPEED, SHOOT, GIMBAL, BY_DISTANCE, CAPTUR
 """Command numbers, in increasing order."""
 
 REACHED_M = 0.5
-"""Acceptance radius of a site for PX4, whose default is several metres."""
+"""Acceptance radius of a site for PX4.  The default of PX4 is several metres."""
 
 STOP_S = 0.01
-"""A hold for which PX4 stops at a point that is no photo: any time above zero does."""
+"""Hold with which PX4 stops at a point without a photo.  Any time greater than zero has this
+effect.
+"""
 
 ARDUPILOT = Limits(
     "ardupilot",
@@ -51,16 +55,20 @@ PX4 = Limits(
 
 
 PX4_LEG_M = 900.0
-"""Default of MIS_DIST_WPS in PX4's mission_params.c before it allowed any length."""
+"""Former default of MIS_DIST_WPS in PX4's mission_params.c.  Later versions of PX4 allow legs of
+any length.
+"""
 
 METRES_PER_DEGREE = 111_200.0
 
 RETURN_HEIGHTS = {"ardupilot": "RTL_ALT", "px4": "RTL_RETURN_ALT"}
-"""Name of the parameter with the lowest height of the return flight, by autopilot."""
+"""Name of the parameter that gives the lowest height of the return flight, by autopilot."""
 
 
 class Command(NamedTuple):
-    """One item of a mission; None stands for a parameter without a value or one to leave unchanged."""
+    """One item of a mission.  If a parameter is None, it has no value, or the autopilot leaves its
+    setting unchanged.
+    """
 
     command: int
     frame: int
@@ -73,14 +81,14 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
     The drone climbs, flies horizontally to its first waypoint, flies through all waypoints with
     fixed yaw and gimbal, climbs, and returns.
 
-    PX4 sends the photo command of a waypoint after its hold, just before it leaves.  Half of the
-    hold is therefore a delay after the photo.
+    PX4 sends the photo command of a waypoint after its hold, just before it leaves.  Therefore,
+    half of the hold is written as a delay after the photo.
 
     Raises
     ------
     RequestError
-        If heights are above the terrain and the autopilot is PX4, which refuses such missions, or
-        if the autopilot does not stop for the hold.
+        If the autopilot is PX4 and heights are above the terrain, because PX4 refuses such
+        missions.  Also if the autopilot does not stop for the hold.
     """
     settings = mission.settings
     own_yaw = autopilot == "px4"
@@ -107,7 +115,8 @@ def commands(mission: Mission, autopilot: str) -> Iterator[Command]:
             yield _plain(YAW, settings.yaw_deg % 360.0)
             lead, where = (0.0, 0.0, 0.0), _meant(*where)
         holds = point.photo and settings.trigger == "stop"
-        # PX4 enters a line that lies straight ahead at the transit speed, unless it is held.
+        # If a line lies straight ahead, PX4 enters it at the transit speed, unless the drone stops
+        # before the line.
         stay = STOP_S if own_yaw and point.stop and settings.trigger == "distance" else 0.0
         at = RELATIVE if point.above_takeoff else frame
         yield Command(WAYPOINT, at, (hold if holds else stay, *lead, *where))
@@ -157,7 +166,9 @@ def mavlink_notes(missions: Sequence[Mission], autopilot: str) -> list[str]:
 
 
 def _longest_leg_m(mission: Mission) -> float:
-    """Longest horizontal leg of a file, from the take-off on, nearly."""
+    """Approximate length of the longest horizontal leg of a file, including the leg from the
+    take-off point.
+    """
     (latitude, longitude), path = mission.home(), flown_path(mission)
     first = path[0]
     turn = (first.longitude - longitude + 180.0) % 360.0 - 180.0
@@ -167,7 +178,9 @@ def _longest_leg_m(mission: Mission) -> float:
 
 
 def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
-    """A note if a return may have to be higher than the drone, which the file cannot state."""
+    """A note if the return flight may have to be higher than the last waypoint, because the file
+    cannot contain this height.
+    """
     return_m = max(mission.return_m() for mission in missions)
     lowest_m = min(min(mission.above_takeoff_m()) for mission in missions)
     if return_m <= lowest_m + LEVEL_M:
@@ -179,9 +192,7 @@ def return_notes(missions: Sequence[Mission], setting: str) -> list[str]:
 
 
 def _meant(latitude: float, longitude: float, height_m: float) -> tuple[float, float, float]:
-    """A position that ArduCopter does not ignore; it takes zeros for the current position or
-    height.
-    """
+    """A position without zeros.  ArduCopter replaces a zero by the current position or height."""
     if abs(latitude) < 1e-7 and abs(longitude) < 1e-7:
         latitude = 1e-7
     return latitude, longitude, 0.01 if abs(height_m) < 0.01 else height_m

@@ -1,4 +1,6 @@
-"""Missions: waypoints in flight order and flight settings, from which every format is written."""
+"""Missions: waypoints in flight order, and flight settings.  Every format is written from a
+mission.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,18 @@ if TYPE_CHECKING:
 
 
 FRAMES = ("takeoff", "terrain")
-"""Altitude frames of a file: above the take-off, or above the ground that the autopilot knows."""
+"""Altitude frames of a file: heights above the take-off point, or above the ground in the terrain
+data of the autopilot.
+"""
 
 
 class Waypoint(NamedTuple):
     """One position of a flight.
 
-    `east_m` and `north_m` are relative to the centre of the grid, with true north.  `altitude_m` is
-    above the ground at this position.  Latitude and longitude are WGS 84 degrees, or None without a
-    location.  `ground_m` is the height of the ground above sea level, or None if it is not known.
-    If `photo` is False, no photo is taken here.
+    `east_m` and `north_m` are relative to the centre of the grid and refer to true north.
+    `altitude_m` is above the ground at this position.  Latitude and longitude are WGS 84 degrees,
+    or None if the plan has no location.  `ground_m` is the height of the ground above sea level, or
+    None if this height is not known.  If `photo` is False, no photo is taken at this position.
     """
 
     index: int  # type: ignore[assignment]  # hides tuple.index, which nobody calls
@@ -42,8 +46,8 @@ class Waypoints(Sequence[Waypoint]):
 
     A column is None if all waypoints have the default of that field.  A mission may have a million
     waypoints, and columns take less memory than tuples.  Iteration gives `Waypoint` values, which
-    pandas and polars accept as rows.  `columns` gives a dictionary.  ``GeoDataFrame.from_features`` of
-    GeoPandas reads the points.
+    pandas and polars accept as rows.  `columns` gives a dictionary of the columns.
+    ``GeoDataFrame.from_features`` of GeoPandas reads the points.
     """
 
     east_m: Sequence[float]
@@ -119,7 +123,9 @@ class Waypoints(Sequence[Waypoint]):
 
     @classmethod
     def of(cls, rows: Iterable[Waypoint]) -> Waypoints:
-        """Columns from single waypoints; fields that are None in the first waypoint are left out."""
+        """Columns from single waypoints.  If a field is None in the first waypoint, its column is
+        left out.
+        """
         names = Waypoint._fields[1:]
         columns = dict(
             zip(names, map(list, zip(*(row[1:] for row in rows), strict=True)), strict=True)
@@ -131,7 +137,7 @@ class Waypoints(Sequence[Waypoint]):
 
 
 class FlightSettings(NamedTuple):
-    """How a mission is flown: what a format needs in addition to the waypoints.
+    """Settings of the flight, which a format needs in addition to the waypoints.
 
     - The yaw of the drone is fixed for the whole flight, clockwise from true north.
     - `trigger`: with ``stop`` the drone holds at each site and takes a photo; with ``distance`` it
@@ -140,8 +146,8 @@ class FlightSettings(NamedTuple):
       known.
     - `height_datum`: the vertical datum of the ground heights, if the terrain file names it
       (``ellipsoid``: the WGS 84 ellipsoid).
-    - `altitude_frame`: heights are above the take-off point, or with ``terrain`` above the ground
-      that the autopilot knows.
+    - `altitude_frame`: ``takeoff`` for heights above the take-off point, or ``terrain`` for heights
+      above the ground in the terrain data of the autopilot.
     - `most_waypoints`: number of waypoints that the drone accepts in one file, if it is known;
       `file_waypoints`: the number that the user gives.
     - `mission_formats`: formats that the drone flies, if they are known.
@@ -176,7 +182,8 @@ class FlightSettings(NamedTuple):
 
 
 class Mission(NamedTuple):
-    """What a format writes: waypoints in flight order, a summary of the plan, and flight settings.
+    """The content of a mission file: waypoints in flight order, a summary of the plan, and flight
+    settings.
 
     `flight` is the number of this flight, from 1, of the `flights` of a plan.  `part` is the number
     of this file, from 1, of the `parts` into which a flight is split if one file cannot hold it.
@@ -229,12 +236,12 @@ class Mission(NamedTuple):
     def climb_m(self) -> float:
         """Height above the take-off point at which the drone flies to its first waypoint."""
         climb = self.settings.transit_climb_m
-        # A later part of a flight starts at another waypoint, so it takes the height that is safe
-        # for all.
+        # A later part of a flight starts at another waypoint. Its height has to be safe for all
+        # waypoints.
         return self.return_m() if climb is None or self.part > 1 else climb
 
     def return_m(self) -> float:
-        """Height above the take-off point at which the drone returns, from whichever waypoint."""
+        """Height above the take-off point at which the drone returns from any waypoint."""
         highest = max(*self.above_takeoff_m(), LEAST_CLIMB_M)
         return max(self.settings.transit_return_m or 0.0, highest)
 
@@ -244,8 +251,8 @@ class Mission(NamedTuple):
         return self.settings.transit_mps or self.settings.speed_mps
 
     def home(self) -> tuple[float, float]:
-        """Latitude and longitude of the take-off point, or of the first waypoint if it is not
-        known.
+        """Latitude and longitude of the take-off point.  If the take-off point is not known, those
+        of the first waypoint.
         """
         settings, ways = self.settings, self.waypoints
         assert ways.latitude is not None  # formats that call this require a location
@@ -261,9 +268,9 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
     Raises
     ------
     RequestError
-        If the hold for ArduPilot is not a whole number of seconds of at least 1, because
-        AP_Mission stores whole seconds, and ArduCopter flies through a waypoint without a hold.
-        If the hold for PX4 is shorter than `PX4_LEAST_HOLD_S`.
+        If the hold for ArduPilot is not a whole number of seconds or is less than 1 s.  AP_Mission
+        stores whole seconds, and ArduCopter does not stop at a waypoint without a hold.  Also if
+        the hold for PX4 is shorter than `PX4_LEAST_HOLD_S`.
     """
     if autopilot == "ardupilot" and (hold_s < 1.0 or hold_s != math.floor(hold_s)):
         raise RequestError(
@@ -281,7 +288,9 @@ def check_hold(autopilot: str | None, hold_s: float) -> None:
 
 
 PX4_LEAST_HOLD_S = 0.2
-"""PX4 stops for any hold above zero, but half of it has to be longer than the shutter lag."""
+"""Shortest hold for PX4.  PX4 stops for any hold greater than zero, but half of the hold has to be
+longer than the shutter lag.
+"""
 
 LEAST_CLIMB_M = 5.0
 """Lowest height above the take-off point at which a drone starts its horizontal flight."""
@@ -291,12 +300,11 @@ STRAIGHT = 0.02
 
 
 def photo_lines(mission: Mission) -> list[tuple[int, int]]:
-    """First and last waypoint of each straight line along which the camera is triggered by
-    distance.
+    """First and last waypoint of each straight line on which the camera is triggered by distance.
 
     Every waypoint with a photo is on exactly one line.  On a line, photos are one spacing apart and
-    the course does not change.  Waypoints without a photo may be between them, on the straight
-    line. A line may consist of a single waypoint.
+    the course does not change.  Between the photos, the line may have waypoints without a photo.  A
+    line may consist of a single waypoint.
     """
     ways, spacing = mission.waypoints, mission.settings.spacing_m
     photo = ways.photo or [True] * len(ways)
@@ -327,7 +335,9 @@ def photo_lines(mission: Mission) -> list[tuple[int, int]]:
 
 
 class FlightShare(NamedTuple):
-    """Part of a mission that one flight takes: first and last waypoint, and transit heights."""
+    """The part of a mission that belongs to one flight: first and last waypoint, and transit
+    heights.
+    """
 
     first: int
     last: int

@@ -1,7 +1,7 @@
 """ArduPilot's ``.waypoints`` files (QGC WPL 110): one command per line, fields separated by tabs.
 
-The format has no comments; the frame of each line says what its altitude is relative to.
-Sources: Mission Planner's MissionFile.cs, pymavlink's mavwp.py, QGroundControl's MissionItem.cc.
+The format has no comments.  The frame of each line gives the reference of its altitude.  Sources:
+Mission Planner's MissionFile.cs, pymavlink's mavwp.py, QGroundControl's MissionItem.cc.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ def notes(missions: Sequence[Mission]) -> list[str]:
 
 
 def render(mission: Mission) -> bytes:
-    """Write the mission; row 0 is home, because ArduPilot takes the first row as home."""
+    """Write the mission.  Row 0 is the home position, because ArduPilot reads the first row as
+    home.
+    """
     ground = mission.settings.takeoff_ground_m or 0.0
     home = Command(WAYPOINT, ABSOLUTE, (0.0, 0.0, 0.0, 0.0, *mission.home(), ground))
     lines = [

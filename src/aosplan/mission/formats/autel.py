@@ -1,7 +1,7 @@
 """Autel's ``.kmz`` routes for Autel Enterprise and the EVO Max series.
 
-Elements and their order follow Autel's Cloud API documentation (template.kml, waylines.wpml,
-common elements).  It is based on DJI's WPML, with its own namespace and its own numbers.
+Elements and their order follow Autel's Cloud API documentation (template.kml, waylines.wpml, common
+elements).  The format is based on DJI's WPML, with a namespace and numbers of Autel.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FORMAT = Format(
 )
 
 DRONES = {"autel-evo-max-4t": 0, "autel-evo-max-4n": 1}
-"""droneSubEnumValue of the drones whose droneEnumValue is 11000."""
+"""droneSubEnumValue of each drone; the droneEnumValue of all of them is 11000."""
 
 GIMBAL = 806
 """payloadEnumValue of the gimbal in files of the EVO Max series, from the documented list."""

@@ -19,8 +19,9 @@ FORMAT = Format("csv", (".csv",), "CSV", needs_place=False)
 def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
     """Known columns by name, each with the ``%`` format of its numbers.
 
-    Metres have four decimals (0.1 mm), degrees ten (0.01 mm).  Heights are `altitude_m` above the
-    ground at the waypoint, `ground_m` of the ground above sea level, and `above_takeoff_m`.
+    Metres have four decimals (0.1 mm), and degrees have ten (0.01 mm).  There are three heights:
+    `altitude_m` of the waypoint above the ground, `ground_m` of the ground above sea level, and
+    `above_takeoff_m` of the waypoint above the take-off point.
     """
     ways = mission.waypoints
     known: dict[str, tuple[str, Sequence[Any] | None]] = {
@@ -40,20 +41,20 @@ def columns(mission: Mission) -> dict[str, tuple[str, Sequence[Any]]]:
 
 
 def notes(missions: Sequence[Mission]) -> list[str]:
-    """State the vertical datum of the heights of the ground."""
+    """A sentence that names the vertical datum of the ground heights."""
     if missions[0].waypoints.ground_m is None or missions[0].settings.height_datum is None:
         return []
     return [f"ground_m is relative to {missions[0].settings.height_datum}"]
 
 
 def rows(template: str, *columns: Sequence[Any]) -> bytes:
-    r"""One row of text for each index of some columns, all with the same template.
+    r"""Rows of text from columns: the same template is filled for each index.
 
     Parameters
     ----------
     template
-        A template for the operator ``%``, with ``%d``, ``%.Nf`` or ``%s`` for each column in
-        order.  No number is written as -0.
+        A template for the operator ``%``, with ``%d``, ``%.Nf`` or ``%s`` for each column in order.
+        Numbers that round to -0 are written as 0.
     columns
         Numbers or texts, all of the same length.
 
@@ -73,7 +74,9 @@ def rows(template: str, *columns: Sequence[Any]) -> bytes:
 
 
 def render(mission: Mission) -> bytes:
-    """Write UTF-8 without BOM; longitude and latitude only if the mission has a location."""
+    """Write UTF-8 without a byte order mark.  Longitude and latitude are written only if the
+    mission has a location.
+    """
     known = columns(mission)
     header = ",".join(known) + "\n"
     template = ",".join(mark for mark, _ in known.values()) + "\n"

@@ -1,9 +1,10 @@
-"""DJI Fly's waypoint missions: a ``.kmz`` that replaces a mission on the remote controller.
+"""Waypoint missions of DJI Fly: a ``.kmz`` file that replaces a mission on the remote controller.
 
 DJI does not document the format of DJI Fly.  Its files have the structure of DJI WPML.  The
-differences come from public planners whose files are flown: YMapper, FlyPath and the flight plans
-of HOT's Drone Tasking Manager.  All of them write drone number 68, 0 for every drone, and do not
-name a camera.  According to them, DJI Fly takes no photos by distance or time.
+differences are taken from public planners whose files DJI Fly accepts: YMapper, FlyPath and HOT's
+Drone Tasking Manager.  For every drone, all three write the drone number 68 with sub-number 0, and
+do not name a camera.  According to these planners, DJI Fly cannot trigger photos by distance or
+time.
 """
 
 from __future__ import annotations

@@ -51,7 +51,9 @@ def render(mission: Mission) -> bytes:
 
 
 def _path(lines: list[bytes]) -> bytes:
-    """The last feature: one line, or several if the path crosses the antimeridian."""
+    """The path as the last feature: one line, or several lines if the path crosses the
+    antimeridian.
+    """
     parts = [line.removesuffix(b",\n") for line in lines]
     kind, places = b"LineString", parts[0]
     if len(parts) > 1:

@@ -19,7 +19,9 @@ _PLACE = "%.10f,%.10f,%.4f"
 
 
 def render(mission: Mission) -> bytes:
-    """Write placemarks with the indices of the plan, from 0; the path is cut at the antimeridian."""
+    """Write placemarks whose names are the indices in the plan, from 0.  The path is cut at the
+    antimeridian.
+    """
     ways = mission.waypoints
     assert ways.latitude is not None  # the format requires a location
     assert ways.longitude is not None

@@ -53,7 +53,9 @@ HEADER = ",".join(
 
 
 def render(mission: Mission) -> bytes:
-    """Write plain decimals, because some readers silently skip rows with other numbers."""
+    """Write numbers as plain decimals, because some readers silently skip rows with other
+    notations.
+    """
     settings = mission.settings
     pitch = f"{settings.gimbal_pitch_deg:g}"
     aim, shoot = f"{_TILT},{pitch}", f"{_PHOTO},0"

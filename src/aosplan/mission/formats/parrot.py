@@ -1,8 +1,8 @@
 """Parrot's ``.mavlink`` flight plan (QGC WPL 120), which ANAFI, ANAFI Thermal and ANAFI USA fly.
 
 Commands, parameters and frames follow Parrot's FlightPlan documentation, messages V1, and its
-GroundSDK for Android.  The GroundSDK ignores the hold of a waypoint and takes an acceptance radius
-of 0 for 5 m.  The ANAFI Ai reads other parameters (V2) and is not supported.
+GroundSDK for Android.  The GroundSDK ignores the hold of a waypoint, and it replaces an acceptance
+radius of 0 by 5 m.  The ANAFI Ai reads other parameters (V2) and is not supported.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ FULL_FRAME = 13.0
 
 
 def render(mission: Mission) -> bytes:
-    """One command per line, fields separated by tabs, all heights above the take-off point."""
+    """Write one command per line, with fields separated by tabs.  All heights are above the
+    take-off point.
+    """
     lines = [
         f"{number}\t0\t{mav.RELATIVE}\t{command}\t"
         + "\t".join(f"{param:.8f}" for param in params)
@@ -66,7 +68,7 @@ def notes(missions: Sequence[Mission]) -> list[str]:
 
 
 def _commands(mission: Mission) -> Iterator[tuple[int, tuple[float, ...]]]:
-    """Take-off, the sites with a photo in the middle of each hold, and return."""
+    """The commands: take-off, the sites with a photo in the middle of each hold, and the return."""
     settings = mission.settings
     pause = _plain(DELAY, settings.hold_s / 2.0)
     speed = mission.transit_mps

@@ -79,7 +79,9 @@ def render(mission: Mission) -> bytes:
 
 
 def size(mission: Mission) -> int:
-    """Number of commands of the file, plus one for home, which the autopilot also stores."""
+    """Number of commands of the file, plus 1, because the autopilot also stores the home
+    position.
+    """
     return 1 + sum(1 for _ in commands(mission, mission.settings.autopilot or "px4"))
 
 

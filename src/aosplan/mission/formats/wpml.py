@@ -72,8 +72,9 @@ class Machine(NamedTuple):
 class Dialect(NamedTuple):
     """How the files of another application differ from those of DJI Pilot 2.
 
-    `machine` finds the drone of a mission.  Files for DJI Fly (`fly`) name neither camera nor lens,
-    have the waypoints only in ``waylines.wpml``, and state a total distance and duration of 0.
+    `machine` is a function that finds the drone of a mission.  If `fly` is true, the files are for
+    DJI Fly.  Those files name neither camera nor lens, have the waypoints only in
+    ``waylines.wpml``, and give 0 as total distance and duration.
     """
 
     namespace: str
@@ -105,7 +106,9 @@ def render(mission: Mission, dialect: Dialect | None = None) -> bytes:
 
 
 def documents(mission: Mission, dialect: Dialect) -> dict[str, Iterator[str]]:
-    """The two documents by name, in chunks: one for the application, and one that the drone flies."""
+    """The two documents by name, each in chunks.  One is for the application; the drone flies the
+    other one.
+    """
     settings = mission.settings
     speed, path = f"{settings.speed_mps:.4f}", flown_path(mission)
     machine = dialect.machine(mission)
@@ -193,8 +196,8 @@ def _config(mission: Mission, machine: Machine) -> str:
     settings = mission.settings
     _, drone, payload, _ = machine
     climb, back = f"{mission.climb_m():.4f}", f"{mission.return_m():.4f}"
-    # The reference height is above the ellipsoid. The element is optional and left out if the
-    # height is not known.
+    # The reference height is above the ellipsoid. If this height is not known, the optional element
+    # is left out.
     reference = ""
     if _has_reference(settings):
         latitude, longitude = mission.home()
@@ -222,7 +225,7 @@ def _config(mission: Mission, machine: Machine) -> str:
 
 
 def _has_reference(settings: FlightSettings) -> bool:
-    """Whether the take-off is known, with its height above the ellipsoid."""
+    """Whether the take-off point and its height above the ellipsoid are known."""
     known = None not in (settings.takeoff_latitude, settings.takeoff_ground_m)
     return known and settings.height_datum == "ellipsoid"
 
@@ -260,7 +263,7 @@ def notes(missions: Sequence[Mission]) -> list[str]:
 def machine(mission: Mission) -> Machine:
     """The drone and its payload with their numbers in DJI Pilot 2.
 
-    If the user names no drone or payload, they are taken from the planned camera.
+    If the user does not name a drone or payload, the camera of the plan determines them.
     """
     settings = mission.settings
     maker, _, rest = _camera_name(mission).partition("-")
@@ -313,7 +316,7 @@ _ONE_COLOUR_TOKEN = {
 
 
 def _lens(mission: Mission, machine: Machine) -> str:
-    """The lens whose photos are stored, with the token that DJI's own files use."""
+    """Token of the lens whose photos are stored, as DJI's own files write it."""
     camera = _camera_name(mission)
     if camera.endswith("thermal"):
         return "ir"
@@ -323,7 +326,7 @@ def _lens(mission: Mission, machine: Machine) -> str:
 
 
 def _heading(yaw_deg: float, *, fly: bool) -> str:
-    """Elements for a fixed heading of the nose: a whole number of degrees from -180 to 180."""
+    """Elements for a fixed yaw, which is a whole number of degrees from -180 to 180."""
     angle = round((yaw_deg + 180.0) % 360.0 - 180.0)
     return (
         "<wpml:waypointHeadingMode>smoothTransition</wpml:waypointHeadingMode>"
@@ -338,8 +341,8 @@ def _placemarks(
 ) -> Iterator[str]:
     """Placemarks of the waypoints.
 
-    `own` has the elements of one of the two documents, with placeholders for numbers.  `camera` has
-    the actions that tilt the camera and take a photo.
+    `own` has the elements that only one of the two documents contains, with placeholders for
+    numbers.  `camera` has two actions: one tilts the camera, and one takes a photo.
     """
     groups = _actions(mission, path, *camera)
     for index, point in enumerate(path):
@@ -358,7 +361,7 @@ def _placemarks(
 
 
 class ActionGroup(NamedTuple):
-    """Actions at one waypoint, or by distance between two waypoints."""
+    """Actions that are executed at one waypoint, or by distance between two waypoints."""
 
     number: int
     first: int
@@ -370,7 +373,9 @@ class ActionGroup(NamedTuple):
 def _actions(
     mission: Mission, path: Sequence[PathPoint], aim: str, shoot: str
 ) -> dict[int, list[ActionGroup]]:
-    """Action groups by waypoint: the gimbal at the first, then photos at waypoints or by distance."""
+    """Action groups by waypoint.  The gimbal is tilted at the first waypoint; photos are taken at
+    waypoints or by distance.
+    """
     settings = mission.settings
     hover: tuple[str, ...] = ()
     hold = f"{settings.hold_s:.3f}"
@@ -407,7 +412,9 @@ def _group(
 
 @lru_cache(maxsize=8)
 def _work(spacing_m: float | None, actions: tuple[str, ...]) -> str:
-    """Trigger and actions of a group; they are shared because a mission has few kinds of groups."""
+    """Trigger and actions of a group.  The result is cached, because a mission has few kinds of
+    groups.
+    """
     trigger = _wrap("actionTriggerType", "reachPoint")
     if spacing_m is not None:
         trigger = _wrap("actionTriggerType", "multipleDistance")
