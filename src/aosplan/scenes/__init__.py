@@ -5,10 +5,12 @@
 - `aosplan.scenes.inventory`: scenes from stems, crowns and leaf area.
 - `aosplan.scenes.voxels`: a stand as voxels.
 - `aosplan.scenes.occlusion`: the targets that each view through the voxels sees.
-- `aosplan.scenes.hidden_counts`: how many views hide each target, and pairs of views together.
+- `aosplan.scenes.hidden_counts`: numbers of views that hide each target, and of targets that both
+  views of a pair hide.
 - `aosplan.scenes.integral_image`: integral images of the ground below occluders with radiances.
 - `aosplan.scenes.matched_window`: the detector that searches integral images for a target.
-- `aosplan.scenes.correlogram`: correlation of two views by the distance between their cameras.
+- `aosplan.scenes.correlogram`: correlation of two views as a function of the distance between their
+  cameras.
 - `aosplan.scenes.occluder_statistics`: layers and occluder sizes from voxels.
 - `aosplan.scenes.summary`: the statistics of a scene as a document and as a file.
 - `aosplan.scenes.files`: the readers of scene files.

@@ -1,29 +1,29 @@
-"""The correlogram: a stand as a table of a few hundred numbers, for fast searches.
+"""The correlogram: a table of a few hundred numbers that describes a stand, for fast searches.
 
 Exact predictions (`aosplan.models.measured`) compute every view of every candidate.  A search can
-use an approximation instead.  It needs ρ(Δ), the correlation of the targets that two views hide
-whose cameras are Δ apart, and p(c), the share of targets that a view from offset c hides:
+use an approximation instead, which needs two functions. ρ(Δ) is the correlation of the targets that
+two views hide, if the cameras of the views are Δ apart. p(c) is the share of targets that a view
+from the offset c hides.  The approximation is
 
     p̄ = mean of p(c) over the sites,   K ≈ mean of ρ(Δ) over all ordered pairs of sites.
 
-Both are tables by direction and lag, which is distance divided by altitude.  They are computed for
-telecentric views and are valid for every altitude.  p̄ has to be the mean over the actual sites,
-because p increases with the offset.
+Both functions are stored as tables by direction and lag.  The lag is the distance Δ, or the length
+of the offset c, divided by the altitude.  The tables are computed for telecentric views and are
+valid for every altitude. p̄ has to be the mean over the actual sites, because p increases with the
+offset.
 
-**Lags** grow by a factor of √2, and directions are 22.5° apart, which is finer than stands require.
-With this choice, all pairs of one entry are pairs of views on one polar lattice, so 273 views are
-enough for the whole table.
+**Lags** grow by a factor of √2, and directions are 22.5° apart.  Real stands would not require such
+a fine table.  With this choice, the same polar lattice of 273 views contains the pairs of all
+entries.
 
 **Pairs.**  The correlation of two views that are Δ apart decreases as the pair moves away from
-nadir.  An entry is therefore a mean over five positions of the pair in a square aperture: at nadir,
-Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both sides.  The
-last two have half the weight, because fewer pairs fit into the aperture there.
+nadir.  An entry of ρ is therefore a mean over five positions of the pair in a square aperture: at nadir,
+Δ/2 away from it perpendicular to Δ on both sides, and Δ/2 away from it along Δ on both sides.  The last two positions have half the weight, because fewer pairs of an aperture are there.
 
-For grids that are as wide as they are long, lie within the plot's reach, and have b/h = 0.01 … 0.1
-and N = 4 … 100, V̂ is within 0.016 of the exact value (two point clouds and nineteen generated
-stands).  If p is above 0.98, so that only a few gaps remain, the error is up to 0.045.  Lanes and
-lines have other distributions of pairs; their error is up to 0.02, and up to 0.06 in sparse stands
-with a few trees.
+The error of V̂ was measured with two point clouds and nineteen generated stands.  For square grids
+within the plot's reach, with b/h = 0.01 … 0.1 and N = 4 … 100, it is at most 0.016.  If p is above
+0.98, so that only a few gaps remain, it is at most 0.045.  Lanes and lines have other distributions
+of pairs.  Their error is at most 0.02, and at most 0.06 in sparse stands with a few trees.
 """
 
 from __future__ import annotations
@@ -49,20 +49,22 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 INTERIOR = 0.2, 0.4, 0.6, 0.8, 1.0
-"""Widths of apertures as shares of the reach, for each of which the targets are counted from which all
-rays to the aperture stay on the plot.  For other widths a model interpolates."""
+"""Widths of apertures, as shares of the reach.  For each width, there is a correlogram of the
+targets from which all rays to the aperture stay on the plot.  For other widths, a model
+interpolates.
+"""
 
 LAGS = 15
 SMALLEST_LAG = 0.01
 DIRECTIONS = 8
-"""Number of directions in half a circle; a multiple of 4 includes those 45° and 90° from each
-other.
+"""Number of directions in half a circle.  It is a multiple of 4, so that each direction has others
+at 45° and at 90° to it.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Correlogram:
-    """Correlation of views, and share of targets that a view hides, by direction and lag.
+    """Correlation of two views, and share of targets that one view hides, by direction and lag.
 
     Parameters
     ----------
@@ -70,18 +72,18 @@ class Correlogram:
         Shape (L,), increasing: distance between two cameras, or offset of a camera from its
         target, divided by the altitude above the focal plane.
     directions_deg
-        Shape (D,), clockwise from north, equally spaced from 0 to below 180; opposite directions
-        are equal.
+        Shape (D,), clockwise from north, equally spaced from 0 to below 180.  Opposite directions
+        have equal values.
     rho
-        Shape (D, L): correlation of the targets that two views hide.
+        Shape (D, L): correlation ρ of the targets that two views hide.
     density_by_offset
         Shape (D, L): share of targets that a view from an offset hides, averaged over the two
         opposite offsets.
     density
         Share of targets that the nadir view hides.
     reach
-        Largest lag for which the plot is large enough: at this lag, the rays of two views are half
-        a plot apart at the top of the canopy.
+        Largest lag for which the plot is large enough.  At this lag, the rays of two views are half
+        the width of the plot apart at the top of the canopy.
     interior
         Correlograms of the targets from which all rays to an aperture stay on the plot, for the widths
         `INTERIOR`; empty if they are not known.
@@ -97,7 +99,9 @@ class Correlogram:
 
     @property
     def edges(self) -> str:
-        """Targets that count: ``interior``, whose rays stay on the plot, or all: ``wrapped``."""
+        """Targets that are counted: ``interior`` for those whose rays stay on the plot, or
+        ``wrapped`` for all targets.
+        """
         return "interior" if self.interior else "wrapped"
 
     def to_document(self) -> dict[str, Any]:
@@ -110,11 +114,15 @@ class Correlogram:
         }
 
     def correlation_at(self, lag: Floats, direction_deg: Floats) -> Floats:
-        """Correlation ρ of pairs of views; beyond the last lag, the value at the last lag."""
+        """Correlation ρ of pairs of views.  Beyond the last lag, the value at the last lag is
+        used.
+        """
         return self._at(self._rho_by_lag, lag, direction_deg)
 
     def density_at(self, lag: Floats, direction_deg: Floats) -> Floats:
-        """Share p that views from offsets hide; beyond the last lag, the value at the last lag."""
+        """Share p of the targets that views from offsets hide.  Beyond the last lag, the value at
+        the last lag is used.
+        """
         return self._at(self._density_by_lag, lag, direction_deg)
 
     @cached_property
@@ -161,8 +169,9 @@ def correlogram(
 ) -> Correlogram:
     """Compute the correlogram of a volume from telecentric views.
 
-    Its own tables count all targets, and the plot is periodic.  Those in `interior` count the targets
-    from which all rays to an aperture stay on the plot, one for each width in `INTERIOR`.
+    The tables of the correlogram itself count all targets; the plot is treated as periodic.
+    `interior` has one correlogram for each width in `INTERIOR`, which counts only the targets from
+    which all rays to an aperture of this width stay on the plot.
 
     Parameters
     ----------
@@ -172,11 +181,14 @@ def correlogram(
         As in `aosplan.scenes.occlusion.Occlusion`.
     """
     top_m = max(volume.canopy_top_m - focal_height_m, 0.0)
-    altitude_m = 2.0 * top_m + 1.0  # views at the same lag are the same for every altitude
+    # Any altitude above the canopy will do, because views at the same lag are equal for all
+    # altitudes.
+    altitude_m = 2.0 * top_m + 1.0
     occlusion = views_of(
         volume, altitude_m, targets_per_voxel=targets_per_voxel, focal_height_m=focal_height_m
     )
-    # All directions; two more lags, below the smallest one, for pairs at Δ/2 and Δ/√2.
+    # The lattice has all directions of the full circle. It has two more lags below the smallest
+    # one, for views at Δ/2 and Δ/√2 from nadir.
     lags: Floats = SMALLEST_LAG * np.exp2(0.5 * np.arange(-2, LAGS))
     turns = np.arange(2 * DIRECTIONS) * (math.pi / DIRECTIONS)
     unit = np.column_stack([np.sin(turns), np.cos(turns)])
@@ -186,7 +198,9 @@ def correlogram(
     reach = 0.5 * min(volume.size_m) / top_m if top_m else np.inf
 
     def table(margin: int, aperture: float) -> Correlogram:
-        """The correlogram of targets so many voxels from the edges, from pairs within an aperture."""
+        """The correlogram of the targets that are at least `margin` voxels from the edges, from
+        pairs of views within an aperture.
+        """
         width = margin * occlusion.targets_per_voxel
         rows, columns = occlusion.rows - 2 * width, occlusion.columns - 2 * width
         inside = occlusion.mask_of(PlotWindow(width, width, rows, columns))
@@ -205,22 +219,26 @@ def correlogram(
         return whole
     apertures = [share * reach for share in INTERIOR]
     margins = [math.ceil(0.5 * each * top_m / volume.voxel_m - FACE) for each in apertures]
-    if 2 * margins[-1] >= min(volume.occupied.shape[1:]):  # a plot of a few voxels
+    if 2 * margins[-1] >= min(volume.occupied.shape[1:]):  # the plot has only a few voxels
         return whole
     return replace(whole, interior=tuple(map(table, margins, apertures)))
 
 
 class _Views(NamedTuple):
-    """Views of a polar lattice: the nadir view, and masks and offsets by direction and lag."""
+    """Views of a polar lattice.  It has the mask of the nadir view, and the masks and offsets of
+    the other views by direction and lag.
+    """
 
     nadir: Words
     masks: Words
     offsets: Floats
 
     def tables(self, inside: Words, aperture: float) -> tuple[Floats, Floats]:
-        """ρ by direction and lag, and p by all directions and lag, of the targets in a mask.
+        """Tables of the targets in a mask: ρ by direction and lag, and p by direction (full circle)
+        and lag.
 
-        Pairs with a view outside of the aperture do not count, unless all pairs of an entry are.
+        Pairs with a view outside of the aperture are not counted, unless all pairs of an entry have
+        one.
         """
         targets = int(popcount(inside))
         rho = np.empty((DIRECTIONS, LAGS))
@@ -228,7 +246,8 @@ class _Views(NamedTuple):
             behind, diagonal = ahead + DIRECTIONS, DIRECTIONS // 4
             pairs = (
                 (2.0, (behind, 2), (ahead, 2)),
-                # If the centre of the pair is Δ/2 to the side, both views are Δ/√2 from nadir, at 45°.
+                # If the centre of the pair is Δ/2 to the side, both views are Δ/√2 from nadir, in
+                # directions at 45° to Δ.
                 (2.0, (behind + diagonal, 1), (ahead - diagonal, 1)),
                 (2.0, (behind - diagonal, 1), (ahead + diagonal, 1)),
                 (1.0, None, (ahead, 0)),
@@ -238,7 +257,7 @@ class _Views(NamedTuple):
             for weight, one, other in pairs:
                 first = self.nadir if one is None else self._at(self.masks, *one)
                 alike = _correlation(first & inside, self._at(self.masks, *other) & inside, targets)
-                # Both views are as far from nadir, or one of them is at nadir.
+                # Both views have the same distance from nadir, or the first one is at nadir.
                 spread = np.abs(self._at(self.offsets, *other)).max(axis=1)
                 counts = weight * (spread <= 0.5 * aperture * (1.0 + FACE))
                 total += weight / 8.0 * alike
@@ -248,7 +267,7 @@ class _Views(NamedTuple):
         return rho, popcount(self.masks[:, 2:] & inside) / targets
 
     def _at(self, views: Any, turn: int, steps: int) -> Any:
-        """Views in a direction at the table's lags divided by √2 to the power of `steps`."""
+        """Views in a direction, at the lags of the table divided by √2 to the power of `steps`."""
         return views[turn % len(views), 2 - steps : views.shape[1] - steps]
 
 
@@ -296,7 +315,9 @@ def monotone_cubics(x: Floats, y: Floats) -> Floats:
 
 
 def _end(step: Floats, next_step: Floats, slope: Floats, next_slope: Floats) -> Floats:
-    """Tangent at an end point: that of the parabola through three points, limited to stay monotone."""
+    """Slope at an end point: that of the parabola through the last three points, limited so that
+    the spline stays monotone.
+    """
     tangent = ((2.0 * step + next_step) * slope - step * next_slope) / (step + next_step)
     turned = np.sign(tangent) != np.sign(slope)
     steep = (np.sign(slope) != np.sign(next_slope)) & (np.abs(tangent) > 3.0 * np.abs(slope))

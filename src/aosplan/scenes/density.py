@@ -50,7 +50,7 @@ def transparency(slice_density: Floats, volume_height: Floats, occluder_size: Fl
 
 
 def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floats) -> Any:
-    """Density D of each slice that results in an integrated density p: Eq. 1 solved for D.
+    """Density D of each slice for which the integrated density is p: Eq. 1 solved for D.
 
     Parameters
     ----------
@@ -65,25 +65,27 @@ def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floa
 def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:
     """log T = (l/o) log(1 - D) as a sum of two floats, and whether the arguments are in the domain.
 
-    A relative error in log T becomes an error of T that is |log T| times as large.  The second
-    float therefore contains the rounding errors of the quotient and of the product.
+    The relative error of T is |log T| times the relative error of log T.  The second float
+    therefore contains the rounding errors of the quotient and of the product.
     """
     log_q = xp.log1p(-d)
     ratio = height / o
     remainder = (height - ratio * o) - _product_error(ratio, o)
     high = ratio * log_q
     low = _product_error(ratio, log_q) + remainder / o * log_q
-    # An empty volume is transparent for every D and l/o; 0 times infinity would give nan. If the
-    # correction overflows, it is not needed.
+    # An empty volume is transparent for every D and l/o. This case is separate, because 0 times
+    # infinity would give nan. If the correction overflows, it is not needed.
     filled = (height > 0.0) & (d > 0.0)
     valid = (d >= 0.0) & (d <= 1.0) & (height >= 0.0) & (o > 0.0)
-    high = xp.where(d < 1.0, high, -math.inf)  # -inf, also if l/o is rounded to 0
+    # A solid slice gives -inf, even if l/o is rounded to 0.
+    high = xp.where(d < 1.0, high, -math.inf)
     return xp.where(filled, high, 0.0), xp.where(filled & (abs(low) < 1.0), low, 0.0), valid
 
 
 def _product_error(x: Any, y: Any) -> Any:
-    """Rounding error of x * y, exact: x y = fl(x y) + error (Dekker 1971)."""
-    x_high = x * 134217729.0 - (x * 134217729.0 - x)  # 2^27 + 1 splits a 53-bit significand
+    """Exact rounding error of x * y: x y = fl(x y) + error (Dekker 1971)."""
+    # The factor 2^27 + 1 splits a 53-bit significand into two halves.
+    x_high = x * 134217729.0 - (x * 134217729.0 - x)
     y_high = y * 134217729.0 - (y * 134217729.0 - y)
     x_low, y_low = x - x_high, y - y_high
     return ((x_high * y_high - x * y) + x_high * y_low + x_low * y_high) + x_low * y_low
@@ -91,15 +93,16 @@ def _product_error(x: Any, y: Any) -> Any:
 
 def _integrated_density(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
-    # -expm1 would give p = -0.0 for D = 0.
+    # The subtraction from 0.0 avoids p = -0.0 for D = 0.
     return 0.0 - (xp.expm1(log_t) + xp.exp(log_t) * rest), valid
 
 
 def _transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any]:
     log_t, rest, valid = _log_transparency(xp, d, height, o)
     t = xp.exp(log_t)
-    # If T is small, log T is large and its last digit is coarse. A power does not have this error.
-    # Here 1 - D is exactly q + lost, and l/o is ratio + remainder.
+    # If T is small, |log T| is large, and rounding its last digit changes T noticeably. A power
+    # does not have this error. In the following, 1 - D is exactly q + lost, and l/o is ratio +
+    # remainder.
     q = 1.0 - d
     lost = (1.0 - q) - d
     ratio = height / o

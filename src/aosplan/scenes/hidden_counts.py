@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from aosplan.scenes.occlusion import Words
 
 TARGETS_AT_ONCE = 1 << 24
-"""Number of targets of all views that are unpacked at once; float32 counts exactly up to 2^24."""
+"""Number of targets of all views that are unpacked at once.  It is 2^24, because float32 counts
+exactly up to this number.
+"""
 
 BYTE_COUNTS = np.unpackbits(np.arange(256, dtype=np.uint8)[:, np.newaxis], axis=1).sum(
     axis=1, dtype=np.uint8
@@ -23,16 +25,17 @@ def popcount(words: Words) -> NDArray[np.int64]:
     """Number of set bits along the last axis."""
     if hasattr(np, "bitwise_count"):
         bits = np.bitwise_count(words)
-    else:  # numpy 1 has no bitwise_count
+    else:  # numpy 1 does not have bitwise_count
         bits = BYTE_COUNTS[np.ascontiguousarray(words).view(np.uint8)]
     return np.asarray(bits.sum(axis=-1, dtype=np.int64))
 
 
 class HiddenCount:
-    """Count of how often each target is hidden over any number of views, as binary digits.
+    """Number of views that hide each target, stored as binary digits.
 
-    Plane i contains bit i of every target's count c.  A view is added with a few operations on
-    words, and Σ c and Σ c² follow from the numbers of bits in planes and in pairs of planes.
+    c is the number of views that hide a target.  Plane i contains bit i of c for every target.
+    Adding a view takes a few operations on words. Σ c follows from the numbers of set bits in the
+    planes, and Σ c² from those in pairs of planes.
     """
 
     def __init__(self, words: int) -> None:
@@ -57,7 +60,7 @@ class HiddenCount:
         return np.stack(self._planes)
 
     def moments(self) -> tuple[int, int]:
-        """Σ c and Σ c² over all targets, exact."""
+        """Exact values of Σ c and Σ c² over all targets."""
         joint = [[int(popcount(one & other)) for other in self._planes] for one in self._planes]
         squares = sum(bits << (i + k) for i, row in enumerate(joint) for k, bits in enumerate(row))
         return sum(row[i] << i for i, row in enumerate(joint)), squares
@@ -75,7 +78,7 @@ def joint_counts(masks: Words) -> NDArray[np.int64]:
     counts = np.zeros((len(masks), len(masks)), dtype=np.int64)
     step = max(TARGETS_AT_ONCE // (8 * max(len(masks), 1)), 1)
     for start in range(0, octets.shape[1], step):
-        # A matrix product counts faster than operations on bits.
+        # A matrix product is faster here than operations on bits.
         bits = np.unpackbits(octets[:, start : start + step], axis=1).astype(np.float32)
         counts += (bits @ bits.T).astype(np.int64)
     return counts

@@ -1,10 +1,10 @@
-"""Integral images of the ground below occluders, in which a search looks for targets.
+"""Simulated integral images of the ground below occluders, in which a search looks for targets.
 
-Occluders are flat square cells in horizontal planes.  Each has its own radiance, part of which is
-common to a whole crown.  A photo shows the first surface that each ray meets.  The integral is the
-mean of the photos, registered on the ground.  It is stored in two parts, the contribution of the
-canopy and the share of the photos that see each pixel of the ground.  Any ground with any targets
-can then be added without tracing rays again.
+Occluders are flat square cells in horizontal planes.  Each cell has its own radiance; part of the
+radiance is common to a whole crown.  A photo shows the first surface that each ray meets.  The
+integral image is the mean of the photos, registered on the ground.  It is stored in two parts: the
+contribution of the canopy, and for each pixel of the ground the share of the photos that see it.
+The image of any ground with any targets can then be computed without tracing rays again.
 
 Radiances are in units of σ_c, their standard deviation between occluders.
 """
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     Image = NDArray[np.float32]
 
 TEXTURE, TEXTURE_LENGTH_M = 0.3, 0.2
-"""Standard deviation of the ground's texture; length L [m] of its correlation exp(-r²/(2 L²))."""
+"""Standard deviation of the ground's texture, and length L [m] of its correlation exp(-r²/(2
+L²)).
+"""
 
 CROWN_LENGTH_M = 1.0
 """Length L [m] of the correlation of the radiance that is common to crowns."""
@@ -38,11 +40,15 @@ PIXEL_M = 0.1
 
 
 SPREAD = (0.7548776662466927, 0.5698402909980532)
-"""Steps of the sub-pixel offset between photos: they sample a pixel evenly (Roberts' R2 sequence)."""
+"""Steps of the sub-pixel offset from photo to photo.  With these steps, the photos sample a pixel
+evenly (Roberts' R2 sequence).
+"""
 
 
 class CanopyRadiance(NamedTuple):
-    """Radiance of occluders: mean M above that of the ground, and variance share common to crowns."""
+    """Radiance of occluders: the mean M, minus the mean of the ground, and the share of the
+    variance that is common to crowns.
+    """
 
     offset: float
     crown_share: float
@@ -58,10 +64,11 @@ class OccluderPlane(NamedTuple):
 
 
 class CanopyIntegral(NamedTuple):
-    """An integral without ground: the share of photos that see each pixel, and the canopy's part.
+    """An integral image in two parts: the share of photos that see each pixel, and the part of the
+    canopy.
 
-    The integral over ground with radiance g is `canopy` + `seen` g.  Pixels are `pitch_m` wide
-    along x and y.
+    The integral image of ground with the radiance g is `canopy` + `seen` g.  Pixels are `pitch_m`
+    wide along x and y.
     """
 
     seen: Floats
@@ -72,7 +79,9 @@ class CanopyIntegral(NamedTuple):
 def planes_of_layers(
     rng: np.random.Generator, layers: Sequence[Layer], size_m: float, canopy: CanopyRadiance
 ) -> list[OccluderPlane]:
-    """Planes of independent slices, each at its middle height, over a square centred at the origin."""
+    """One plane for each independent slice, at the middle height of the slice.  The planes are
+    squares centred at the origin.
+    """
     crowns = _crowns(rng, size_m)
     planes = []
     for layer in sorted(layers, key=lambda layer: layer.height_m):
@@ -90,11 +99,11 @@ def planes_of_volume(
     canopy: CanopyRadiance,
     focal_height_m: float = 0.0,
 ) -> list[OccluderPlane]:
-    """Planes of a stand's voxels: bottom and top of each slice of cubes, middle of each slice of
-    plates.
+    """Planes of a stand's voxels.
 
-    Heights are above a plane `focal_height_m` above the ground; slices below it are ignored.  The
-    longer path of slanted rays through plates, 1 % at 8°, is neglected.
+    A slice of cubes has a plane at its bottom and one at its top.  A slice of plates has a plane at
+    its middle.  Heights are relative to the focal plane, `focal_height_m` above the ground.  Slices
+    below it are ignored.  The longer path of slanted rays through plates (1 % at 8°) is neglected.
     """
     _, rows, columns = volume.occupied.shape
     size_m = max(rows, columns) * volume.voxel_m
@@ -152,7 +161,8 @@ def gaussian_field(
 
     spread = length_m / math.sqrt(2.0) / pitch_m
     noise = gaussian_filter(rng.standard_normal(shape), spread, mode="wrap")
-    # Variance after the filter: 1/(4 π σ²) for a continuous filter, here computed from its samples.
+    # The variance after the filter is 1/(4 π σ²) for a continuous filter. Here it is computed from
+    # the samples of the filter.
     impulse = np.zeros(shape)
     impulse[0, 0] = 1.0
     scale = math.sqrt(float((gaussian_filter(impulse, spread, mode="wrap") ** 2).sum()))
@@ -167,12 +177,12 @@ def integrate_planes(
     *,
     parallel: bool = False,
 ) -> CanopyIntegral:
-    """The integral over a rectangle of ground that is centred at the mean of the sites.
+    """The integral image of a rectangle of ground whose centre is the mean of the sites.
 
     Parameters
     ----------
     planes
-        In order of increasing height; they are periodic.
+        The planes, in order of increasing height.  They are periodic.
     sites_m
         Camera positions, shape (N, 2).
     altitude_m
@@ -180,8 +190,8 @@ def integrate_planes(
     size_m
         Size of the rectangle along x and y.
     parallel
-        Whether each pixel has the cameras around itself (telecentric); otherwise all pixels have
-        the same camera positions.
+        Whether the positions of the cameras are relative to each pixel (telecentric).  Otherwise
+        all pixels have the same cameras.
     """
     counts = [max(round(length / PIXEL_M), 1) for length in size_m]
     ground = [
@@ -192,8 +202,8 @@ def integrate_planes(
     canopy = np.zeros_like(seen)
     steps = [length / count for count, length in zip(counts, size_m, strict=True)]
     for index, site in enumerate(np.asarray(sites_m, dtype=np.float64)):
-        # Each photo samples another point within the pixels, because real pixels average over their
-        # area.
+        # Each photo samples a different point within the pixels. On average this imitates real
+        # pixels, which average over their area.
         within = [
             ((index + 0.5) * part % 1.0 - 0.5) * step
             for part, step in zip(SPREAD, steps, strict=True)

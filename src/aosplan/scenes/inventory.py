@@ -1,12 +1,13 @@
 """Scenes from a forest inventory: stems, crowns and leaf area.
 
-Crowns are ellipsoids of equal size at random places (a Boolean model); they are `crown_diameter_m`
+Crowns are ellipsoids of equal size at random places (a Boolean model).  They are `crown_diameter_m`
 wide and as high as the volume.  Leaves fill the crowns uniformly and have a spherical angle
 distribution.  With λ stems per square metre, the mean number of crowns above a point is μ = λ π
-d²/4.  A vertical ray through the centre of a crown has the optical depth κ = 3 G L / (2 μ), and one
-at distance r from the centre has κ w with w = √(1 - (2 r/d)²) (Beer-Lambert; L is the leaf area
-index and G = 1/2 the projection of leaf area).  w² is uniformly distributed over the disc of a
-crown, so a crown transmits
+d²/4.  Here d is the diameter of a crown.  By the law of Beer and Lambert, a vertical ray through
+the centre of a crown has the optical depth κ = 3 G L / (2 μ), where L is the leaf area index and G
+= 1/2 is the projection of leaf area.  A vertical ray at the distance r from the centre has the
+optical depth κ w with w = √(1 - (2 r/d)²). w² is uniformly distributed over the disc of a crown, so
+a crown transmits the share
 
     t = 2 ∫ w exp(-κ w) dw = 2 (1 - (1 + κ) exp(-κ)) / κ².
 
@@ -18,8 +19,9 @@ The clumping index Ω is 1 for thin leaves.  The gaps between crowns, exp(-μ), 
 area (Nilson 1971, Agricultural Meteorology 8, 25-38; Nilson 1999, Agricultural and Forest
 Meteorology 98-99, 437-448; G: Ross 1981, The Radiation Regime and Architecture of Plant Stands).
 
--ln(1 - p) is distributed over the height like the leaf area, in proportion to the cross-section of
-the ellipsoid.  Slices are treated as independent.  Clumped leaves are not, so V̂ is an upper bound.
+The optical depth -ln(1 - p) is distributed over the height like the leaf area: in proportion to the
+cross-section of the ellipsoid.  Slices are treated as independent.  In real stands they are not,
+because leaves are clumped.  V̂ is therefore an upper bound.
 """
 
 from __future__ import annotations
@@ -34,7 +36,7 @@ PROJECTION = 0.5
 """G: mean projection of unit leaf area for a spherical distribution of leaf angles."""
 
 OCCLUDER_SIZE_M = 0.25
-"""Default size of leaf clumps: the voxel size with which point clouds are read."""
+"""Default size of leaf clumps.  It is the default voxel size of point clouds."""
 
 MOST_SLICES = 500
 SQUARE_METRES_A_HECTARE = 1e4
@@ -54,7 +56,8 @@ def crown_absorption(depth: float) -> float:
         κ, optical depth along the vertical axis of the crown, at least 0.
     """
     if depth < 1.0:
-        # The closed form loses digits for small κ; 1 - t = -Σ (-κ)ⁿ 2 / (n! (n + 2)) from n = 1.
+        # The closed form loses digits for small κ. The series is 1 - t = -Σ (-κ)ⁿ 2 / (n! (n + 2)),
+        # from n = 1.
         term, total = 1.0, 0.0
         for n in range(1, 20):
             term *= -depth / n
@@ -136,5 +139,7 @@ def inventory_scene(
 
 
 def _share_below(height: float) -> float:
-    """Share of an ellipsoid's volume below a height, which is a share of its total height."""
+    """Share of an ellipsoid's volume below a height.  The height is given as a share of the total
+    height.
+    """
     return height * height * (3.0 - 2.0 * height)

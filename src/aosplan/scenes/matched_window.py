@@ -1,4 +1,6 @@
-"""The detector's matched window: mean in a window in each direction, minus the mean of a box."""
+"""The matched window of the detector: for each direction, the mean of a window minus the mean of a
+box around it.
+"""
 
 from __future__ import annotations
 
@@ -14,17 +16,20 @@ if TYPE_CHECKING:
     Spectrum = NDArray[np.complex128]
 
 DIRECTIONS = 12
-"""Number of directions of the window in half a turn."""
+"""Number of directions of the window; they are evenly distributed over half a turn."""
 
 BOX_M = 4.0
 """Side of the box whose mean the detector subtracts [m]."""
 
 PARTS = 4
-"""Subdivisions of a pixel along x and along y, to compute the share of it that a target covers."""
+"""Number of subdivisions of a pixel along x and along y.  They give the share of the pixel that a
+target covers.
+"""
 
 
 class MatchedWindow:
-    """Means over windows of a target's size around every pixel of a periodic image.
+    """Means over windows around every pixel of a periodic image.  The windows have the size of a
+    target.
 
     Parameters
     ----------
@@ -45,8 +50,8 @@ class MatchedWindow:
         self._box = self._spectrum(np.outer(across, along))
 
     def cover(self, angle: float, x: float = 0.0, y: float = 0.0) -> Floats:
-        """Share of each pixel covered by a target whose centre is (x, y) pixels from the middle
-        pixel.
+        """Share of each pixel that a target covers.  The centre of the target is (x, y) pixels from
+        the middle pixel.
         """
         reach = 0.5 * math.hypot(*self.target_m)
         fine = []
@@ -94,14 +99,18 @@ class MatchedWindow:
 
 
 def _covered(side: float) -> Floats:
-    """Share of each pixel covered by a line of `side` pixels that is centred at the middle pixel."""
+    """Share of each pixel that a line covers.  The line is `side` pixels long, and its centre is
+    the middle pixel.
+    """
     half = math.ceil(0.5 * side)
     share: Floats = np.clip(0.5 * side - np.abs(np.arange(-half, half + 1)) + 0.5, 0.0, 1.0)
     return share
 
 
 def peaks(output: Floats, pitch_m: tuple[float, float]) -> Floats:
-    """Values of the local maxima in neighbourhoods of about one metre, in decreasing order."""
+    """Values of the local maxima, in decreasing order.  Each is the largest value within about one
+    metre.
+    """
     from scipy.ndimage import maximum_filter
 
     size = [round(1.0 / pitch) | 1 for pitch in pitch_m[::-1]]

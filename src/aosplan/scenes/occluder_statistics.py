@@ -1,9 +1,10 @@
 """Density and occluder size of each slice of a voxel volume, for the models.
 
-A slice is treated as a random mask of occupied and empty voxels.  Its density D is the occupied
-share.  Its occluder size o is the integral range: randomly placed cubes of edge o have the
-correlation (1 - |x|/o)+ (1 - |y|/o)+, whose integral over the plane is o².  The square root of the
-integral is therefore taken as o for clumps of any shape.
+A slice is treated as a random mask of occupied and empty voxels.  The density D of a slice is its
+occupied share.  The occluder size o of a slice is its integral range, for the following reason.
+The mask of randomly placed cubes of edge o has the correlation (1 - |x|/o)+ (1 - |y|/o)+, and the
+integral of this correlation over the plane is o².  For clumps of any shape, o is therefore the
+square root of the integral of their correlation.
 """
 
 from __future__ import annotations
@@ -26,27 +27,29 @@ ANGLES_DEG = (10.0, 20.0, 30.0, 40.0)
 VIEWS_AN_ANGLE = 8
 
 FEW_CELLS = 1_000_000
-"""Largest slice, in cells, whose integral range is computed from all pairs of cells."""
+"""Number of cells of the largest slice whose integral range is computed from all pairs of cells."""
 
 RIM_M = 2.0
 """Width of the rim of a plot that is compared with its middle."""
 
 RIM_CELLS = 1000
-"""Cells along a side of a plot from which the size of its clumps is measured at most."""
+"""Largest number of cells along a side of the part of a plot in which the size of its clumps is
+measured.
+"""
 
 THIN_RIM = 0.1
-"""Least difference of p between the middle of a plot and its rim for a warning."""
+"""Smallest difference of p between the middle of a plot and its rim that causes a warning."""
 
 SAMPLED_CELLS = 1_000_000
-"""Total number of cells in the windows that give the near lags of a larger slice."""
+"""Total number of cells in the windows from which the near lags of a larger slice are computed."""
 
 BLOCKS, LEAST_BLOCK, MOST_BLOCK = 256, 8, 16
-"""Approximate number of blocks along the longer side of a larger slice; cells along a block (8 to
-16).
+"""Approximate number of blocks along the longer side of a larger slice.  Smallest and largest
+number of cells along a block.
 """
 
 NEAR_BLOCKS = 4
-"""Lags of less than this many blocks are computed from single cells."""
+"""Lags that are shorter than this number of blocks are computed from single cells."""
 
 WINDOW_BLOCKS = 32
 """Side, in blocks, of the windows from which near lags are computed."""
@@ -65,13 +68,13 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
     Returns
     -------
     LayeredScene
-        A scene whose density is the column occupancy, because the slices of a stand are not
-        independent.  Bare ground has one layer of density 0.
+        A scene.  Its measured density is the column occupancy, because the slices of a stand are
+        not independent.  Bare ground has one layer of density 0.
     """
     voxel, slice_m = volume.voxel_m, volume.slice_height_m
     layers = [
         Layer(
-            # The cut may be inside the lowest slice.
+            # The minimum height may be within the lowest slice.
             max(k * slice_m, volume.min_height_m),
             (k + 1) * slice_m,
             float(density),
@@ -95,7 +98,7 @@ def layered_scene(volume: VoxelVolume, name: str) -> LayeredScene:
 def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
     """Density of views off nadir: pairs of an angle [deg] and p, averaged over directions.
 
-    Only a few views are computed; the correlogram (`aosplan.scenes.correlogram`) has many.
+    Only a few views are computed.  The correlogram (`aosplan.scenes.correlogram`) has many more.
     """
     from aosplan.scenes.hidden_counts import popcount
     from aosplan.scenes.sampled_targets import views_of
@@ -112,11 +115,11 @@ def densities_off_nadir(volume: VoxelVolume) -> list[list[float]]:
 
 
 def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
-    """p straight down along the rim of a plot and in its middle; None if the rim is not thinner.
+    """p of vertical rays along the rim of a plot and in its middle; None if the rim is not thinner.
 
-    The difference has to be larger than `THIN_RIM`, and than its standard error.
-    The rim is `RIM_M` wide, or an eighth of a small plot.  A plot that was clipped out of a cloud often
-    lacks the crowns of the trees that stand outside of it.
+    The rim is thinner if the difference of p is larger than `THIN_RIM` and larger than its standard
+    error.  The rim is `RIM_M` wide; on a small plot, it is an eighth of the plot wide.  A plot that
+    was clipped out of a cloud often lacks crowns of trees whose stems are outside of it.
     """
     hidden = volume.hidden_columns
     rows, columns = hidden.shape
@@ -129,7 +132,8 @@ def thin_rim(volume: VoxelVolume) -> tuple[float, float] | None:
     step = -(-max(rows, columns) // RIM_CELLS)
     part = hidden[::step, ::step]
     clump = step * math.sqrt(correlation_range(part - part.mean())[0])
-    # A rim that is narrower than a clump has as many of them as go along it.
+    # If the rim is narrower than a clump, the number of its clumps is its length divided by their
+    # size.
     shares = clump**2 / middle.size + clump * min(clump, width) / (hidden.size - middle.size)
     p = volume.column_occupancy
     error = math.sqrt(p * (1.0 - p) * shares)
@@ -140,9 +144,10 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
     """Integral range of a periodic mask, in cells.
 
     The correlation is averaged over rings of lags that are one cell wide, and summed from lag 0 to
-    the first ring whose mean is not positive, at most to half the shorter side.  Larger lags are
-    noise, and the sum over all lags is 0 by definition.  Independent cells give 1, and blocks of k
-    x k cells give k; both results are too large by a few per cent.
+    the first ring whose mean is not positive, at most to half the shorter side.  Correlations at
+    larger lags are noise.  The sum cannot go over all lags, because that sum is 0 by definition.
+    The result is 1 for independent cells and k for blocks of k x k cells, each a few per cent too
+    large.
 
     Parameters
     ----------
@@ -152,15 +157,15 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
     Returns
     -------
     float
-        Normally at least 1, up to sampling errors.  A full mask is one occluder that is as large as
-        its shorter side.
+        The range, which is at least 1 except for sampling errors.  A full mask is treated as one
+        occluder that is as large as its shorter side.
     """
     density = np.count_nonzero(mask) / mask.size
     if density == 1.0:
         return float(min(mask.shape))
     if mask.size > FEW_CELLS and min(mask.shape) >= WINDOW_BLOCKS * MOST_BLOCK:
         return _sampled_range(mask, density)
-    from scipy import fft  # for the many slices of a stand twice as fast as numpy's
+    from scipy import fft  # For the many slices of a stand, this is twice as fast as numpy.fft.
 
     area, _ = correlation_range(mask.astype(np.float32) - np.float32(density), fft)
     return float(np.sqrt(area))
@@ -169,9 +174,9 @@ def integral_range(mask: NDArray[np.bool_]) -> float:
 def _sampled_range(mask: NDArray[np.bool_], density: float) -> float:
     """Integral range of a large mask: near lags from windows, far lags from the means of blocks.
 
-    At small lags, correlations are those of pairs of cells within windows that are spread over the
-    mask, on the same rings as in `integral_range`.  At larger lags the correlation is smooth, so that each lag between blocks
-    represents all lags between their cells.
+    At small lags, the correlations are computed from pairs of cells within windows that are spread
+    over the mask, on the same rings as in `integral_range`.  At larger lags the correlation is
+    smooth.  The correlation of two blocks therefore represents that of all pairs of their cells.
     """
     block = LEAST_BLOCK if max(mask.shape) < 2 * LEAST_BLOCK * BLOCKS else MOST_BLOCK
     near = block * NEAR_BLOCKS - block // 2
@@ -204,7 +209,7 @@ def near_rings(
 
     rows, columns = mask.shape
     count = max(SAMPLED_CELLS // side**2, 1)
-    # A plot that is wider than deep gets more windows along its width.
+    # If a plot has more columns than rows, it gets more windows along its rows.
     across = min(max(round(np.sqrt(count * columns / rows)), 1), columns // side)
     down = min(max(round(count / across), 1), rows // side)
     size = fft.next_fast_len(side + near, real=True)
@@ -230,7 +235,7 @@ def block_sums(mask: NDArray[np.bool_], block: int) -> NDArray[np.float32]:
     """
     rows, columns = (length // block * block for length in mask.shape)
     octets = np.ascontiguousarray(mask[:rows, :columns]).view(np.uint8)
-    # Eight cells are added at once, as a 64-bit integer of eight octets, none of which overflows.
+    # Eight cells are added at once, as the eight octets of a 64-bit integer. No octet overflows.
     words = octets.view(np.uint64).reshape(rows // block, block, columns // 8).sum(axis=1)
     cells = words.view(np.uint8).reshape(len(words), columns // block, block)
     sums: NDArray[np.float32] = cells.sum(axis=2, dtype=np.float32)
@@ -241,14 +246,15 @@ def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[f
     """Integral of the correlation of a periodic field of mean 0, in cells, and the number of lags
     in it.
 
-    The lags are limited as in `integral_range`, whose square the integral is for a mask.
+    The lags are limited as in `integral_range`.  For a mask, the integral is the square of the
+    integral range.
 
     Parameters
     ----------
     field
         Shape (rows, columns), not 0 everywhere.
     fft
-        Module with the transforms: ``numpy.fft`` or ``scipy.fft``; importing the latter takes
+        Module with the transforms: ``numpy.fft`` or ``scipy.fft``.  Importing ``scipy.fft`` takes
         longer than a whole plan.
     """
     rows, columns = field.shape
@@ -265,6 +271,8 @@ def correlation_range(field: NDArray[np.floating], fft: Any = np.fft) -> tuple[f
 
 @lru_cache(maxsize=1)
 def _rings(rows: int, columns: int) -> NDArray[np.intp]:
-    """Ring (rounded length) of every lag of a periodic mask, shape (rows * columns,)."""
+    """Index of the ring of every lag of a periodic mask, shape (rows * columns,).  The index is the
+    rounded length of the lag.
+    """
     y, x = (np.minimum(np.arange(n), n - np.arange(n)) for n in (rows, columns))
     return np.rint(np.hypot(y[:, np.newaxis], x)).astype(np.intp).ravel()

@@ -1,36 +1,29 @@
-"""Occlusion: the targets on the ground that a view from above sees through a volume of voxels.
+"""Occlusion: computes the targets on the ground that a view from above sees through a volume of
+voxels.
 
-**Targets** are on the focal plane, k x k per voxel cell, each in the middle of a square of side
-s = voxel/k.  The plot is periodic: copies of it surround it, so every target has a canopy, and a
-ray that leaves on one side comes back on the opposite side.
+**Targets** are on the focal plane.  There are k x k targets per voxel column, each in the middle of
+a square of side s = voxel/k.  The plot is periodic: it is surrounded by copies of itself.  Every
+target therefore has a canopy, and a ray that leaves the plot on one side comes back on the opposite
+side.
 
-**Views.**  A camera at altitude h sees a target at t along a ray that passes height H at
+**Views.**  A camera at altitude h sees a target at the position t along a ray. At the height H, the ray is at the position
 
 - *telecentric*: t + c H/h, where c is the offset of the camera from the target.  Every target has
-  its own aperture above it, and only c/h matters.
+  its own aperture above it.  The result depends only on c/h.
 - *perspective*: t (1 - H/h) + C H/h, relative to the plot's centre, where C is the position of the
-  camera.  All targets share one aperture.
+  camera.  All targets have the same aperture.
 
-**Cells.**  In a slice of cubes, a ray meets the cell at the bottom and the cell at the top.  If
-both coordinates change in between, it also meets one of the two cells between these: the one along
-the axis on which the view is more oblique (in perspective: along x).  The number of cells is
-correct if a ray crosses at most one cell per slice and axis; which cell is met makes no difference
-on average.
+**Cells.**  In a slice of cubes, a ray meets the cell at its bottom and the cell at its top. If these cells differ along both axes, the ray also meets one of the two cells between them. It is the neighbour of the first cell along the axis on which the view is more oblique (in perspective: along x). The number of cells is correct if a ray crosses at most one cell per slice and axis. The choice between the two cells makes no difference on average.
 
-**Plates.**  The cells of a volume that was realised from laser pulses are plates.  A ray at angle θ
-meets the cell at the middle of each slice.  In a share sec θ - 1 of the slices it also meets the
-neighbouring cell, so that the optical depth increases with the length of the path.  In perspective
-this share is the sum of the shares of both axes, which is larger by their product.
+**Plates.**  The cells of a volume from laser pulses are plates. A ray at the angle θ meets the cell at the middle of each slice. In a share sec θ - 1 of the slices, it also meets a neighbouring cell, so that the optical depth increases with the length of the path. In perspective, the sum of the shares of both axes is used instead. It is larger than sec θ - 1 by about the product of the two shares.
 
-**Telecentric views are shifts.**  All targets share the shift c H/h, rounded to whole targets.  A
-view is then an OR of shifted slices, without tracing rays.  Targets along x are bits of octets, and
-octets along y are adjacent in memory.  A shift along x by less than an octet is computed once for
-all views that need it.  Other shifts are offsets in memory: each is one OR of contiguous memory.
+**Telecentric views are shifts.** At the height H, the rays of all targets are shifted by the same
+vector c H/h, which is rounded to whole targets.  A view is then the bitwise OR of shifted slices,
+and no rays are traced.  Targets along x are bits of octets, and octets along y are adjacent in
+memory.  A shift along x by less than an octet is computed once for all views that need it.  All
+other shifts are offsets in memory, so each of them is an OR with a contiguous piece of memory.
 
-**Perspective views are also scaled.**  The position of a ray along x depends only on x, and along y
-only on y: columns of voxels are selected once for all cameras with the same x, and then packed rows
-for each camera.  Positions are not rounded, because rounded rays in a scaled lattice would meet
-neighbouring cells that the exact rays miss.
+**Perspective views are also scaled.**  The position of a ray along x depends only on the x of camera and target, and its position along y only on their y. Columns of voxels are therefore selected once for all cameras with the same x. Then packed rows are selected for each camera. Positions are not rounded. In a scaled lattice, rounded rays would meet neighbouring cells that the exact rays miss.
 """
 
 from __future__ import annotations
@@ -55,7 +48,9 @@ ViewKind = Literal["telecentric", "perspective"]
 
 
 class PlotWindow(NamedTuple):
-    """A rectangle of a plot's targets: first row, first column, number of rows and of columns."""
+    """A rectangle of a plot's targets: first row, first column, number of rows, number of
+    columns.
+    """
 
     row: int
     column: int
@@ -74,10 +69,11 @@ OCTETS_KEPT = 1 << 27
 
 
 class _Tiles(NamedTuple):
-    """Slices as seen by a band of targets, as flat octets, prepared for the shifts of some views.
+    """Slices prepared for a band of targets and for the shifts of some views.
 
-    In each slice they begin at the lowest shift and cover `spans` further shifts along x and y.
-    `slices` has, for each slice, the tiles computed so far, by the bits that they are moved by.
+    The tile of a slice is a flat array of octets.  It begins at the lowest shift of the views in
+    this slice and covers `spans` further shifts along x and y.  For each slice, `slices` has the
+    tiles computed so far.  Their key is the number of bits by which they are moved.
     """
 
     row: int
@@ -89,11 +85,13 @@ class _Tiles(NamedTuple):
 
     @property
     def stride(self) -> int:
-        """Octets between neighbours along x: the rows of the band and of the margin."""
+        """Number of octets between neighbours along x.  It is the number of rows of the band and
+        its margin.
+        """
         return self.rows + self.spans[1]
 
     def hold(self, row: int, rows: int, steps: NDArray[np.intp]) -> bool:
-        """Whether these tiles were made for this band and cover these shifts."""
+        """Whether these tiles were prepared for a band and cover given shifts."""
         beyond = steps - self.lows[:, np.newaxis, np.newaxis]
         inside = bool((beyond >= 0).all() and (beyond <= self.spans).all())
         return inside and (row, rows) == (self.row, self.rows)
@@ -107,17 +105,15 @@ class Occlusion:
     volume
         The voxels of the plot.
     altitude_m
-        h, height of the cameras above the focal plane; it has to be above all occluders.
+        h, height of the cameras above the focal plane.  The cameras have to be above all occluders.
     view
         ``telecentric`` or ``perspective``, as described in the module docstring.
     targets_per_voxel
-        k, targets along each side of a voxel, at least 1; None for the number that suits the
-        volume.  Telecentric rays are rounded to 1/k of a voxel.
+        k, number of targets along each side of a voxel, at least 1; None for the default of the
+        volume.  Positions of telecentric rays are rounded to 1/k of a voxel.
     focal_height_m
-        Height of the focal plane, with the targets, above the ground; occluders below it are
-        ignored.
-    window
-        The part of the targets to compute; None for all of them.
+        Height above the ground of the focal plane, which contains the targets.  Occluders below it
+        are ignored. window The targets to compute; None for all targets.
 
     Raises
     ------
@@ -169,7 +165,7 @@ class Occlusion:
         self._plot = int(rows * self._per_voxel), int(columns * self._per_voxel)
         self._window = window or PlotWindow(0, 0, *self._plot)
         self.rows, self.columns = self._window.rows, self._window.columns
-        # Number of octets, rounded up to 64-bit words.
+        # Number of octets for the columns, rounded up to whole 64-bit words.
         self._width = 8 * -(-self.columns // 64)
         self._tiles: _Tiles | None = None
         self._planes: dict[int, tuple[Octets, ...]] = {}
@@ -181,7 +177,9 @@ class Occlusion:
 
     @property
     def targets_per_cell(self) -> int:
-        """Targets along either side of a cell of what `unpack` returns: those of a voxel."""
+        """Number of targets along each side of a cell in the arrays of `unpack`.  Here, a cell is a
+        voxel column.
+        """
         return self._per_voxel
 
     @property
@@ -190,7 +188,7 @@ class Occlusion:
         return self.rows * self.columns
 
     def targets_in(self, window: PlotWindow) -> int:
-        """Number of targets in a window; 0 if it has none along either axis."""
+        """Number of targets in a window; 0 if its number of rows or columns is not positive."""
         return max(window.rows, 0) * max(window.columns, 0)
 
     @property
@@ -200,8 +198,8 @@ class Occlusion:
 
     @property
     def slices(self) -> list[tuple[int, NDArray[np.bool_]]]:
-        """The slices above the focal plane with occupied voxels: index in `meetings`, and voxels of
-        shape (rows, columns).
+        """The slices above the focal plane that have occupied voxels.  Each item is an index into
+        `meetings` and the voxels, shape (rows, columns).
         """
         return [(level, self._occupied[level]) for level in self._filled.tolist()]
 
@@ -216,7 +214,7 @@ class Occlusion:
         Returns
         -------
         ndarray
-            Shape (slices, N, 3, 2): up to three cells of each slice, along x and y.
+            Shape (slices, N, 3, 2): the shifts along x and y of up to three cells in each slice.
         """
         return self._plate_meetings(offsets_m) if self._plates else self._cube_meetings(offsets_m)
 
@@ -232,8 +230,8 @@ class Occlusion:
         Returns
         -------
         ndarray
-            Shape (N, words), one bit per target, set if the target is hidden; padding bits are 0.
-            The order of the bits is internal; `unpack` gives arrays.
+            Shape (N, words), one bit per target.  A bit is set if the target is hidden; padding
+            bits are 0.  The order of the bits is not specified; `unpack` converts masks to arrays.
         """
         offsets = checked_positions(positions_m)
         masks = np.empty((len(offsets), self._width, self.rows), dtype=np.uint8)
@@ -247,7 +245,7 @@ class Occlusion:
         return masks.reshape(len(offsets), 8 * self.words).view(np.uint64)
 
     def mask_of(self, window: PlotWindow) -> Words:
-        """A mask with the targets of a window set, shape (words,)."""
+        """A mask in which exactly the targets of a window are set, shape (words,)."""
         inside = np.zeros((self.rows, 8 * self._width), dtype=np.bool_)
         rows = slice(window.row, window.row + window.rows)
         inside[rows, window.column : window.column + window.columns] = True
@@ -255,9 +253,10 @@ class Occlusion:
         return np.ascontiguousarray(octets).reshape(-1).view(np.uint64)
 
     def unpack(self, masks: Words, window: PlotWindow | None = None) -> NDArray[np.bool_]:
-        """Masks as boolean arrays of shape (N, rows, columns), true if the target is hidden.
+        """Convert masks to boolean arrays of shape (N, rows, columns), which are true for hidden
+        targets.
 
-        With a window, the arrays contain only its targets.
+        If a window is given, the arrays contain only the targets of the window.
         """
         octets = masks.view(np.uint8).reshape(-1, self._width, self.rows)
         bits = np.unpackbits(octets.transpose(0, 2, 1), axis=2, bitorder="little")
@@ -277,7 +276,8 @@ class Occlusion:
         if tiles is None or not tiles.hold(row, rows, steps):
             tiles = self._tiles_for(row, rows, width, steps)
         steps -= tiles.lows[:, np.newaxis, np.newaxis]
-        steps %= self._plot[::-1]  # the plot is periodic
+        # Whole plots can be left out of a shift, because the plot is periodic.
+        steps %= self._plot[::-1]
         stride, octets = tiles.stride, tiles.octets
         if (views + 1) * octets * stride > OCTETS_AT_ONCE and views > 1:
             half = views // 2
@@ -288,7 +288,8 @@ class Occlusion:
         hidden = np.zeros((views, width * stride), dtype=np.uint8)
         hits = [mask[:size] for mask in hidden]
         places = (steps[..., 0] // 8 * stride + steps[..., 1]) * 8 + steps[..., 0] % 8
-        # A search asks for a few views at a time, usually between those of its first grids.
+        # A search asks for a few views at a time. They are usually between the views of its first
+        # grids, so that the tiles can be used again.
         kept = len(self._filled) * 8 * octets * stride <= OCTETS_KEPT
         self._tiles = tiles if kept else None
         for level in self._filled.tolist():
@@ -306,22 +307,24 @@ class Occlusion:
         masks[...] = hidden.reshape(views, width, stride)[:, :, :rows]
 
     def _tiles_for(self, row: int, rows: int, width: int, steps: NDArray[np.intp]) -> _Tiles:
-        """Empty tiles for the shifts of some views; each is computed when it is needed."""
+        """Empty tiles for the shifts of some views.  Each tile is computed when it is needed."""
         lows, highs = steps.min(axis=(1, 2)), steps.max(axis=(1, 2))
-        # With spare rows for the largest shift, every shift is one contiguous piece of memory. The
-        # rows beyond the band are discarded at the end.
+        # The tiles have additional rows for the largest shift, so that every shift is one
+        # contiguous piece of memory. The rows beyond the band are discarded at the end.
         spans = np.minimum((highs - lows).max(axis=0, initial=0), np.subtract(self._plot, 1)[::-1])
         span_x, span_y = spans.tolist()
         octets = width + span_x // 8 + 1
         return _Tiles(row, rows, lows, (span_x, span_y), octets, [{} for _ in lows])
 
     def _tile(self, tiles: _Tiles, level: int) -> Octets:
-        """Targets of a slice, packed along x and flat, from the lowest shift of its views on."""
+        """The tile of a slice: its voxels at the spacing of targets, packed along x and flat, from
+        the lowest shift of the views on.
+        """
         low_x, low_y = tiles.lows[level].tolist()
         x = (low_x + self._window.column + np.arange(8 * tiles.octets)) // self._per_voxel
         y = (low_y + tiles.row + np.arange(tiles.stride)) // self._per_voxel
         near = self._occupied[level].take(np.arange(y[0], y[-1] + 1), axis=0, mode="wrap")
-        # Transposed, because whole rows are copied faster than single bytes.
+        # The array is transposed, because copying whole rows is faster than copying single bytes.
         fine = np.ascontiguousarray(near.T).take(x, axis=0, mode="wrap").T
         packed = np.packbits(np.ascontiguousarray(fine), axis=1, bitorder="little")
         tile: Octets = packed.take(y - y[0], axis=0).ravel(order="F")
@@ -384,7 +387,7 @@ class Occlusion:
             x = self._voxels(face, x_m, across, first_x, 8 * self._width)
             x_beside = self._voxels(face + 1, x_m, across, first_x, 8 * self._width)
             y = self._voxels(face, y_m, along, first_y, self.rows)
-            if 2 * self.rows < along:  # most rows of the plot are not met
+            if 2 * self.rows < along:  # The window meets less than half of the rows of the plot.
                 met_rows, places = np.unique(y, return_inverse=True)
                 y = places.reshape(y.shape).astype(np.int32)
                 above, around = above[:, met_rows], around[:, met_rows]
@@ -396,9 +399,10 @@ class Occlusion:
         masks[...] = hidden.transpose(0, 2, 1)
 
     def _turned(self, level: int) -> tuple[Octets, ...]:
-        """What rays meet at a slice of plates, or above and around a face of cubes: columns first.
+        """The voxels of a slice of plates, or of the slices above and around a face of cubes, with
+        columns as the first axis.
 
-        Kept for later views if the volume is not too large.
+        The result is kept for later views if the volume is not too large.
         """
         found = self._planes.get(level)
         if found is None:
@@ -413,11 +417,11 @@ class Occlusion:
     def _voxels(
         self, face: int, camera_m: NDArray[np.float64], across: int, first: int, count: int
     ) -> NDArray[np.int32]:
-        """Voxels that rays meet at a face along an axis of `across` targets, shape (cameras,
-        count).
+        """Indices of the voxels in which rays cross a face, along an axis of `across` targets.
 
-        They are those of the `count` targets from `first` on.  An index above the highest face is
-        treated as the highest face; no slice is occupied there, so the result does not matter.
+        The result has the shape (cameras, count), for the `count` targets from `first` on.  A face
+        above the highest face is treated as the highest face.  The result does not matter there,
+        because no slice above is occupied.
         """
         height = self._faces[min(face, len(self._faces) - 1)]
         target = (np.arange(first, first + count) + (0.5 - 0.5 * across)) * (1.0 - height)
@@ -429,7 +433,9 @@ class Occlusion:
 
 
 def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
-    """Positions as an array of shape (N, 2); ValueError if they are not finite or of that shape."""
+    """Positions as an array of shape (N, 2).  Raises ValueError if they are not finite or have
+    another shape.
+    """
     offsets = np.asarray(positions_m, dtype=np.float64)
     if offsets.ndim != 2 or offsets.shape[1] != 2 or not np.isfinite(offsets).all():
         raise ValueError("positions are not finite numbers of shape (N, 2)")
@@ -437,7 +443,9 @@ def checked_positions(positions_m: ArrayLike) -> NDArray[np.float64]:
 
 
 def _picked(plane: Octets, columns: NDArray[np.int32]) -> Octets:
-    """Columns of a turned plane that targets lie below, eight to an octet: shape (width, rows)."""
+    """The columns of a turned plane above the targets, packed eight to an octet, shape (width,
+    rows).
+    """
     apart = plane.take(columns, axis=0)
     octets = apart[0::8].copy()
     for bit in range(1, 8):
@@ -446,8 +454,11 @@ def _picked(plane: Octets, columns: NDArray[np.int32]) -> Octets:
 
 
 def _advanced(tile: Octets, stride: int, bit: int) -> Octets:
-    """A flat tile whose targets are moved 1 to 7 places towards x = 0; the last octets are lost."""
+    """A flat tile whose bits are moved by 1 to 7 places towards x = 0.  The last octets are
+    lost.
+    """
     moved = tile[:-stride] >> np.uint8(bit)
-    # A multiplication is as fast as the other operations on octets; a shift to the left is slower.
+    # A multiplication is used instead of a shift to the left, because numpy multiplies octets
+    # faster.
     moved |= tile[stride:] * np.uint8(1 << (8 - bit))
     return moved

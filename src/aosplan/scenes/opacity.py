@@ -1,11 +1,15 @@
-"""How the opacity of a stand was found, with statistics of its laser pulses."""
+"""Record of the method by which the opacity of a stand was found, with statistics of its laser
+pulses.
+"""
 
 from __future__ import annotations
 
 from typing import Any, Literal, NamedTuple
 
 OpacitySource = Literal["auto", "pulses", "voxels"]
-"""Source of opacity: the pulses, or voxels that are opaque if they contain a point."""
+"""Source of the opacity: the laser pulses, or the points (a voxel is opaque if it contains a
+point).
+"""
 
 
 TEXTS = ("source", "reason", "energy")
@@ -22,28 +26,32 @@ class Opacity(NamedTuple):
     reason
         Why the pulses were not used; empty if they were used or not requested.
     gap_first, gap_weighted, gap_last
-        Share of the pulses' energy that reaches the ground, for three assumptions: the first
-        return of each pulse has all of its energy; the returns have the energies that were used;
-        the last return has all of it.  None without pulses.
+        Share of the pulses' energy that reaches the ground, for three assumptions.  `gap_first`:
+        the first return of each pulse has all its energy.  `gap_weighted`: the returns have the
+        energies that were used for the fit.  `gap_last`: the last return of each pulse has all its
+        energy.  None without pulses.
     energy
         Energies of the returns: ``intensity`` (calibrated) or ``equal`` (1/n each).
     zenith_deg
-        Smallest and largest zenith angle of the pulses; other angles are extrapolated.
+        Smallest and largest zenith angle of the pulses.  Predictions for other angles are
+        extrapolations.
     sampled_share
-        Share of the voxels between the cut and the canopy top that pulses crossed.  Because
-        telecentric views cover every slice evenly, it is also the share of a plan's rays.
+        Share of the voxels between the cut and the canopy top that at least one pulse crossed.
+        Telecentric views cover every slice evenly.  This is therefore also the share of the path of
+        a plan's rays that is in such voxels.
     pulses, lines
         Number of pulses and of flight lines that were used.
     voxel_m, leaf_size_m
-        Edge of the attenuation voxels, and edge of the cells that realise the attenuation.
+        Edge length of the voxels that have an attenuation, and edge length of the opaque cells that
+        represent it.
     scale
         Scale factor of the attenuation, from cross-fitting.
     scale_first, scale_last
-        Scale factors that reproduce the gaps of first and of last returns.
+        Scale factors that reproduce `gap_first` and `gap_last`.
     shrinkage
         Strength of the shrinkage through the pyramid of voxel sizes.
     seed
-        Random seed of the realisation.
+        Random seed of the opaque cells.
     """
 
     source: str

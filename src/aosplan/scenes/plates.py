@@ -1,9 +1,10 @@
-"""Rays through slices of plates: the cell at the middle of a slice, and more cells for long paths.
+"""The cells that rays meet in slices of plates.
 
-Within a slice, the path of a ray at angle θ is sec θ times as long as that of a vertical ray.  To
-make its optical depth increase by the same factor, the ray also meets the neighbouring cell in a
-share sec θ - 1 of the slices.  Cells are drawn independently, so a neighbouring cell is as random
-as a new one.  The choice of slices differs between views and is evenly distributed over the slices.
+A ray meets the cell at the middle of each slice.  Within a slice, the path of a ray at the angle θ
+is sec θ times as long as that of a vertical ray.  To make its optical depth increase by the same
+factor, the ray also meets a neighbouring cell in a share sec θ - 1 of the slices.  Cells are drawn
+independently of each other, so that a neighbouring cell is equivalent to a new random cell.  The
+choice of slices differs between views and is evenly distributed over the slices.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SPREAD = np.array([754.877666, 569.840291])
-"""Factors that turn positions into evenly distributed numbers; from the plastic number."""
+"""Factors that convert positions to evenly distributed numbers.  They are derived from the plastic
+number.
+"""
 
 
 def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDArray[np.intp]:
@@ -38,8 +41,8 @@ def shifts(offsets: Floats, slope: Floats, middle: Floats, per_cell: int) -> NDA
     Returns
     -------
     ndarray
-        Shape (slices, N, 3, 2): shifts for up to three cells that a ray meets; if it meets fewer,
-        shifts are repeated.
+        Shape (slices, N, 3, 2): shifts for up to three cells that a ray meets.  If a ray meets
+        fewer cells, shifts are repeated.
     """
     once = np.floor(offsets * middle[:, np.newaxis, np.newaxis] + 0.5).astype(np.intp)
     more = np.sqrt(1.0 + (slope * slope).sum(axis=1)) - 1.0
@@ -61,7 +64,8 @@ class Axis(NamedTuple):
     camera
         Shape (cameras,): positions of cameras relative to the plot's centre, in targets.
     more
-        Shape (cameras, count): sec θ - 1 of the rays, with θ projected on this axis.
+        Shape (cameras, count): sec θ - 1 of the rays, where θ is the angle of the ray projected on
+        this axis.
     toward
         Shape (cameras, count): 1 or -1, the direction from the target to the camera.
     phase
@@ -95,7 +99,7 @@ class Axis(NamedTuple):
         per_voxel: int,
         cell_voxels: int,
     ) -> Axis:
-        """An axis of `across` targets, of which `count` from `first` on are computed."""
+        """An axis of `across` targets, with the `count` targets from `first` on."""
         target = (np.arange(first, first + count) + (0.5 - 0.5 * across)).astype(np.float64)
         slant = (camera_m[:, np.newaxis] - target * pitch_m) / altitude_m
         return cls(
@@ -112,10 +116,10 @@ class Axis(NamedTuple):
         )
 
     def cells(self, height: float, level: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Cells that rays meet in a slice, and the neighbouring cells for rays that meet a second
-        one.
+        """First and second cell that rays meet in a slice.
 
-        Both have the shape (cameras, count).  They are equal for rays that meet only one cell.
+        Both arrays have the shape (cameras, count).  If a ray meets only one cell, the second cell
+        equals the first.
         """
         place = self.target * (1.0 - height) + self.camera[:, np.newaxis] * height
         place += 0.5 * self.across
@@ -132,6 +136,6 @@ def _phase(positions: Floats) -> Floats:
 
 
 def _again(more: Floats, phase: Floats, level: Floats | np.float64) -> NDArray[np.intp]:
-    """Number of additional cells that rays meet in a slice: `more` on average over the slices."""
+    """Number of additional cells that rays meet in a slice.  Its mean over the slices is `more`."""
     passed = np.floor((level + 1.0) * more + phase) - np.floor(level * more + phase)
     return passed.astype(np.intp)

@@ -2,18 +2,19 @@
 
 Each preset describes a stand by the model of the paper: one uniform volume of occluders of one
 size.  Real stands are not uniform, so a preset is a starting point for a plan and not a prediction
-for a place.  It names the published values (``source``) and the assumed ones (``assumed``).
+for a place.  Each preset names its published values (``source``) and its assumed values
+(``assumed``).
 
 Unless a preset says otherwise, its numbers were chosen as follows:
 
-- ``integrated_density`` is one minus the gap fraction straight down (:func:`gap_fraction`).  It is
-  computed from a published leaf area index (one-sided; half of the total surface for needles; m²
-  per m² of ground) and a clumping index.  Wood behind leaves is not added.  If leaf area and
-  clumping each have an error of 20 %, which is an estimate, the error of p is 0.1 in the middle of
-  its range.
-- ``volume_base_m`` determines the baseline, because the lowest occluders need the largest one.  It
-  is a mean height of the crown base, or is fitted to a measured profile of leaves above 2 m.  Dead
-  branches, young trees and shrubs below it are not included; if they matter, use a lower value.
+- ``integrated_density`` is one minus the gap fraction of vertical rays (:func:`gap_fraction`).  It
+  is computed from a published leaf area index (one-sided; half of the total surface for needles; m²
+  per m² of ground) and a clumping index.  Wood behind leaves is not added.  The errors of leaf area
+  and clumping are estimated as 20 % each.  The error of p is then 0.1 in the middle of its range.
+- ``volume_base_m`` determines the baseline, because the lowest occluders need the largest baseline.
+  It is a mean height of the crown base, or is fitted to a measured profile of leaves above 2 m.
+  Dead branches, young trees and shrubs below this height are not included.  If they matter, use a
+  lower value.
 - ``occluder_size_m`` is always assumed, because it is not published.  Baselines are proportional to
   it.
 """
@@ -61,7 +62,7 @@ class ScenePreset(NamedTuple):
 def gap_fraction(
     leaf_area_index: float, clumping_index: float = 1.0, projection: float = 0.5
 ) -> float:
-    r"""Share of the ground that is visible straight down through a canopy.
+    r"""Share of the ground that is visible through a canopy from vertically above.
 
     Beer-Lambert extinction by leaves: :math:`P = \exp(-G\,\Omega\,L)`. The integrated density p of
     a single nadir view is 1 - P.
@@ -69,11 +70,11 @@ def gap_fraction(
     Parameters
     ----------
     leaf_area_index
-        L, one-sided leaf area per ground area (m²/m²), L >= 0. A plant area index or a wood area
-        index can be used instead, depending on what the occluders are.
+        L, one-sided leaf area per ground area (m²/m²), L >= 0.  If the occluders are not only
+        leaves, use a plant area index or a wood area index.
     clumping_index
-        Ω > 0: 1 for randomly placed leaves, less if leaves are clumped in shoots and crowns, more
-        if they are regularly spaced. Forests have 0.5 to 0.9.
+        Ω > 0.  It is 1 for randomly placed leaves, less than 1 if leaves are clumped in shoots and
+        crowns, and more than 1 if they are regularly spaced.  Forests have 0.5 to 0.9.
     projection
         G, mean projection of unit leaf area on the ground, in [0, 1]: 0.5 for a spherical
         distribution of leaf angles, 1 for horizontal leaves, near 0 for vertical leaves.
@@ -85,9 +86,9 @@ def gap_fraction(
 
     Notes
     -----
-    The law is published in [1]_; [2]_ derives it from gaps between random, clumped or regular
-    leaves; [3]_ maps Ω for the vegetation of the world. Off nadir, the exponent is multiplied by
-    the secant of the view angle.
+    The law is published in [1]_. [2]_ derives it from gaps between random, clumped or regular
+    leaves. [3]_ contains a map of Ω for the vegetation of the world.  Off nadir, the exponent is
+    multiplied by the secant of the view angle.
 
     References
     ----------
@@ -108,8 +109,9 @@ def gap_fraction(
     return nan
 
 
-# The paper gives its forest only as ratios. Eq. 1, p = 1 - (1 - D)^(l/o), gives l/o. d̂ = 1 at
-# b = o h / H gives H/o = h/b for the height H above which 98 % of the occluders are.
+# The paper gives only ratios of the lengths of its forest. The ratio l/o follows from Eq. 1, p = 1
+# - (1 - D)^(l/o). Let H be the height above which 98 % of the occluders are. Occluders at H have d̂
+# = 1 at b = o h / H, so that H/o = h/b.
 _PAPER_DENSITY = 0.567
 _PAPER_DENSITY_PER_SLICE = 0.0095
 _PAPER_VOLUME_PER_OCCLUDER = log1p(-_PAPER_DENSITY) / log1p(-_PAPER_DENSITY_PER_SLICE)  # 87.69
@@ -121,8 +123,8 @@ _BEPS = (
 )
 _SPHERICAL = "projection 0.5 (spherical leaf angles)"
 
-# For stands with a stem count, the comment gives the shaded area per tree, p / stems. It has to be
-# smaller than the growing space of a tree, 1 / stems, and similar to the area of its crown.
+# For stands with a stem count, a comment gives the shaded area per tree, p / stems. This area has
+# to be smaller than the growing space of a tree, 1 / stems, and similar to the area of a crown.
 SCENES: dict[str, ScenePreset] = {
     "paper-forest": ScenePreset(
         title="The paper's LiDAR forest",
@@ -234,7 +236,7 @@ SCENES: dict[str, ScenePreset] = {
             f"needle sprays at twig ends); {_SPHERICAL}"
         ),
     ),
-    # 22 m² per tree: a crown 5.2 m wide, in a growing space of 24 m², which is a closed canopy.
+    # 22 m² per tree: a crown 5.2 m wide, in a growing space of 24 m². The canopy is closed.
     "conifer-forest": ScenePreset(
         title="Norway spruce, 50 years, 410 stems/ha",
         integrated_density=1 - gap_fraction(7.0, clumping_index=0.62),
@@ -344,7 +346,7 @@ WORDS = {
     "tropical-forest": "rainforest jungle amazon",
     "dense-forest": "young spruce picea thicket coniferous",
 }
-"""Other search words for the presets: species, genera and kinds of forest."""
+"""Additional search words for the presets: species, genera and kinds of forest."""
 
 
 def scenes_by_word(word: str) -> list[str]:
@@ -358,7 +360,9 @@ def scenes_by_word(word: str) -> list[str]:
 
 
 def scene_hint(name: str) -> str:
-    """The hint that lists the presets that a name may mean; empty if there are none."""
+    """The hint that lists the presets that a name may refer to; empty if there is no such
+    preset.
+    """
     words = {word for part in [name, *name.split("-")] for word in part.split() if len(word) > 2}
     best: list[str] = scenes_by_word(name)
     for word in sorted(words, key=len, reverse=True) if not best else ():

@@ -1,19 +1,17 @@
 """Occlusion of a sample of the targets of a large plot.
 
-The share of targets that a view hides, and the share that two views both hide, are means over the
-targets of a plot.  A tile of 500 m has 64 million targets, and a million of them give the same
-means to within 0.001.
+Predictions need the share of targets that a view hides and the share that two views both hide.
+These shares are means over the targets of a plot.  A tile of 500 m has 64 million targets.  A
+sample of a million targets gives the same means to within 0.001.
 
 **Lattices.**  The sample consists of sixteen lattices.  Each has one target in every M-th voxel along
-both axes.  The lattices differ in the voxel at which they start and in the position of the target
-within its voxel, one of 4 x 4.  All parts of a voxel are represented equally, on which depends what
-two views a short distance apart both hide.  M is odd, or 2, so that the lattices are not in step with
-trees that are planted in rows.  Because neighbouring targets are correlated, lattices have a smaller
+both axes.  The lattices differ in the voxel at which they start and in the position of the target within its voxel. The position is one of 4 x 4, so that all parts of a voxel are represented equally. This matters for the targets that two views at a short distance both hide. M is odd, or 2, so that the period of the lattices does not match that of trees planted in rows.  Because neighbouring targets are correlated, lattices have a smaller
 error than randomly drawn targets.
 
 **Views are shifts**, as in `aosplan.scenes.occlusion`.  A lattice that is shifted by n voxels meets
-the voxels n mod M of every M-th, so each slice is sorted into its M x M lattices of voxels once.
-These are packed eight to an octet along y, and a view is an OR of contiguous pieces of memory.
+every M-th voxel, beginning with voxel n mod M.  Each slice is therefore sorted once into M x M
+lattices of voxels.  These lattices are packed eight voxels to an octet along y.  A view is then an
+OR of contiguous pieces of memory.
 """
 
 from __future__ import annotations
@@ -38,13 +36,13 @@ SAMPLE = 1_000_000
 """Smallest number of targets in a sample, if the plot has enough voxels."""
 
 FEW_TARGETS = 4 * SAMPLE
-"""Largest number of targets of a plot that is not sampled."""
+"""Largest number of targets of a plot whose targets are all computed."""
 
 ABREAST = 4
-"""Lattices along each side of the square in which they start,"""
+"""Number of lattices along each side of the square in which they start."""
 
 LATTICES = ABREAST**2
-"""and in all."""
+"""Number of all lattices."""
 
 
 class SampledOcclusion:
@@ -65,16 +63,17 @@ class SampledOcclusion:
         _, rows, columns = volume.occupied.shape
         self._plot = rows, columns
         step = math.isqrt(max(LATTICES * rows * columns // sample, 1))
-        # Lattices with every second voxel contain all voxels, so a step of 2 need not be odd.
+        # If the step is 2, the lattices together contain all voxels, so that the step need not be
+        # odd.
         self._step = step if step == 2 else step - 1 + step % 2
         row, column = np.divmod(np.arange(LATTICES), ABREAST)
-        # Along x and y: position within a voxel [targets], which differs along each row and column
-        # of the lattices, and first voxel.
+        # For each lattice, along x and y: the position within a voxel [targets], and the first
+        # voxel. The positions in each row and in each column of the lattices are all different.
         places = np.column_stack([column + row, column + 2 * row]) % ABREAST
         self._within = ((places + 0.5) * (occlusion.targets_per_voxel / ABREAST)).astype(np.intp)
         self._first = np.column_stack([column, row]) * self._step // ABREAST
         self._across, self._down = (-(-length // self._step) for length in (columns, rows))
-        # Octets are along y and padded along x so that a lattice has whole 64-bit words.
+        # Octets are along y. Lattices are padded along x to whole 64-bit words.
         self._height = -(-self._down // 8)
         self._padded = -(-self._across // 8) * 8
         whole = PlotWindow(0, 0, self.rows, self.columns)
@@ -83,22 +82,24 @@ class SampledOcclusion:
 
     @property
     def rows(self) -> int:
-        """Rows of all targets of the plot, of which windows are rectangles."""
+        """Number of rows of all targets of the plot.  Windows are rectangles of these targets."""
         return self._all.rows
 
     @property
     def columns(self) -> int:
-        """Columns of all targets of the plot."""
+        """Number of columns of all targets of the plot."""
         return self._all.columns
 
     @property
     def targets_per_voxel(self) -> int:
-        """Of all targets of the plot, those along either side of a voxel."""
+        """Number of targets along each side of a voxel, before sampling."""
         return self._all.targets_per_voxel
 
     @property
     def targets_per_cell(self) -> int:
-        """Targets along either side of a cell of what `unpack` returns: one of each lattice."""
+        """Number of targets along each side of a cell in the arrays of `unpack`.  A cell has one
+        target of each lattice.
+        """
         return ABREAST
 
     @property
@@ -107,7 +108,9 @@ class SampledOcclusion:
         return int(self._valid.size) // 8
 
     def targets_in(self, window: PlotWindow) -> int:
-        """Number of the sample's targets in a window; 0 if it has not even a cell of each lattice."""
+        """Number of the sample's targets in a window; 0 if the window does not contain a whole
+        cell.
+        """
         if min(self._cells(window)[1]) <= 0:
             return 0
         east, north = self._inside(window)
@@ -119,11 +122,12 @@ class SampledOcclusion:
         return words
 
     def unpack(self, masks: Words, window: PlotWindow | None = None) -> NDArray[np.bool_]:
-        """Masks as arrays, true where the target is hidden: shape (N, 4 rows, 4 columns) of cells.
+        """Convert masks to boolean arrays, which are true for hidden targets.
 
-        A cell has as many voxels along either side as lie between neighbours of a lattice, and one
-        target of each lattice, about where it lies.  Cells that the window, or the plot, does not
-        have completely are left out.
+        The arrays have the shape (N, 4 rows, 4 columns), where rows and columns are those of cells.
+        The side of a cell is the distance between neighbouring targets of a lattice.  A cell has
+        one target of each lattice, near its true position.  Cells that are not completely in the
+        plot, or in the window if there is one, are left out.
         """
         octets = masks.view(np.uint8).reshape(len(masks), LATTICES, self._height, self._padded)
         first, (rows, columns) = self._cells(window or PlotWindow(0, 0, self.rows, self.columns))
@@ -133,14 +137,16 @@ class SampledOcclusion:
         return square.reshape(len(masks), ABREAST * rows, ABREAST * columns).astype(np.bool_)
 
     def _cells(self, window: PlotWindow) -> tuple[tuple[int, int], tuple[int, int]]:
-        """The first row and column of the cells that lie in a window, and how many of each."""
+        """The cells that are completely in a window: first row, first column, number of rows,
+        number of columns.
+        """
         size = self._step * self.targets_per_voxel
         first = -(-window.row // size), -(-window.column // size)
         end = (window.row + window.rows) // size, (window.column + window.columns) // size
         return first, (end[0] - first[0], end[1] - first[1])
 
     def _inside(self, window: PlotWindow) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which places of each lattice along x, and along y, lie in a window."""
+        """Masks of the places of each lattice along x, and along y, that are in a window."""
         lengths = self._padded, 8 * self._height
         bounds = (window.column, window.columns), (window.row, window.rows)
         inside = []
@@ -151,7 +157,7 @@ class SampledOcclusion:
         return inside[0], inside[1]
 
     def _octets_of(self, window: PlotWindow) -> Octets:
-        """The sample's targets in a window, shape (lattices, height, padded)."""
+        """The sample's targets in a window as octets, shape (lattices, height, padded)."""
         east, north = self._inside(window)
         bits = np.packbits(north, axis=1, bitorder="little")
         octets: Octets = bits[:, :, np.newaxis] * east[:, np.newaxis]
@@ -182,7 +188,7 @@ class SampledOcclusion:
         hits = [one[:size] for one in hidden.reshape(views * LATTICES, -1)]
         shift, phase = np.divmod(places, self._step)
         octet, bit = np.divmod(shift[..., 1], 8)
-        # One number for the tile and for the position in it at which a view begins.
+        # A single number for the tile and the bits by which it is moved.
         tiles = (phase[..., 1] * self._step + phase[..., 0]) * 8 + bit
         keys = tiles * (octets * stride) + octet * stride + shift[..., 0]
         for level, plane in self._all.slices:
@@ -198,13 +204,15 @@ class SampledOcclusion:
     def _places(
         self, offsets: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Voxels in which the rays from views to the first target of each lattice cross each slice.
+        """Voxels in which rays cross each slice.  The rays go from the views to the first target of
+        each lattice.
 
         Returns
         -------
         tuple
-            Voxels, shape (slices, views, lattices, 3, x and y), relative to the lowest of each
-            slice; the lowest voxels, shape (slices, 2); and the largest relative voxel, shape (2,).
+            Three arrays: voxels relative to the lowest voxel of each slice, shape (slices, views,
+            lattices, 3, 2); the lowest voxels, shape (slices, 2); and the largest relative voxel,
+            shape (2,).
         """
         shifts = self._all.meetings(offsets)[:, :, np.newaxis]
         lattice = np.s_[np.newaxis, np.newaxis, :, np.newaxis]
@@ -212,13 +220,13 @@ class SampledOcclusion:
         places += self._first[lattice]
         lows = places.min(axis=(1, 2, 3))
         places -= lows[:, np.newaxis, np.newaxis, np.newaxis]
-        places %= self._plot[::-1]  # the plot is periodic
+        places %= self._plot[::-1]  # Whole plots can be left out, because the plot is periodic.
         return places, lows, places.max(axis=(0, 1, 2, 3))
 
 
 class _Tiles:
-    """One slice sorted into flat lattices of voxels, moved by 0 to 7 bits; each is computed on
-    demand.
+    """One slice, sorted into flat lattices of voxels that are moved by 0 to 7 bits.  Each tile is
+    computed when it is needed.
     """
 
     def __init__(
@@ -251,7 +259,7 @@ class _Tiles:
             return moved
         row, column = divmod(phase, self._step)
         if row not in self._packed:
-            # Every step-th row, eight of them packed into an octet.
+            # Every `step`-th row of the plane. Eight of these rows are packed into an octet.
             apart = self._plane[row :: self._step].view(np.uint8)
             octets = apart[0::8].copy()
             for place in range(1, 8):
@@ -275,8 +283,8 @@ def views_of(
 ) -> Occlusion | SampledOcclusion:
     """Views of all targets of a plot, or of a sample of them if the plot is large.
 
-    Perspective views are not shifts.  On a large plot they have fewer targets per voxel instead.
-
+    Perspective views cannot be computed as shifts.  On a large plot, they have fewer targets per
+    voxel instead of a sample.
 
     The parameters are those of `Occlusion`.
     """

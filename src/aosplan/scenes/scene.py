@@ -3,8 +3,8 @@
 A scene is either one volume with occluders of one kind (`UniformScene`, the model of the paper) or
 a stack of slices, each with its own height, density and occluder size (`LayeredScene`, for example
 from LiDAR).  Heights are above the ground.  `above` cuts a scene at a raised focal plane.  Both
-classes have the integrated density, the canopy top, and the slabs of occluders that the coverage
-rule (`aosplan.camera.disparity`) uses.
+classes give the integrated density, the canopy top, and the slabs of occluders for the coverage
+rule (`aosplan.camera.disparity`).
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from aosplan.errors import RequestError
 from aosplan.scenes.density import integrated_density, transparency
 
 SMALLEST_M, LARGEST_M = 1e-9, 1e9
-"""Bounds of all lengths of a scene, so that products of several lengths neither overflow nor
-vanish.
+"""Bounds of all lengths of a scene.  Within them, products of several lengths neither overflow nor
+become 0.
 """
 
 MOST_SLICES = 100_000
@@ -40,7 +40,7 @@ class Layer(NamedTuple):
 
     @property
     def height_m(self) -> float:
-        """Height of the middle of the slice, at which the models place its occluders."""
+        """Height of the middle of the slice.  The models place the occluders of the slice there."""
         return 0.5 * (self.bottom_m + self.top_m)
 
 
@@ -65,7 +65,7 @@ class UniformScene:
     Raises
     ------
     RequestError
-        If a number is outside its domain, or if both densities or none are given.
+        If a number is outside its domain, or if not exactly one of the two densities is given.
     """
 
     name: str
@@ -107,7 +107,9 @@ class UniformScene:
 
     @property
     def transparency(self) -> float:
-        """Share T = 1 - p of the ground that a photo sees; accurate also if p is close to 1."""
+        """Share T = 1 - p of the ground that a photo sees.  It is accurate even if p is close to
+        1.
+        """
         if self.given_integrated_density is not None:
             return 1.0 - self.given_integrated_density
         assert self.density is not None
@@ -120,8 +122,8 @@ class UniformScene:
     def slices(self, most: int | None = None) -> tuple[Layer, ...]:
         """The volume as slices that are one occluder thick (Eq. 1).
 
-        There are l/o slices, rounded up, or `most` if that is less.  All have the same density,
-        which is chosen so that the transparency of the volume stays the same.
+        There are l/o slices, rounded up, but at most `most`.  All slices have the same density.  It
+        is chosen so that the transparency of the volume does not change.
         """
         count = max(1, math.ceil(self.volume_height_m / self.occluder_size_m - 1e-9))
         if most is not None:
@@ -142,7 +144,9 @@ class UniformScene:
         )
 
     def above(self, height_m: float) -> UniformScene | None:
-        """The part of the scene above a height, with heights above it; None if there is nothing."""
+        """The part of the scene above a height, with heights relative to this height; None if there
+        are no occluders above it.
+        """
         if height_m == 0.0:
             return self
         if height_m >= self.canopy_top_m:
@@ -169,11 +173,10 @@ class LayeredScene:
     layers
         The slices, from bottom to top, without overlap.
     measured_density
-        Measured p (the column occupancy of a point cloud), for slices that are not independent;
-        None to compute p from the slices.
-    voxel_m
-        Voxel size of the point cloud that the layers come from, used as occluder size in the
-        coverage rule; None to use the occluder size of each layer.
+        Measured p, which is the column occupancy of a point cloud.  It is needed if the slices are
+        not independent.  If it is None, p is computed from the slices. voxel_m Voxel size of the
+        point cloud from which the layers were computed.  The coverage rule uses it as occluder
+        size.  If it is None, the rule uses the occluder size of each layer.
     """
 
     name: str
@@ -219,7 +222,9 @@ class LayeredScene:
 
     @property
     def canopy_top_m(self) -> float:
-        """Top of the highest layer that is not empty, above the ground; 0 for bare ground."""
+        """Height of the top of the highest layer that is not empty, above the ground; 0 for bare
+        ground.
+        """
         return max((layer.top_m for layer in self.layers if layer.density > 0.0), default=0.0)
 
     @property
@@ -261,10 +266,11 @@ class LayeredScene:
         return tuple(layer for layer in self.layers if layer.density > 0.0)
 
     def above(self, height_m: float) -> LayeredScene | None:
-        """The part of the scene above a height, with heights above it; None if there is nothing.
+        """The part of the scene above a height, with heights relative to this height; None if there
+        are no occluders above it.
 
-        If the height is inside a layer, the upper part of the layer gets its density by
-        Beer-Lambert.
+        If the height is inside a layer, the density of its upper part follows from the law of Beer
+        and Lambert.
         """
         if height_m == 0.0:
             return self
@@ -274,10 +280,10 @@ class LayeredScene:
         return replace(self, layers=kept).with_density_of(self)
 
     def with_density_of(self, other: LayeredScene) -> LayeredScene:
-        """These layers with the measured density of other layers of the same stand.
+        """These layers, with a measured density that is taken from other layers of the same stand.
 
-        The measured density is scaled: its -ln(1 - p) is multiplied by the ratio of the logarithms
-        of the two transparencies of independent slices.
+        The optical depth -ln(1 - p) of the measured density is scaled.  The factor is the ratio
+        between the optical depths of both stacks of layers, with independent slices.
         """
         measured, whole = other.measured_density, other.log_transparency
         if measured is not None and 0.0 < measured < 1.0 and whole < 0.0 and math.isfinite(whole):

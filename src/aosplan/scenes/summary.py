@@ -1,4 +1,4 @@
-"""Statistics of a scene as plain values, and scenes saved as files."""
+"""Statistics of a scene as plain values, and the conversion of scenes to files."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def statistics_document(
     Parameters
     ----------
     scene
-        Uniform or layered; a uniform scene is listed in slices that are one occluder thick.
+        Uniform or layered.  A uniform scene is listed in slices that are one occluder thick.
     warnings
         Warnings of the reader.
     volume
@@ -71,13 +71,15 @@ def statistics_document(
         table = correlogram_table(correlogram)
         document["density_by_angle"] = density_by_angle(correlogram)
         document["density_by_offset"] = table.pop("density_by_offset")
-        del table["density"]  # the same as the scene's density
+        del table["density"]  # This value is already in the document, as the density of the scene.
         document["correlogram"] = table
     return document
 
 
 def _fine_slabs(scene: Scene) -> tuple[Slab, ...]:
-    """The slabs of the coverage rule; a uniform volume is cut into one slab per layer."""
+    """The slabs of the coverage rule.  A uniform volume is cut into slabs that are one occluder
+    thick.
+    """
     if not isinstance(scene, UniformScene):
         return scene.slabs()
     return tuple(

@@ -11,7 +11,7 @@ from aosplan.validation import Finite, MessageDocument, OpenDocument, Pair
 
 
 class OpacityDocument(OpenDocument):
-    """How the opacity of a point cloud was found."""
+    """Record of the method by which the opacity of a point cloud was found."""
 
     source: Literal["pulses", "voxels"]
     reason: str | None = None
@@ -33,7 +33,7 @@ class OpacityDocument(OpenDocument):
 
 
 class StatisticsDocument(OpenDocument):
-    """What `aosplan scene --json` prints."""
+    """The output of `aosplan scene --json`."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str

@@ -1,8 +1,8 @@
-"""Voxels: a stand as a grid of cells that are either opaque or empty.
+"""Voxels: representation of a stand as a grid of cells that are either opaque or empty.
 
-Sources that describe a stand cell by cell, such as a point cloud
-(`aosplan.scenes.files.point_cloud`) or a generator, produce a `VoxelVolume`.  The measured model,
-the simulator and the statistics of `aosplan.scenes.occluder_statistics` use it.
+A `VoxelVolume` is made from a point cloud (`aosplan.scenes.files.point_cloud`), from a canopy
+height raster, or by a generator of forests.  The measured model, the simulator and the statistics
+of `aosplan.scenes.occluder_statistics` use it.
 """
 
 from __future__ import annotations
@@ -25,12 +25,15 @@ if TYPE_CHECKING:
     from aosplan.scenes.opacity import Opacity
 
 MAX_VOXELS = 2_000_000_000
-# The arrays of the ground need as much memory as a few dozen slices.
+# This limit is needed because the arrays of the ground take as much memory as a few dozen slices.
 MAX_COLUMNS = MAX_VOXELS // 100
-# A point on the face between two voxels belongs to the upper one; the tolerance absorbs rounding.
+# Tolerance for rounding errors, in voxels. A point on the face between two voxels belongs to the
+# upper voxel.
 FACE = 1e-6
 PLATE_TARGET_M = 0.06
-"""Approximate distance of the targets below plates, equal to that below cubes of 0.25 m."""
+"""Approximate distance between targets below plates.  It equals the distance between targets below
+cubes of 0.25 m.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +41,8 @@ class VoxelVolume:
     """The occupied voxels above a plot.
 
     The plot is periodic: beyond each edge, the opposite side of the plot continues.  Every target
-    therefore has a canopy for every ray.  A plot should be wider than twice the horizontal length
-    of the widest ray in the canopy.
+    therefore has a canopy for every ray.  A plot should be at least twice as wide as the horizontal
+    length of the most oblique ray in the canopy.
 
     Parameters
     ----------
@@ -60,30 +63,27 @@ class VoxelVolume:
     warnings
         Pairs of a code and a sentence for the user of the results.
     source
-        Where the volume comes from, for messages.
+        Name of the source of the volume, for messages.
     assumed
         Assumptions that were made instead of measurements.
     slice_m
-        Thickness of a slice if it is not that of a voxel.  The voxels are then plates without side
-        faces: a ray meets one in each slice, and a slanted ray meets more, in proportion to its
-        length.  Otherwise the voxels are cubes.
-    cell_voxels
-        Voxels along each side of a plate: a ray that meets a second plate of a slice meets the one that
-        many voxels beside.
-    opacity
-        How opacity was found, for volumes from point clouds.
-    bounds
-        The voxels for two extreme assumptions: the first return of each pulse has all of its
-        energy, and the last return has all of it.  These are the densest and the most open stand
-        that are consistent with the pulses.
+        Thickness of a slice if it differs from the edge length of a voxel.  The voxels are then
+        plates without side faces: a ray meets one plate in each slice, and slanted rays meet
+        further plates, in proportion to the length of their path.  If it is None, the voxels are
+        cubes. cell_voxels Number of voxels along each side of a plate.  The second plate that a ray
+        meets in a slice is this number of voxels beside the first. opacity Record of the method by
+        which the opacity was found, for volumes from point clouds. bounds The voxels for two
+        extreme assumptions: the first return of each pulse has all its energy, or the last return
+        has all of it.  These are the densest and the most open stand that are consistent with the
+        pulses.
     place
         Latitude and longitude [deg] of the plot, if the source has a location.
 
     Raises
     ------
     RequestError
-        If the array is not a boolean volume over at least one cell of ground, or a length
-        is outside its domain.
+        If the array is not a boolean volume with at least one column, or if a length is outside its
+        domain.
     """
 
     occupied: NDArray[np.bool_]
@@ -161,7 +161,7 @@ class VoxelVolume:
 
     @cached_property
     def column_occupancy(self) -> float:
-        """Share p of the plot's cells that have an occupied voxel above them, 0 to 1.
+        """Share p of the columns of voxels that have an occupied voxel, 0 to 1.
 
         This is the share of the ground that photos from vertically above do not see.
         """
@@ -169,7 +169,7 @@ class VoxelVolume:
 
     @cached_property
     def hidden_columns(self) -> NDArray[np.bool_]:
-        """Columns of voxels with an occupied one, shape (rows, columns)."""
+        """Mask of the columns of voxels that have an occupied voxel, shape (rows, columns)."""
         return np.asarray(self.occupied.any(axis=0))
 
 
@@ -186,7 +186,8 @@ def fill(
     Parameters
     ----------
     blocks
-        Arrays of shape (3, n): x and y from the plot's outer corner, z above any datum.
+        Arrays of shape (3, n): x and y relative to the outer corner of the plot, and z relative to
+        any datum.
     ground
         z of the ground at the corners of the columns, shape (rows + 1, columns + 1); it is
         interpolated bilinearly.
@@ -195,7 +196,7 @@ def fill(
     voxel_m
         Edge length of a voxel.
     where
-        What is filled, for messages.
+        Name of the volume, for messages.
     touched
         Shape (rows * columns,): set to true for each column with a point at any height.
 
@@ -207,7 +208,7 @@ def fill(
     Raises
     ------
     RequestError
-        If this needs more than two thousand million voxels.
+        If the volume needs more than two thousand million voxels.
     """
     rows, columns = ground.shape[0] - 1, ground.shape[1] - 1
     cells = rows * columns
@@ -219,8 +220,8 @@ def fill(
     slices = 0
     for block in blocks:
         x, y, z = block + FACE
-        # All operations are in place and of one type: a block stays in the processor's cache, and
-        # numpy needs no buffers for conversions.
+        # All operations are in place and use one type. A block therefore stays in the processor's
+        # cache, and numpy needs no buffers for conversions.
         column, row = np.floor(x), np.floor(y)
         x -= column
         y -= row
@@ -229,7 +230,7 @@ def fill(
         cell = row.astype(np.intp)
         if touched is not None:
             touched[cell] = True
-        # Bilinear ground: base + x * east + y * (north + x * twist).
+        # The bilinear ground is base + x * east + y * (north + x * twist).
         rise = twist.take(cell).astype(np.float64)
         rise *= x
         rise += north.take(cell).astype(np.float64)
@@ -244,9 +245,12 @@ def fill(
             continue
         slices = max(slices, int(level.max()) + 1)
         if slices * cells > MAX_VOXELS:
-            continue  # The error message below needs the height of the whole stand.
+            # No voxels are filled, but the other blocks are read: the error message below needs
+            # the height of the whole stand.
+            continue
         if slices * cells > occupied.size:
-            # Resizing in place neither copies the array nor touches new pages before they are used.
+            # Resizing in place does not copy the array, and the operating system provides new pages
+            # only when they are used.
             occupied.resize(slices * cells, refcheck=False)
         level *= cells
         level += cell.take(kept)
@@ -259,17 +263,17 @@ def fill(
 def footprint(touched: NDArray[np.bool_], reach: int) -> float:
     """Share of a plot that its points cover, 0 to 1.
 
-    The plot is divided into squares of columns.  A square counts if it contains a point, or if such
-    squares enclose it (a pond, for example).  A square at the rim counts in proportion to the
-    number of columns with points in it, compared with squares in the interior.
+    The plot is divided into squares of columns.  A square is covered if it contains a point, or if
+    squares with points enclose it (for example a pond).  A square at the rim is covered in part: in
+    proportion to its number of columns with points, compared with squares in the interior.
 
     Parameters
     ----------
     touched
-        Shape (rows, columns): which columns contain a point.
+        Shape (rows, columns): whether a column contains a point.
     reach
-        Side of a square in columns, at least 1; it should be large enough that every square
-        inside the footprint contains a point.
+        Side of a square in columns, at least 1.  It should be so large that every square inside the
+        footprint contains a point.
     """
     rows, columns = touched.shape
     down, across = np.arange(0, rows, reach), np.arange(0, columns, reach)
@@ -296,10 +300,11 @@ def cells_along(length_m: float, voxel_m: float) -> int:
 def without_ragged_cells(
     occupied: NDArray[np.bool_], size_m: Sequence[float], voxel_m: float, points: int
 ) -> NDArray[np.bool_]:
-    """Return voxels without a last row or column that the points do not fill.
+    """Voxels without the last row or column if the points fill it only partly.
 
-    It does not count if the points end farther from its edge than they are apart.  The rest of it
-    would count as open ground, although it was not measured.
+    It is removed if the distance between the last points and its edge is larger than the mean
+    distance between points.  Otherwise its empty part would be treated as open ground, although it
+    was not measured.
 
     Parameters
     ----------
@@ -327,7 +332,9 @@ def fits(size_m: Sequence[float], voxel_m: float) -> bool:
 
 
 def too_many_voxels(size_m: Sequence[float], voxel_m: float, where: str) -> RequestError:
-    """An error for a volume of size (x, y, z) that suggests a possible voxel size."""
+    """An error for a volume of size (x, y, z) that is too large.  Its hint suggests a possible
+    voxel size.
+    """
     enough_m = max(voxel_m, 1e-6)
     while not fits(size_m, enough_m):
         enough_m *= 1.1

@@ -1,11 +1,11 @@
 """Cache of point clouds that were read before: their voxels, in the user's cache folder.
 
-An entry is a voxel file (`aosplan.scenes.files.voxel_file`).  Its name is a checksum of everything
-that determines its content: path, size, modification time and samples of the bytes of each file,
-the options of the reader, and the version of aosplan.  A file that changes therefore gets a new
-entry.  The old entry is deleted when the folder becomes too large, least recently used first.  Only
-regular files that belong to the user are read as entries, and links are not followed.  If anything
-goes wrong with the cache, the cloud itself is read.
+An entry is a voxel file (`aosplan.scenes.files.voxel_file`).  The name of an entry is a checksum of
+everything that determines its content: the options of the reader, the version of aosplan, and for
+each file its path, size, modification time and samples of its bytes.  A file that changes therefore
+gets a new entry.  If the folder becomes too large, the least recently used entries are deleted.
+Only regular files that belong to the user are read as entries, and links are not followed.  If the
+cache cannot be used for any reason, the cloud itself is read.
 
 The environment variable ``AOSPLAN_CACHE`` sets another folder; ``0`` turns the cache off.
 """
@@ -31,16 +31,20 @@ if TYPE_CHECKING:
 VARIABLE = "AOSPLAN_CACHE"
 
 READING = 3
-"""To be increased whenever the reader produces other voxels from the same cloud."""
+"""Version of the reader.  Increase it whenever the reader produces other voxels from the same
+cloud.
+"""
 
 MOST_OCTETS = 512 * 1024 * 1024
 """Largest total size of all entries [bytes]."""
 
 SAMPLES, SAMPLE_OCTETS = 16, 1 << 16
-"""Number and size [bytes] of the samples that distinguish a file from another with its name."""
+"""Number and size [bytes] of the samples that distinguish a file from another file with the same
+name.
+"""
 
 LARGEST_SHARE = 8
-"""A single entry may be at most this fraction, one eighth, of the total size."""
+"""The size of a single entry is at most `MOST_OCTETS` divided by this number."""
 
 ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
 """Names of entries and of incomplete entries; other files are never deleted."""
@@ -49,7 +53,8 @@ ENTRY = re.compile(r"[0-9a-f]{40}\.npz|\.aosplan-[\w.]+")
 def cached_stand(
     files: Sequence[str], reading: Mapping[str, Any], read: Callable[[], VoxelVolume]
 ) -> tuple[VoxelStand, bool]:
-    """A cloud as voxels, from the cache if possible; otherwise it is read and added to the cache.
+    """The voxels of a cloud.  They come from the cache if possible; otherwise the cloud is read and
+    added to the cache.
 
     Parameters
     ----------
@@ -71,7 +76,7 @@ def cached_stand(
     if path is not None:
         with contextlib.suppress(AosplanError, OSError):
             found = parse_stand(_own_content(path), path)
-            os.utime(path)  # the modification time is the time of last use
+            os.utime(path)  # The modification time of an entry records its last use.
             return found, True
     volume = read()
     fresh = VoxelStand.of(volume)
@@ -95,8 +100,10 @@ def folder() -> str | None:
 
 
 def _own_content(path: str) -> bytes:
-    """Content of an entry; OSError if it is not a regular file that belongs to the user."""
-    # Do not follow a link, and do not wait for the writer of a pipe.
+    """Content of an entry.  Raises OSError if the entry is not a regular file that belongs to the
+    user.
+    """
+    # With these flags, `open` does not follow a link and does not wait for the writer of a pipe.
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     with open(os.open(path, flags | getattr(os, "O_BINARY", 0)), "rb") as file:
         status = os.fstat(file.fileno())
@@ -128,9 +135,10 @@ def _entry(files: Sequence[str], reading: Mapping[str, Any]) -> str | None:
 
 
 def sampled_checksum(path: str, size: int) -> str:
-    """Checksum of the head, the tail and samples of a file; of a small file, of all of it.
+    """Checksum of the head, the tail and samples of a file, or of a whole file if it is small.
 
-    Size and time alone do not detect a file that was replaced by a copy with the same time.
+    Size and time alone do not show that a file was replaced by another one with the same size and
+    time.
     """
     import hashlib
 
@@ -154,7 +162,8 @@ def _keep(path: str, content: bytes) -> None:
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(content)
-        os.replace(temporary, path)  # replaces a link instead of writing to its target
+        # If the path is a link, `os.replace` replaces the link and does not write to its target.
+        os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
@@ -163,7 +172,9 @@ def _keep(path: str, content: bytes) -> None:
 
 
 def _drop_oldest(place: str) -> None:
-    """Delete the least recently used entries until the others are within the limit."""
+    """Delete the least recently used entries until the total size of the others is within the
+    limit.
+    """
     entries = sorted(_entries(place), reverse=True)
     total = 0
     for _, size, path in entries:

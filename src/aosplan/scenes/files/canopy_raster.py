@@ -1,9 +1,10 @@
-"""Canopy height rasters (GeoTIFF), converted to a `VoxelVolume` with an assumption about crowns.
+"""Conversion of canopy height rasters (GeoTIFF) to a `VoxelVolume`, with an assumption about
+crowns.
 
-A raster contains the height of the canopy, but nothing below it.  The assumption is that, wherever
-the canopy is at least `min_height_m` high, leaves fill the space from `crown_base` times that
-height to the top.  Gaps within crowns are not modelled, so the stand is denser than in reality.
-Stems and undergrowth are missing.
+A raster contains the height of the canopy, but no information about the space below.  It is assumed
+that leaves fill the space from `crown_base` times the canopy height to the canopy height, wherever
+this height is at least `min_height_m`.  Gaps within crowns are not modelled, so the stand is denser
+than in reality.  Stems and undergrowth are missing.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ if TYPE_CHECKING:
 EXTRA = "raster"
 CROWN_BASE = 0.5
 HIGHEST_M = 130.0
-"""Height of the tallest trees; a raster with higher values has elevations, or heights in feet."""
+"""Height of the tallest trees on earth.  If a raster has larger values, they are elevations or are
+in feet.
+"""
 
 MAX_EXTENT_M = 100_000.0
 MOST_PIXELS = 500_000_000
@@ -66,7 +69,7 @@ def read_canopy(
     voxel_m
         Edge length of a voxel; None for the size of the raster's cells.
     min_height_m
-        Lower vegetation is ignored.
+        Vegetation lower than this is ignored.
     crown_base
         Height of the crown base as a share of the canopy height, 0 to 1.
     units
@@ -82,11 +85,11 @@ def read_canopy(
     Raises
     ------
     RequestError
-        If the file is not such a raster, or has too many cells.
+        If the file is not a GeoTIFF of canopy heights, or has too many cells.
     MissingExtraError
         If rasterio is not installed.
     SurroundingsError
-        If the operating system does not allow it to be read.
+        If the operating system does not allow the file to be read.
     """
     _check_file(path)
     with needs_extra("reading canopy height rasters", EXTRA):
@@ -144,7 +147,8 @@ def _volume(
         )
     if not fits((*size_m, 0.0), edge_m):
         raise too_many_voxels((*size_m, HIGHEST_M), edge_m, f"raster {path}")
-    # Rows of the volume are numbered northwards, rows of most rasters southwards.
+    # The rows of the volume are numbered from south to north, but those of most rasters from north
+    # to south.
     columns, rows = (max(math.floor(length / edge_m + FACE), 1) for length in size_m)
     column = _cells(columns, edge_m / cell_m[0], raster.width, backwards=place.a < 0.0)
     row = _cells(rows, edge_m / cell_m[1], raster.height, backwards=place.e < 0.0)
@@ -197,7 +201,8 @@ def _volume(
 def _metres(
     raster: Any, path: str, given: Units
 ) -> tuple[tuple[float, float], float, list[tuple[str, str]], tuple[float, float] | None]:
-    """Metres in the units of x, y and heights; warnings; latitude and longitude of the raster.
+    """Metres in the units of x, y and heights.  Also returns warnings, and latitude and longitude
+    of the raster.
 
     Raises
     ------
@@ -245,7 +250,9 @@ def _metres(
 
 
 def _without_data(tops: Floats, nodata: float | None, up_m: float) -> list[tuple[str, str]]:
-    """Replace impossible heights, which mark cells without data, by nan, and return a warning."""
+    """Replace impossible heights by nan, because they mark cells without data, and return a
+    warning.
+    """
     strange = tops < LOWEST_M
     if not strange.any():
         return []
@@ -281,7 +288,9 @@ def _check_layout(raster: Any, path: str) -> None:
 
 
 def _cells(count: int, step: float, cells: int, *, backwards: bool) -> NDArray[np.intp]:
-    """Raster cells along one axis at the centres of voxels that are numbered east or north."""
+    """Indices of the raster cells along one axis that contain the centres of the voxels.  The
+    voxels are numbered eastwards or northwards.
+    """
     cell: NDArray[np.intp] = np.minimum((np.arange(count) + 0.5) * step, cells - 1.0).astype(
         np.intp
     )

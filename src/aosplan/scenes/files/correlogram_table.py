@@ -15,13 +15,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DIGITS = 6
-"""Number of decimals of correlations and densities; the correlogram itself is less accurate."""
+"""Number of decimals of correlations and densities.  The rounding error is smaller than the error
+of the correlogram itself.
+"""
 
 MOST_ENTRIES = 1_000_000
 
 
 def correlogram_table(table: Correlogram) -> dict[str, Any]:
-    """A correlogram as plain values, including the densities by offset."""
+    """The correlogram as plain values, including the densities by offset."""
     return {
         "lags": table.lags.tolist(),
         "directions_deg": table.directions_deg.tolist(),
@@ -43,7 +45,8 @@ def correlogram_table(table: Correlogram) -> dict[str, Any]:
 def density_by_angle(table: Correlogram) -> list[list[float]]:
     """Pairs of an angle off nadir [deg] and the density p at that angle, averaged over directions."""
     angles = np.degrees(np.arctan(table.lags)).tolist()
-    kept = np.round(table.density_by_offset, DIGITS)  # rounded as in files, so that both agree
+    # The values are rounded as in files, so that they agree with a file that was read.
+    kept = np.round(table.density_by_offset, DIGITS)
     densities = np.round(kept.mean(axis=0), DIGITS).tolist()
     return [[0.0, table.density], *map(list, zip(angles, densities, strict=True))]
 

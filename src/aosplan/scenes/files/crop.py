@@ -1,7 +1,7 @@
-"""A rectangle to which a point cloud is cropped while it is read.
+"""Cropping of a point cloud to a rectangle while it is read.
 
-Its sides are parallel to x and y of the cloud.  It is given in the coordinates of the cloud or in
-degrees.  Tiles that do not overlap it are not read.
+The sides of the rectangle are parallel to the axes x and y of the cloud.  The rectangle is given in
+the coordinates of the cloud or in degrees.  Tiles that do not overlap it are not read.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ WGS84 = "EPSG:4326"
 GLOBE_DEG = (180.0, 90.0, 180.0, 90.0)
 
 NEARBY = 10_000.0
-"""Numbers in the range of degrees are coordinates if the cloud is closer to them than this."""
+"""Bounds in the range of degrees are read as coordinates of the cloud if no coordinate of its first
+point exceeds this.
+"""
 
 NARROWEST_M = 50.0
 """If the overlap with a plan is narrower than this, the whole cloud is used."""
@@ -50,8 +52,8 @@ class Crop:
     margin_m
         Margin around the bounds.
     of_plan
-        Whether the bounds come from a plan and not from the user.  If they do not overlap the
-        cloud, the whole cloud is used; if they do, a warning says that it was cropped.
+        Whether the bounds come from a plan and not from the user.  If such bounds overlap the
+        cloud, it is cropped with a warning; if they do not overlap it, the whole cloud is used.
     """
 
     bounds: tuple[float, float, float, float]
@@ -71,11 +73,8 @@ class CropBox(NamedTuple):
     low_m, high_m
         Smallest and largest x and y, each of shape (2,).
     place
-        Latitude and longitude of the centre, if they are known.
-    said
-        Warnings.
-    is_empty
-        The error to raise if no point is in the rectangle.
+        Latitude and longitude of the centre, if they are known. said Warnings for the user.
+        is_empty The error to raise if no point is in the rectangle.
     """
 
     low_m: Floats
@@ -85,8 +84,9 @@ class CropBox(NamedTuple):
     is_empty: RequestError
 
     def holds(self, raw: NDArray[np.int32], file: PointFile) -> NDArray[np.bool_]:
-        """Mask of the points of a file, shape (3, n) as integers of the file, that are in the
-        rectangle.
+        """Mask of the points of a file that are in the rectangle.
+
+        The points have the shape (3, n) and are integers as in the file.
         """
         scales, offsets = file.scales_m[:2], file.offsets_m[:2]
         least = np.ceil((self.low_m - offsets) / scales - 1e-6)
@@ -97,9 +97,10 @@ class CropBox(NamedTuple):
         return inside
 
     def meets(self, file: PointFile) -> bool:
-        """Whether a file may have points in the rectangle, by the bounds in its header.
+        """Whether a file may have points in the rectangle, according to the bounds in its header.
 
-        The bounds are used only if the first point of the file is within them.
+        If the first point of the file is outside of these bounds, the bounds are wrong, and the
+        result is true.
         """
         low, high = file.bounds * file.metres
         first = file.first_m()[:2]
@@ -109,13 +110,14 @@ class CropBox(NamedTuple):
 
 
 def box_of(crop: Crop, files: Sequence[PointFile], source: str) -> CropBox | None:
-    """The rectangle of a crop in the coordinates of some files; None to use all of their points.
+    """The rectangle of a crop in the coordinates of some files; None if all of their points are
+    used.
 
     Raises
     ------
     RequestError
-        If the crop is in degrees and the cloud has no coordinate reference system, or if it does
-        not overlap the cloud.
+        If the crop is in degrees and the cloud has no coordinate reference system.  Also if the
+        user's rectangle does not overlap the cloud.
     """
     file = next((file for file in files if file.reference.horizontal is not None), files[0])
     crs, metres = file.reference.horizontal, file.metres
@@ -175,8 +177,8 @@ def _text(corners: Floats) -> str:
 
 
 def _in_system(crs: CRS, bounds: tuple[float, float, float, float]) -> Floats:
-    """Bounds in degrees converted to a coordinate reference system; not finite if that is
-    impossible.
+    """Bounds in degrees, converted to a coordinate reference system.  If the conversion is
+    impossible, the result is not finite.
     """
     if (np.abs(bounds) > GLOBE_DEG).any():
         return np.full(4, math.nan)

@@ -1,8 +1,9 @@
-"""The ground below a point cloud: height at every corner of a grid, from the points.
+"""The ground below a point cloud: its height at every corner of a grid, computed from the points.
 
-Points come in blocks of shape (3, n) with x, y and z in metres from the corner of the plot, so that
-clouds of any size can be processed.  The numbers of triangles, nodes and filter cells are limited.
-On larger plots the cells are larger, and the points in a cell are merged.
+The functions take points in blocks of shape (3, n), so that clouds of any size can be processed.  A
+block has x, y and z in metres from the corner of the plot.  The numbers of triangles, nodes and
+filter cells are limited.  On larger plots the cells are larger, and the points in a cell are
+merged.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-# The triangulation takes about 7 µs per vertex, its evaluation 0.3 µs per node.
+# The triangulation takes about 7 µs per vertex. Its evaluation takes 0.3 µs per node.
 MAX_VERTICES = 20_000
 MAX_NODES = 160_000
 
@@ -36,7 +37,7 @@ NORMALIZED_SHARE = 0.9
 
 
 class _Cells:
-    """Square cells over a plot, numbered row by row; their number is close to a limit or below it."""
+    """Square cells over a plot, numbered row by row.  Their number is limited."""
 
     def __init__(self, size_m: Floats, most: int, least_edge_m: float = 0.0) -> None:
         width, depth = float(size_m[0]), float(size_m[1])
@@ -62,7 +63,9 @@ class _Cells:
 
 
 def vertices(blocks: Iterable[Floats], count: int, size_m: Floats) -> Floats:
-    """Points to triangulate, shape (3, n): all points, or means per cell if there are too many."""
+    """Points to triangulate, shape (3, n): all points, or the mean point of each cell if there are
+    too many points.
+    """
     if count <= MAX_VERTICES:
         return np.concatenate(list(blocks), axis=1)
     cells = _Cells(size_m, MAX_VERTICES)
@@ -90,7 +93,7 @@ def lowest(blocks: Iterable[Floats], size_m: Floats, edge_m: float = FILTER_CELL
 
 
 def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
-    """Whether z is already the height above the ground, judged by the lowest points of the plot.
+    """Whether z is already the height above the ground, according to the lowest points of the plot.
 
     The result is true if the lowest point is within half a metre of zero in at least nine of ten
     cells of 5 m.
@@ -100,12 +103,12 @@ def is_level_zero(low: Floats, size_m: Floats, zero_m: float) -> bool:
 
 
 def filtered(low: Floats, size_m: Floats) -> Floats:
-    """Those of the lowest points that are ground, shape (3, n), found by a cloth simulation filter.
+    """The lowest points that are ground, shape (3, n), found by a cloth simulation filter.
 
-    A simulated cloth falls on the inverted cloud; points that it touches are ground (Zhang et al.
-    2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a slope.  The mean
-    slope is therefore subtracted first, and the softest cloth is used.  On a slope of 27 % this
-    halves the error of the ground, to 0.06 m at 10 points per m².
+    A simulated cloth falls on the inverted cloud.  The points that the cloth touches are ground
+    (Zhang et al. 2016, Remote Sensing 8, 501).  A stiff or wide-meshed cloth does not follow a
+    slope.  The mean slope is therefore subtracted first, and the softest cloth is used.  On a slope
+    of 27 % with 10 points per m², this reduces the error of the ground by half, to 0.06 m.
     """
     from scipy.spatial import cKDTree
 
@@ -123,7 +126,7 @@ def filtered(low: Floats, size_m: Floats) -> Floats:
     cloth.setPointCloud(np.ascontiguousarray(level.T))
     ground, other = csf.VecInt(), csf.VecInt()
     with discarding_output(1):
-        # False: do not write the nodes of the cloth to a file.
+        # With False, the filter does not write the nodes of the cloth to a file.
         cloth.do_filtering(ground, other, False)
     index = np.array(ground, dtype=np.intp)
     return low[:, index[index < low.shape[1]]]
@@ -142,7 +145,7 @@ def slope(points: Floats) -> tuple[float, float]:
 
 def _cloth_filter() -> Any:
     # The OpenMP threads of the filter synchronise at every step of the cloth, which takes seconds
-    # if another process uses a core. The number of threads is read when the library is loaded.
+    # if another process uses a core. The library reads the number of threads when it is loaded.
     threads = os.environ.get("OMP_NUM_THREADS")
     os.environ["OMP_NUM_THREADS"] = "1"
     try:
@@ -159,9 +162,9 @@ def _cloth_filter() -> Any:
 def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArray[np.float32]:
     """z of the ground at the corners of a grid of cells, shape (rows + 1, columns + 1).
 
-    It is linear within the Delaunay triangles of the points, which have shape (3, n).  Outside
-    their hull it is the z of the nearest point.  If there are more than `MAX_NODES` corners, only
-    every second, third, ... is evaluated, and the others are interpolated.
+    The ground is linear within the Delaunay triangles of `points`, which have the shape (3, n).
+    Outside their hull, z is that of the nearest point.  If there are more than `MAX_NODES` corners,
+    only every second, third, ... corner is evaluated, and the others are interpolated.
     """
     from scipy.spatial import cKDTree
 
@@ -177,10 +180,10 @@ def surface(points: Floats, rows: int, columns: int, spacing_m: float) -> NDArra
 
 
 def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Floats:
-    """z at the nodes of a raster inside the triangles of the points, nan at the other nodes.
+    """z at the nodes of a raster.  It is nan at nodes outside of the triangles of the points.
 
-    Each triangle is filled row by row.  scipy's interpolation solves a small linear system for each
-    node, and its threads may wait for seconds if a processor is busy.
+    Each triangle is filled row by row.  The interpolation of scipy is not used: it solves a small
+    linear system for each node, and its threads may wait for seconds if a processor is busy.
     """
     from scipy.spatial import Delaunay, QhullError
 
@@ -189,7 +192,7 @@ def _triangulated(points: Floats, rows: int, columns: int, pitch_m: float) -> Fl
         triangles = Delaunay(points[:2].T).simplices
     except (QhullError, ValueError):
         return raster  # Fewer than three points, or points on a line, have no triangle.
-    # Corner 0 is the southernmost corner, corner 2 the northernmost.
+    # Corner 0 of each triangle is its southernmost corner, and corner 2 is its northernmost.
     triangles = np.take_along_axis(triangles, np.argsort(points[1][triangles], axis=1), axis=1)
     x, y = points[0][triangles] / pitch_m, points[1][triangles] / pitch_m
     z = points[2][triangles]
@@ -240,7 +243,9 @@ def _crossing(x0: Floats, y0: Floats, x1: Floats, y1: Floats, row: NDArray[np.in
 
 
 def _refined(nodes: NDArray[np.float32], step: int, count: int) -> NDArray[np.float32]:
-    """Interpolate along the first axis to `count` rows, of which `nodes` has every `step`-th."""
+    """Interpolate along the first axis to `count` rows.  `nodes` has every `step`-th of these
+    rows.
+    """
     row = np.arange(count)
     below = np.minimum(row // step, len(nodes) - 2)
     weight = (row / step - below).astype(np.float32)[:, np.newaxis]

@@ -1,7 +1,9 @@
-"""LAS and LAZ files: reading points in chunks, with errors that name what is wrong with a file.
+"""Reading of points from LAS and LAZ files in chunks, with errors that describe the fault of a
+file.
 
 The header is checked against the size of the file before laspy or its decoder uses it.  With a
-damaged header they would try to read billions of records, or crash because of a lack of memory.
+damaged header, laspy would try to read billions of records, or would crash because of a lack of
+memory.
 """
 
 from __future__ import annotations
@@ -30,21 +32,27 @@ if TYPE_CHECKING:
 
 EXTRA = "lidar"
 CHUNK_POINTS = 1_000_000
-"""Number of points that are decompressed at once; the decoder works on parts of them in parallel."""
+"""Number of points that are decompressed at once.  The decoder processes parts of them in
+parallel.
+"""
 
 PLAIN_CHUNK_POINTS = 200_000
-"""The same for uncompressed files: small enough to stay in a processor's cache."""
+"""Number of points that are read at once from an uncompressed file.  They fit into a processor's
+cache.
+"""
 
 LAST_POINT_FORMAT = 10
 
 LAYERED_FORMAT = 6
-"""First point format that is compressed in layers."""
+"""Smallest number of a point format that is compressed in layers."""
 
 PROBED_POINTS = 100
-"""Points that are decoded beyond the last one; from bytes that belong to no point come a few at most."""
+"""Number of points that are decoded beyond the last one.  From bytes that do not belong to points,
+the decoder gets a few points at most.
+"""
 
 LARGEST_PROBED_CHUNK = 1_000_000
-"""Points of the largest chunk that is decoded for that."""
+"""Number of points of the largest chunk that is decoded beyond its last point."""
 
 
 class PointFile:
@@ -76,12 +84,12 @@ class PointFile:
     Raises
     ------
     RequestError
-        If the file is missing, damaged or empty, if its coordinates are not on a plane, or if it
+        If the file is missing, damaged or empty, if its coordinates are not in a plane, or if it
         states contradictory units.
     MissingExtraError
         If laspy or its decoder is not installed.
     SurroundingsError
-        If the operating system does not allow it to be read.
+        If the operating system does not allow the file to be read.
     """
 
     def __init__(self, name: str, units: Units | None = None) -> None:
@@ -109,7 +117,7 @@ class PointFile:
 
     @property
     def metres(self) -> Floats:
-        """Metres in a unit of x and of y in the file, shape (2,)."""
+        """Metres in the units of x and of y in the file, shape (2,)."""
         metres: Floats = self.scales_m[:2] / self._scales[:2]
         return metres
 
@@ -125,14 +133,14 @@ class PointFile:
             return first
 
     def stretch(self, x: float, y: float) -> None:
-        """Multiply x and y by factors, if the scale of the projection is not 1."""
+        """Multiply x and y by factors, to correct the scale of the projection."""
         self.scales_m = self.scales_m * [x, y, 1.0]
         self.offsets_m = self.offsets_m * [x, y, 1.0]
 
     def chunks(self) -> Iterator[Chunk]:
         """Yield coordinates as integers (3, n), classes (n,) and withheld flags (n,).
 
-        The errors are those of the constructor.
+        Raises the same errors as the constructor.
         """
         with _faults(self.name), open(self.name, "rb") as stream:
             reader = _reader(stream)
@@ -143,14 +151,14 @@ class PointFile:
                 records = _plain_records(reader.header, stream, self.count)
             for chunk in records:
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
-                # A contiguous array, because numpy then compares many elements at once.
+                # The array is made contiguous, so that numpy compares many elements at once.
                 kind = np.ascontiguousarray(chunk.classification)
                 yield raw, kind, np.asarray(chunk.withheld, dtype=np.bool_)
 
     def pulse_chunks(self) -> Iterator[PulseChunk]:
         """Yield points with the attributes of their pulses.
 
-        The errors are those of the constructor.
+        Raises the same errors as the constructor.
         """
         with _faults(self.name), open(self.name, "rb") as stream:
             reader = _reader(stream, of_pulses=True)
@@ -174,7 +182,7 @@ class PointFile:
 
 
 class PulseChunk(NamedTuple):
-    """Some points of a file with the attributes of their pulses, arrays of length n.
+    """Some points of a file with the attributes of their pulses.  The arrays have the length n.
 
     `raw` has shape (3, n).  `time_s` is None if the points of the file have no GPS time.
     """
@@ -190,7 +198,7 @@ class PulseChunk(NamedTuple):
 
 
 def not_metric(source: str, why: str) -> RequestError:
-    """Error for coordinates that are not metres on a plane."""
+    """Error for coordinates that are not metres in a plane."""
     return RequestError(
         f"the coordinates of point cloud {source} are not metres on a plane: {why}",
         "reproject it to a metric system such as UTM",
@@ -215,7 +223,7 @@ def _faults(name: str) -> Iterator[None]:
     except (MemoryError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except BaseException as error:
-        # laspy, its decoder, struct and numpy report damage with exceptions of different types.
+        # laspy, its decoder, struct and numpy report damage with exceptions of many types.
         raise RequestError(
             f"point cloud {name} is damaged or truncated: {' '.join(str(error).split())}"
         ) from error
@@ -232,15 +240,16 @@ def _reader(stream: IO[bytes], *, of_pulses: bool = False) -> Any:
     return laspy.open(
         stream,
         closefd=False,
-        # Extended records may contain anything, such as gigabytes of waveforms.
+        # Extended records are not read, because they may contain gigabytes of data, such as
+        # waveforms.
         read_evlrs=False,
         decompression_selection=selection,
     )
 
 
 def _plain_records(header: Any, stream: IO[bytes], count: int) -> Iterator[Any]:
-    """Yield records that are not compressed; all use the same memory, so each is valid until the
-    next.
+    """Yield records that are not compressed.  All records use the same memory; each is valid until
+    the next one is requested.
     """
     from laspy import PackedPointRecord
 
@@ -315,8 +324,9 @@ def _check_scaling(scales_m: Floats, offsets_m: Floats, name: str) -> None:
 
 
 def _check_compression(header: Any, stream: IO[bytes]) -> tuple[bytes, list[tuple[int, int]]]:
-    """Check that the compressed chunks fit into the file, because the decoder allocates by their
-    table.
+    """Check that the compressed chunks fit into the file.
+
+    The decoder allocates memory according to the table of chunks.
 
     Returns
     -------
@@ -330,7 +340,8 @@ def _check_compression(header: Any, stream: IO[bytes]) -> tuple[bytes, list[tupl
         raise ValueError("the record that describes its compression is missing")
     start, size = header.offset_to_point_data, os.fstat(stream.fileno()).st_size
     table = _integer_at(stream, start, "<q")
-    if table <= 0:  # A writer that could not seek put the position at the end of the file.
+    # If the writer could not seek, the position of the table is at the end of the file.
+    if table <= 0:
         table = _integer_at(stream, size - 8, "<q")
     if not start < table < size or _integer_at(stream, table + 4, "<I") * 16 > size:
         raise ValueError("its table of chunks does not fit into the file")
@@ -357,13 +368,15 @@ def _uncounted(
         more = before + chunks[-1][0] > count
     elif before >= count:
         more = True
-    else:  # The table gives all chunks the same size, and the last one may be filled partly.
+    # According to the table, all chunks have the same number of points, and the last one may be
+    # filled partly.
+    else:
         length = chunks[-1][1]
         stream.seek(header.offset_to_point_data + 8 + sum(size for _, size in chunks[:-1]))
         chunk = stream.read(length)
         width = header.point_format.size
         if header.point_format.id >= LAYERED_FORMAT:
-            # Such a chunk has its number of points after its first point.
+            # A chunk that is compressed in layers has its number of points after its first point.
             more = before + struct.unpack_from("<I", chunk, width)[0] > count
         else:
             probed = count - before + PROBED_POINTS
@@ -375,7 +388,7 @@ def _uncounted(
 
 
 def _decodes(layout: bytes, chunk: bytes, size: int) -> bool:
-    """Whether a compressed chunk contains so many bytes of points."""
+    """Whether a compressed chunk contains at least `size` bytes of points."""
     import lazrs
 
     alone = io.BytesIO(struct.pack("<q", 8 + len(chunk)) + chunk)

@@ -1,9 +1,10 @@
-"""Coordinate reference systems of LAS and LAZ files, from all places where a file may state them.
+"""Coordinate reference systems of LAS and LAZ files, read from all records that may state them.
 
-A file has WKT or GeoTIFF keys, in the variable length records before the points or in the extended
-ones after them.  If both exist, the WKT bit of the header decides which applies (LAS 1.4 R15, 2.4
-and 2.6.2).  With GeoTIFF keys, the unit of x and y is that of key 3076 or of the projected system,
-key 3072.  The unit of z is that of key 4099 or of the vertical system, key 4096.
+A file has WKT or GeoTIFF keys.  They are in the variable length records before the points, or in
+the extended records after the points.  If both exist, the WKT bit of the header decides which
+applies (LAS 1.4 R15, 2.4 and 2.6.2).  With GeoTIFF keys, the unit of x and y is that of key 3076 or
+of the projected system, key 3072.  The unit of z is that of key 4099 or of the vertical system, key
+4096.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
     Warned = tuple[str, str]
 
 WKT, GEO_KEYS, GEO_DOUBLES, GEO_ASCII = 2112, 34735, 34736, 34737
-"""Record ids of the user id LASF_Projection."""
+"""Ids of the records with the user id LASF_Projection."""
 
 MODEL, GEODETIC, PROJECTED, UNIT, UNIT_SIZE, VERTICAL, VERTICAL_UNIT = (
     1024, 2048, 3072, 3076, 3077, 4096, 4099,
 )  # fmt: skip
-"""GeoTIFF keys."""
+"""Numbers of GeoTIFF keys."""
 
 USER_DEFINED = 32767
 WITHOUT_UNIT = range(5001, 5200)
@@ -55,9 +56,9 @@ class Reference(NamedTuple):
     vertical
         Name of the system of z, if the file states it.
     unreadable
-        What cannot be read, to continue a sentence after the name of the file; empty otherwise.
-    warnings
-        Codes, and sentences that continue after the name of the file.
+        Text that continues a sentence after the name of the file and tells which part cannot be
+        read; empty if all of it can be read. warnings Codes, and sentences that continue after the
+        name of the file.
     """
 
     units: Units = Units(None, None)
@@ -75,9 +76,8 @@ def metres_of(found: Reference, given: Units | None) -> tuple[Units, list[Warned
     Parameters
     ----------
     found
-        What the file states.
-    given
-        Units from the user, which override those that the file states.
+        The statements of the file. given Units from the user, which override those that the file
+        states.
     """
     if given is not None:
         return given, []
@@ -114,8 +114,8 @@ def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
     Raises
     ------
     RequestError
-        If the coordinates are not on a plane, if the statements about one unit contradict each
-        other, or if the extended records are beyond the end of the file.
+        If the coordinates are not in a plane, if two statements about a unit contradict each other,
+        or if the extended records are beyond the end of the file.
     """
     records = [
         (int(record.record_id), record.record_data_bytes())
@@ -151,7 +151,7 @@ def read_reference(header: Any, stream: IO[bytes], name: str) -> Reference:
 
 
 def _extended(stream: IO[bytes], name: str) -> Iterator[tuple[int, bytes]]:
-    """Records after the points that describe coordinates; other records are skipped."""
+    """The extended records that describe coordinates.  Other extended records are skipped."""
     size = os.fstat(stream.fileno()).st_size
     stream.seek(0)
     head = stream.read(375)
@@ -247,7 +247,9 @@ def _value(keys: dict[int, tuple[int, int]], key: int) -> int | None:
 
 
 def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float | None:
-    """Metres in the unit of x and y from its own keys: a unit code, or a size in metres."""
+    """Metres in the unit of x and y, from the keys for this unit: the code of a unit, or its size
+    in metres.
+    """
     code = _value(keys, UNIT)
     if code is None:
         return None
@@ -262,7 +264,8 @@ def _unit(keys: dict[int, tuple[int, int]], records: dict[int, bytes]) -> float 
 def _agreed(
     by_key: float | None, by_system: float | None, axes: str, keys: tuple[int, int], what: str
 ) -> float | None:
-    """A unit that may be stated by its own key and by the coordinate reference system.
+    """A unit that may be stated twice: by the key of the unit and by the coordinate reference
+    system.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Warnings about points of a cloud that are far away from all others.
 
 A single bird above a stand raises the canopy top to its height, and a ground point that is too low
-raises the heights of all plants around it.  Such points are not removed; a warning says where they
-are, and the user decides.
+raises the heights of all plants around it.  Such points are not removed.  A warning gives their
+place, and the user decides.
 """
 
 from __future__ import annotations
@@ -21,17 +21,21 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 GAP_M = 10.0
-"""Voxels above an empty gap that is at least this high may not be vegetation."""
+"""Voxels above an empty gap of at least this height may not be vegetation."""
 
 FEW = 0.001
-"""Voxels above a gap are outliers if they are at most this share of all occupied voxels."""
+"""Voxels above a gap are outliers if their share of all occupied voxels is at most this."""
 
 NARROW = 0.5
-"""Points are far beside a cloud if it is narrower without them than this share of its length."""
+"""Points are far beside a cloud if the cloud without them is shorter than this share of its whole
+length.
+"""
 
 GROUND_STEP_M = 10.0
 STEEPEST = 2.0
-"""A ground point is suspect if it is far from its neighbours and the slope to them is steeper."""
+"""A ground point is suspect if it is far from its neighbours and the slope to them is steeper than
+this.
+"""
 
 NEIGHBOURS = 8
 
@@ -109,7 +113,8 @@ def ground_outliers(points: Floats, origin_m: Floats) -> Iterator[tuple[str, str
 
     if points.shape[1] <= NEIGHBOURS:
         return
-    nearest = range(2, NEIGHBOURS + 2)  # the first neighbour is the point itself
+    # The first neighbour is skipped, because it is the point itself.
+    nearest = range(2, NEIGHBOURS + 2)
     distance, index = map(np.asarray, cKDTree(points[:2].T).query(points[:2].T, list(nearest)))
     step = points[2] - np.median(points[2, index], axis=1)
     found = np.flatnonzero(np.abs(step) > GROUND_STEP_M + STEEPEST * distance[:, -1])

@@ -1,15 +1,15 @@
-"""Point clouds: LAS and LAZ files of one stand, converted to a `VoxelVolume`.
+"""Conversion of point clouds (LAS and LAZ files of one stand) to a `VoxelVolume`.
 
 Noise (classes 7 and 18, withheld points) is removed.  The ground points are triangulated, and the
-ground is linear within the triangles; outside their hull it has the height of the nearest ground
-point.  It is evaluated at the corners of the voxel columns and interpolated bilinearly between
-them.  The height of a point is its z above this ground.  A voxel is occupied if it contains at
-least one point.
+ground is linear within the triangles.  Outside their hull, the ground has the height of the nearest
+ground point.  The height of the ground is computed at the corners of the voxel columns and
+interpolated bilinearly between them.  The height of a point is its z minus the z of this ground.  A
+voxel is occupied if it contains at least one point.
 
-Each file is decoded once.  The coordinates, as integers of the file, are kept in an anonymous
-temporary file until the ground is known, and are then sorted into voxels block by block.  The
-memory therefore depends on the number of voxels, not of points.  No memory is allocated because of
-an unchecked number in a header.
+Each file is decoded once.  The coordinates are kept as integers in an anonymous temporary file
+until the ground is known.  They are then sorted into voxels block by block.  The required memory
+therefore depends on the number of voxels and not on the number of points.  Numbers in a header are
+checked before memory is allocated according to them.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ GroundMethod = Literal["auto", "class", "filter", "normalized"]
 NOISE_CLASSES = (7, 18)
 GROUND_CLASS = 2
 
-# Fifty points for each vertex of the ground; their mean is accurate enough without the others.
+# The mean of fifty points for each vertex of the ground is accurate enough; others are not used.
 ENOUGH_GROUND_POINTS = 50 * MAX_VERTICES
 
 MAX_EXTENT_M = 100_000.0
@@ -68,13 +68,13 @@ SPARSE_POINTS_PER_M2 = 20.0
 SATURATED_OCCUPANCY = 0.98
 FULL_FOOTPRINT = 0.95
 POINTS_A_COLUMN = 1.6
-"""Mean points per voxel column; with fewer, over a fifth of the columns are empty by chance."""
+"""Mean points per voxel column; with fewer, more than 20 % of the columns are empty by chance."""
 
 MOST_PULSE_COLUMNS = 400_000
-"""Largest number of voxel columns for a fit of pulses; wider plots get larger voxels."""
+"""Largest number of voxel columns for a fit of pulses; larger plots get larger voxels."""
 
 LARGEST_PULSE_VOXEL_M = 0.5
-"""Largest voxel for a fit of pulses; V differed by at most 2.3 % from 0.15 to 0.5 m."""
+"""Largest voxel for a fit of pulses.  From 0.15 m to 0.5 m, V changed by at most 2.3 %."""
 
 DEFAULT_VOXEL_M = 0.25
 USUAL_VOXELS = 800_000_000
@@ -87,7 +87,7 @@ LARGEST_VOXEL_M = 0.5
 """Largest voxel size for this limit. On larger plots, the default is refused as too small."""
 
 SPACINGS_ACROSS = 4.0
-"""Side of a square in mean distances between points; it contains 16 points on average."""
+"""Side of a square that contains 16 points on average, in mean distances between points."""
 
 
 def read_voxels(
@@ -110,13 +110,13 @@ def read_voxels(
     paths
         The files; several are read as one cloud.
     voxel_m
-        Edge length of a voxel.  None for 0.25 m, or, on plots of several hundred metres, for the
-        size that results in `USUAL_VOXELS` voxels, with a warning.
+        Edge length of a voxel.  If it is None, it is 0.25 m.  On plots of several hundred metres it
+        is larger, so that there are `USUAL_VOXELS` voxels, and there is a warning.
     ground
         ``class``: the points of class 2.  ``filter``: the points that a cloth simulation filter
-        finds.  ``normalized``: z is already the height above the ground.  ``auto``: the first of
-        these that applies: class (at least one ground point per 25 m²), normalized (the lowest
-        point is within 0.5 m of zero in nine of ten cells of 5 m), filter.
+        finds.  ``normalized``: z is already the height above the ground.  ``auto``: ``class`` if
+        there is at least one ground point per 25 m²; otherwise ``normalized`` if the lowest point
+        is within 0.5 m of zero in nine of ten cells of 5 m; otherwise ``filter``.
     min_height_m
         Points below this height are not occluders.
     units
@@ -124,30 +124,29 @@ def read_voxels(
         (`aosplan.crs.given_units`).
     opacity
         ``voxels``: a voxel is opaque if it contains a point.  ``pulses``: the opacity is fitted to
-        the laser pulses (`aosplan.scenes.pulses`) and realised in smaller cells.  ``auto``: pulses
-        if the cloud has them and they are usable, otherwise voxels with a warning.
-    leaf_size_m
-        Edge of these cells; None for 0.06 m, or more on large plots.
+        the laser pulses (`aosplan.scenes.pulses`) and represented by smaller cells.  ``auto``:
+        ``pulses`` if the cloud has usable pulses, otherwise ``voxels`` with a warning. leaf_size_m
+        Edge of these smaller cells.  If it is None, it is 0.06 m, or more on large plots.
     trajectory
         CSV file with positions of the sensor (`aosplan.scenes.pulses.trajectory`); None to
         compute them from the pulses.
     crop
         Rectangle outside of which points are ignored; None to use all points.
     progress
-        Function that is called with the work done and the total work, in points.  A point counts
-        twice, when it is read and when it is sorted into a voxel.
+        Function that is called with the work done and the total work, in points.  Each point counts
+        twice: once when it is read, and once when it is sorted into a voxel.
 
     Returns
     -------
     VoxelVolume
-        Slices up to the highest occupied one.  Coordinates are in metres, converted from the unit
-        that the files state.  Warnings name conversions and assumptions.
+        The volume, up to the highest occupied slice.  Coordinates are converted to metres from the
+        units that the files state.  The warnings name conversions and assumptions.
 
     Raises
     ------
     RequestError
-        If a file is missing, damaged or empty, if its coordinates are not metres on a plane, or
-        if the plot needs too many voxels.
+        If a file is missing, damaged or empty, if its coordinates are not metres in a plane, or if
+        the plot needs too many voxels.
     MissingExtraError
         If laspy, its LAZ backend or the ground filter is not installed.
     SurroundingsError
@@ -318,7 +317,7 @@ def _decode(
     progress: Progress | None,
     box: CropBox | None,
 ) -> int:
-    """Store all points that are not noise; return the number of points including noise."""
+    """Store all points that are not noise.  Returns the number of points including noise."""
     total = sum(file.count for file in files)
     done = 0
     for file in files:
@@ -352,7 +351,9 @@ def _decode(
 
 @dataclass(frozen=True)
 class _Plot:
-    """The rectangle of the points; the plot consists of the whole voxels in it."""
+    """The rectangle around the points.  The plot consists of the voxels that are completely in
+    it.
+    """
 
     origin_m: Floats
     size_m: Floats
@@ -397,9 +398,10 @@ class _Plot:
 def _find_ground(
     cloud: Spool, plot: _Plot, method: GroundMethod
 ) -> tuple[str, NDArray[np.float32], list[Warned]]:
-    """Choose a method; return it, z of the ground at the corners of the columns, and warnings.
+    """Choose a method and find the ground.
 
-    z is relative to the lowest point of the cloud.
+    Returns the method, z of the ground at the corners of the columns, and warnings. z is relative
+    to the lowest point of the cloud.
     """
     origin, size = plot.origin_m, plot.size_m
     if method in ("auto", "class"):
@@ -440,7 +442,7 @@ def _followed(
 
 
 def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[Warned]:
-    """Yield warnings about the cloud for the user of the results."""
+    """Yield warnings about the cloud, for the user."""
     occupancy = volume.column_occupancy
     if volume.ground == "filter":
         message = "the ground is what a cloth simulation filter found, not a classification"
@@ -469,7 +471,7 @@ def _doubts(volume: VoxelVolume, covered: float, *, assumed: bool) -> Iterator[W
 
 
 def _of_opacity(volume: VoxelVolume, spacing_m: float) -> Iterator[Warned]:
-    """Yield warnings about voxels that are opaque because they contain a point."""
+    """Yield warnings for volumes whose voxels are opaque if they contain a point."""
     voxel_m, occupancy = volume.voxel_m, volume.column_occupancy
     if volume.opacity is not None and volume.opacity.reason:
         message = (

@@ -1,4 +1,4 @@
-"""Pydantic models of scene files, for their JSON Schema and for messages about errors."""
+"""Pydantic models of scene files, for the JSON Schema and for error messages."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ class InteriorDocument(Document):
 
 
 class CorrelogramDocument(Document):
-    """Correlation of two views by direction and lag (camera offset over altitude)."""
+    """Correlation of two views by direction and lag.  The lag is the camera offset divided by the
+    altitude.
+    """
 
     lags: list[Finite]
     directions_deg: list[Finite]
@@ -39,7 +41,8 @@ class CorrelogramDocument(Document):
 class SceneDocument(Document):
     """A scene file: one uniform volume, layers, or the numbers of an inventory.
 
-    What `aosplan scene --json` prints is one too: what follows from the rest is not read.
+    The output of `aosplan scene --json` is also a scene file.  Values in it that follow from others
+    are not read.
     """
 
     name: str

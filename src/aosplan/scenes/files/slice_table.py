@@ -24,7 +24,9 @@ COLUMNS: dict[str, Callable[[str, str], float]] = {
     "density": q.share,
     "occluder_size_m": _length,
 }
-"""Required columns of the header, in any order and among other columns, and their parsers."""
+"""Names of the required columns, and their parsers.  The columns may be in any order, and there may
+be others.
+"""
 
 
 def read_slices(path: str) -> LayeredScene:
@@ -36,7 +38,7 @@ def read_slices(path: str) -> LayeredScene:
     Raises
     ------
     RequestError
-        If the file is not such a table; the message names the line and the column.
+        If the file is not such a table.  The message gives the line and the column.
     """
     text = text_of(read_bytes(path), path)
     rows = csv.reader(text.splitlines(), strict=True)
@@ -72,9 +74,10 @@ def read_slices(path: str) -> LayeredScene:
 
 
 def _as_long_as(header: list[str], cells: list[str]) -> list[str]:
-    """A row with as many cells as the header.
+    """The cells of a row, as many as the header has.
 
-    Spreadsheets add commas after the last column, or leave out empty cells at the end of a row.
+    Some spreadsheets add commas after the last column, or leave out empty cells at the end of a
+    row.
     """
     if not any(cell.strip() for cell in cells[len(header) :]):
         cells = cells[: len(header)]

@@ -1,4 +1,4 @@
-"""Temporary storage of points on the disk, from which they are read in blocks several times."""
+"""Temporary storage of points on the disk.  The points can be read several times, in blocks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-# Small enough that the dozen arrays of a block stay in a processor's cache.
+# With this size, the dozen arrays of a block stay in a processor's cache.
 BLOCK_POINTS = 1 << 16
 
 
@@ -63,7 +63,7 @@ class Spool:
     def blocks(
         self, origin_m: Floats, unit_m: float = 1.0, *, ground_only: bool = False, every: int = 1
     ) -> Iterator[Floats]:
-        """Yield blocks of shape (3, n) with all points, or every second, third, ... point.
+        """Yield blocks of shape (3, n) with all points, or with every second, third, ... point.
 
         Coordinates are relative to an origin, in units of `unit_m`.
         """

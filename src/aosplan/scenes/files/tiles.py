@@ -1,4 +1,6 @@
-"""Checks that the files of one point cloud have the same coordinates, and their common warnings."""
+"""Checks that the files of one point cloud have the same coordinate reference system, and the
+warnings that they share.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +20,13 @@ if TYPE_CHECKING:
     Warned = tuple[str, str]
 
 APART_M = 0.05
-"""Coordinate reference systems are different if a point differs by more than this between them."""
+"""Two coordinate reference systems are different if the positions of the same point differ by more
+than this.
+"""
 
 
 def warnings_of_files(files: Sequence[PointFile]) -> list[Warned]:
-    """The warnings of files; a warning that several files share is given once."""
+    """The warnings of several files.  A warning that several files have is given once."""
     names: dict[Warned, list[str]] = {}
     for file in files:
         for warning in file.warnings:
@@ -40,14 +44,15 @@ def _and_more(names: Sequence[str]) -> str:
 def brought_together(
     files: Sequence[PointFile], source: str
 ) -> tuple[list[Warned], tuple[float, float] | None]:
-    """Scale x and y of the files to true metres, after checking that they have one reference
-    system.
+    """Scale x and y of the files to true metres.  Before that, check that all files have the same
+    reference system.
 
     Returns
     -------
     tuple
-        Warnings about a projection whose scale is not 1 and about files without a reference
-        system; latitude and longitude of the cloud, if its reference system gives them.
+        Warnings, and latitude and longitude of the cloud if its reference system gives them.  The
+        warnings are about a projection whose scale is not 1, and about files without a reference
+        system.
 
     Raises
     ------
@@ -106,7 +111,7 @@ def _check_same(first: PointFile, file: PointFile) -> None:
 
 
 def _datum(name: str) -> str:
-    """Name of a vertical datum without its unit, so that ``NAVD88 height (ftUS)`` is NAVD88."""
+    """Name of a vertical datum without its unit: NAVD88 for ``NAVD88 height (ftUS)``."""
     return name.lower().split(" height")[0].split("(")[0].strip()
 
 

@@ -1,8 +1,8 @@
 """Scene files in TOML and JSON.
 
-A quick check finds out whether a table is valid, which then becomes a scene directly.  Only if it
-is not, pydantic is imported to produce the error message (`aosplan.scenes.files.scene_schema`),
-because the import takes as long as a whole plan.
+A quick check decides whether a table is valid.  A valid table is converted to a scene directly.
+For an invalid table, pydantic produces the error message (`aosplan.scenes.files.scene_schema`).  It
+is imported only then, because the import takes as long as a whole plan.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ class SceneFile(NamedTuple):
     path: str
 
     def correlogram(self) -> Correlogram | None:
-        """The correlogram; it is checked here, so that other models do not spend time on it."""
+        """The correlogram.  Its table is checked only here, so that models without a correlogram do
+        not spend time on the check.
+        """
         if self.table is None:
             return None
         from aosplan.scenes.files.correlogram_table import correlogram_from
@@ -89,7 +91,8 @@ _NONE: dict[str, Any] = {"lags": [], "directions_deg": [], "rho": [], "reach": 0
 
 
 def _is_number(value: Any) -> bool:
-    # bool is a subclass of int, and an int may be too large for a float.
+    # The types are compared exactly, because bool is a subclass of int. An int may be too large for
+    # a float.
     return (type(value) is float and math.isfinite(value)) or (
         type(value) is int and abs(value) < 2**53
     )
@@ -148,7 +151,7 @@ def _scene(table: Table, path: str) -> Scene:
 
 
 def _correlogram(table: Table) -> dict[str, Any] | None:
-    """The table of a correlogram, with the densities that the document has outside of it."""
+    """The table of a correlogram, completed by densities that are elsewhere in the document."""
     if "correlogram" not in table:
         return None
     beside = {"density": "integrated_density", "density_by_offset": "density_by_offset"}
@@ -182,14 +185,15 @@ def _lacking(path: str, what: str) -> RequestError:
 
 
 def scene_toml(scene: Scene, correlogram: Correlogram | None = None) -> bytes:
-    """A scene as a TOML file with its statistics, from which a plan can be made without the cloud.
+    """A scene with its statistics as a TOML file.  Plans can be made from this file without the
+    cloud.
 
     Parameters
     ----------
     scene
         Uniform or layered.
     correlogram
-        The correlogram of the scene, if there is one; the measured model then uses it.
+        The correlogram of the scene, if there is one.  The measured model uses it.
     """
     import tomli_w
 

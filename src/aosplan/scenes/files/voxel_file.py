@@ -1,9 +1,10 @@
-"""A stand in one compressed file (``.npz``), from which plans can be made without the point cloud.
+"""Files that contain a stand in compressed form (``.npz``).  Plans can be made from them without
+the point cloud.
 
 The file is a zip archive of plain arrays.  It contains ``occupied`` (eight voxels per octet along
-x), the numbers and texts of a `VoxelVolume`, and the results computed from them: the layers, and
-the correlogram if there is one.  It is read without pickle and written with constant dates, so that
-the same stand results in the same bytes.
+x) and the numbers and texts of a `VoxelVolume`.  It also contains results that were computed from
+the volume: the layers, and possibly the correlogram.  It is read without pickle and written with
+constant dates, so that the same stand results in the same bytes.
 """
 
 from __future__ import annotations
@@ -35,13 +36,17 @@ BOUNDS = ("densest", "most_open")
 """Names of the two bounds of a volume from pulses."""
 
 MOST_OCTETS = MAX_VOXELS // 4
-"""Largest size of a file, or of an array in it: twice that of all voxels at eight per octet."""
+"""Largest size of a file, or of an array in it [bytes].  It is twice the size of the largest
+volume, at eight voxels per octet.
+"""
 
 PLAIN_OCTETS = 16 * 1024 * 1024
-"""Size that any file may have after unpacking."""
+"""Size that every file may have after unpacking [bytes], for any ratio of compression."""
 
 MOST_RATIO = 200
-"""Factor by which a larger file may grow; packing voxels of trees shrinks them to about a tenth."""
+"""Largest ratio between the sizes after and before unpacking, for larger files.  For voxels of
+trees the ratio is about ten.
+"""
 
 DAMAGE = (
     ArithmeticError,
@@ -70,7 +75,7 @@ class VoxelStand(NamedTuple):
 
     @classmethod
     def of(cls, volume: VoxelVolume) -> VoxelStand:
-        """A volume with its layers, which are computed here."""
+        """A stand from a volume.  The layers are computed."""
         from aosplan.scenes.occluder_statistics import layered_scene
 
         return cls(volume, layered_scene(volume, "stand").layers)
@@ -137,7 +142,7 @@ def read_stand(path: str) -> VoxelStand:
 
 
 def parse_stand(stored: bytes, path: str) -> VoxelStand:
-    """The stand in the content of a file; raises the errors of `read_stand`."""
+    """The stand that the content of a file describes.  Raises the same errors as `read_stand`."""
     content = io.BytesIO(stored)
     try:
         with zipfile.ZipFile(content) as archive:
@@ -161,7 +166,7 @@ def _stand(
     about: dict[str, Any], packed: NDArray[np.uint8], bounds: list[NDArray[np.uint8]], path: str
 ) -> VoxelStand:
     volume = _volume(about, packed, bounds)
-    if "layers" not in about:  # a file of an early version has only the voxels
+    if "layers" not in about:  # Files of early versions contain only the voxels.
         return VoxelStand.of(volume)
     layers = tuple(Layer(*map(float, layer)) for layer in about["layers"])
     table = about.get("correlogram")

@@ -1,15 +1,17 @@
-"""Attenuation of each voxel from intercepted energy and path lengths, and its scale.
+"""Attenuation of each voxel from intercepted energy and path lengths, and its scale factor.
 
-I is the energy intercepted in a voxel, and L the sum of weight times path length in it.  The
-maximum likelihood estimate of the attenuation λ [1/m] is I/L.  It is uncertain if few rays cross
-the voxel.  It is therefore shrunk towards the attenuation of the block of 2 x 2 x 2 around the
-voxel, λ = (I + a)/(L + a/λ_parent).  The blocks form a pyramid from the whole layer through blocks
-of up to 4 m down to the voxel.  The strength a is chosen so that each half of the pulses predicts
-the other half best.
+For each voxel, I is the energy that is intercepted in it, and L is the sum of weight times path
+length in it.  The maximum likelihood estimate of the attenuation λ [1/m] is I/L.  This estimate is
+uncertain if few rays cross the voxel.  It is therefore shrunk towards the attenuation λ_parent of
+the block of 2 x 2 x 2 voxels that contains the voxel: λ = (I + a)/(L + a/λ_parent).  The
+attenuation of a block is shrunk in the same way, towards that of a larger block.  The largest
+blocks are at most 4 m wide; they are shrunk towards the attenuation of their whole layer.  The
+strength a is chosen so that each half of the pulses predicts the other half best.
 
-The mean transmission through these voxels differs slightly from the measured one, because leaves
-are clumped within voxels and λ is uncertain.  A scale factor for all λ corrects this on average.
-It is found by cross-fitting: each quarter of the pulses is predicted by the λ of the other three.
+The mean transmission that follows from these λ differs slightly from the measured transmission,
+because leaves are clumped within voxels and λ is uncertain.  A scale factor for all λ corrects this
+on average.  It is found by cross-fitting: the transmission of each quarter of the pulses is
+predicted with the λ from the other three quarters.
 """
 
 from __future__ import annotations
@@ -32,14 +34,16 @@ SCALES = (0.02, 50.0)
 
 
 class VoxelSums(NamedTuple):
-    """Intercepted energy [pulses] and weight times path [m] of each voxel, both of the same shape."""
+    """Intercepted energy [pulses] and sum of weight times path length [m] of each voxel.  Both
+    arrays have the same shape.
+    """
 
     intercepted: Singles
     path_m: Singles
 
 
 def total(parts: Sequence[VoxelSums]) -> VoxelSums:
-    """The sum of the sums of several parts of the pulses."""
+    """The total of the sums of several parts of the pulses."""
     intercepted, path_m = (np.sum(each, axis=0) for each in zip(*parts, strict=True))
     return VoxelSums(intercepted, path_m)
 
@@ -52,7 +56,7 @@ def attenuation(sums: VoxelSums, strength: float, voxel_m: float) -> Singles:
     sums
         Sums of shape (slices, rows, columns).
     strength
-        a, the weight of the parent in each voxel, as a number of pulses.
+        a, the weight of the larger block in the estimate, as a number of pulses.
     voxel_m
         Edge of a voxel.
     """
@@ -71,7 +75,7 @@ def attenuation(sums: VoxelSums, strength: float, voxel_m: float) -> Singles:
 
 
 def _shrunk(sums: VoxelSums, parent: Singles, strength: float) -> Singles:
-    """(I + a)/(L + a/λ), or 0 if the parent has no attenuation."""
+    """The estimate (I + a)/(L + a/λ_parent), or 0 if λ_parent is 0."""
     above = (sums.intercepted + np.float32(strength)) * parent
     rate: Singles = above / np.maximum(sums.path_m * parent + np.float32(strength), 1e-30)
     return rate
@@ -102,9 +106,10 @@ def _grown(values: Singles, shape: tuple[int, ...]) -> Singles:
 
 
 def best_strength(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> float:
-    """The strength of the shrinkage with which each half of the pulses predicts the other best.
+    """The strength of the shrinkage with which each half of the pulses predicts the other half
+    best.
 
-    The likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
+    The log-likelihood of a half is that of a Poisson process along its paths: Σ I log λ - L λ.
     """
 
     def likelihood(strength: float) -> float:
@@ -122,7 +127,7 @@ def best_strength(halves: tuple[VoxelSums, VoxelSums], voxel_m: float) -> float:
 
 
 def scale_for(depths: Floats, gap: float) -> float:
-    """Factor of optical depths that makes their mean transmission equal to a gap fraction.
+    """Factor for optical depths with which their mean transmission equals a gap fraction.
 
     Parameters
     ----------

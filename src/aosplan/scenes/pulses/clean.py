@@ -1,4 +1,4 @@
-"""Cleaning of returns: exact duplicates, and flight lines without ground."""
+"""Cleaning of returns: removes exact duplicates, and finds flight lines without ground."""
 
 from __future__ import annotations
 
@@ -12,16 +12,21 @@ if TYPE_CHECKING:
     from aosplan.scenes.pulses.returns import Returns
 
 LOW_SHARE = 0.005
-"""Smallest share of last returns below the cut in a flight line that reached the ground."""
+"""Smallest share of last returns that are below the cut, in a flight line whose pulses reached the
+ground.
+"""
 
 LONGEST_PAUSE_S = 5.0
-"""A flight line is split where the sensor recorded no return of the stand for longer than this."""
+"""A flight line is split at each pause in which the sensor recorded no return of the stand for
+longer than this.
+"""
 
 
 def without_duplicates(returns: Returns) -> Returns:
-    """Returns without duplicates, which have the same coordinates, number, line and time.
+    """Returns without duplicates, in their order.
 
-    The order is kept.  Points occur twice in overlapping tiles and in files that were merged twice.
+    Duplicates have the same coordinates, number, line and time.  They occur in overlapping tiles
+    and in files that were merged twice.
     """
     odd = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
     key = np.zeros(returns.number.size, dtype=np.uint64)

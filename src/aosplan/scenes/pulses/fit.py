@@ -1,4 +1,6 @@
-"""From the pulses of a point cloud to a binary volume: all steps, and reasons for stopping."""
+"""Fit of a volume of opaque and empty cells to the pulses of a point cloud: executes all steps in
+order.
+"""
 
 from __future__ import annotations
 
@@ -25,30 +27,36 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 MOST_RETURNS = 5_000_000
-"""Largest number of returns whose pulses are all traced; of more, a random share of the pulses is."""
+"""Largest number of returns whose pulses are all traced.  If there are more returns, only a random
+share of the pulses is traced.
+"""
 
 MOST_VOXELS = 100_000_000
 FEWEST_PULSES = 1000
 FEWEST_A_M2 = 2.0
 LEAST_COMPLETE = 0.5
 FEWEST_THROUGH = 500
-"""Smallest number of pulses through the whole canopy within the plot that alone set the scale."""
+"""Smallest number of pulses that cross the whole canopy within the plot.  If there are fewer, other
+pulses are also used to find the scale.
+"""
 
 LEAST_COSINE = 0.2
-"""Smallest cosine of the zenith angle; flatter pulses are not representative of views from above."""
+"""Smallest cosine of the zenith angle of a used pulse.  More oblique pulses are not representative
+of views from above.
+"""
 
 WIDEST_M = 0.5
 """Largest distance of a first return from the line between the last return and the sensor."""
 
 FOLDS = 4
-"""Number of parts of the pulses; each is predicted from the others."""
+"""Number of parts into which the pulses are divided.  Each part is predicted from the others."""
 
 FOLD_SEED = 1
 ENERGIES = ("first", "weighted", "last")
 
 
 class UnsoundPulsesError(Exception):
-    """The opacity cannot be found from the pulses; the message says why."""
+    """The opacity cannot be found from the pulses.  The message gives the reason."""
 
 
 class PulseVolume(NamedTuple):
@@ -59,7 +67,8 @@ class PulseVolume(NamedTuple):
     occupied
         Opaque cells, shape (slices, rows, columns).
     bounds
-        Opaque cells for the gaps of first returns and for the gaps of last returns.
+        Opaque cells for two extreme assumptions: the first return of each pulse has all its energy,
+        or the last return has all of it.
     cell_m
         Edge of a cell.
     opacity
@@ -73,7 +82,7 @@ class PulseVolume(NamedTuple):
 
 
 class Beams(NamedTuple):
-    """Pulses that can be used for the attenuation, with their directions and energies.
+    """Usable pulses, with their directions and energies.
 
     Attributes
     ----------
@@ -82,7 +91,7 @@ class Beams(NamedTuple):
     energy
         Shape (n,): energy of each return.
     low
-        Shape (n,): returns below the cut, which count as ground.
+        Shape (n,): whether a return is below the cut, so that it is treated as ground.
     to_sensor
         Shape (3, P): unit vectors from the last return of each pulse to the sensor.
     kind
@@ -97,7 +106,7 @@ class Beams(NamedTuple):
     kind: str
 
     def take(self, which: NDArray[np.bool_]) -> Beams:
-        """A part of the pulses."""
+        """Some of the pulses, by index or mask."""
         return self._replace(pulses=self.pulses.take(which), to_sensor=self.to_sensor[:, which])
 
     def gaps(self) -> dict[str, Floats]:
@@ -150,14 +159,15 @@ def volume_from_pulses(
     trajectory: Trajectory | None = None,
     points: int = 0,
 ) -> PulseVolume:
-    """Fit the attenuation of a stand to its pulses, and realise it as cells.
+    """Fit the attenuation of a stand to its pulses, and draw opaque cells from it.
 
     Parameters
     ----------
     files
         Point clouds of the stand.
     grid
-        Voxels above the ground; the number of slices is determined here.
+        Voxels above the ground.  Their number of slices is ignored, and is determined from the
+        pulses.
     origin_m
         Shape (3,): the corner of the plot, which is the origin of the grid.
     leaf_m
@@ -165,7 +175,7 @@ def volume_from_pulses(
     trajectory
         Positions of the sensor, if they are known.
     points
-        Number of returns of the plot; if it is large, only a share of the pulses is traced.
+        Number of returns of the plot.  If it is large, only a share of the pulses is traced.
 
     Raises
     ------
@@ -222,8 +232,8 @@ def sound_beams(
     trajectory: Trajectory | None = None,
     share: float = 1.0,
 ) -> tuple[Beams, trace.VoxelGrid]:
-    """Clean and group the returns of some files, find the directions, and keep the pulses of the
-    plot.
+    """Pulses of the plot: clean and group the returns of some files, find the directions, and
+    select pulses.
 
     Raises
     ------
@@ -296,8 +306,8 @@ def directions(
     Returns
     -------
     tuple
-        Vectors of shape (3, P); a mask of the reliable ones, shape (P,); the largest residual
-        [deg] of the flight lines that were rejected because of it.
+        Vectors of shape (3, P); a mask of the reliable vectors, shape (P,); and the largest
+        residual [deg] of the flight lines that were rejected because of their residual.
     """
     at_m = returns.xyz_m[:, pulses.last]
     to_sensor = np.zeros_like(at_m)
@@ -350,7 +360,7 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
     depths = np.zeros(len(beams.pulses))
     for k, part in enumerate(parts):
         others = attenuation.VoxelSums(*(each - own for each, own in zip(both, part, strict=True)))
-        # Rounding may make a difference of sums negative.
+        # Because of rounding, a difference of sums may be negative.
         for each in others:
             np.maximum(each, 0.0, out=each)
         rate = attenuation.attenuation(others, strength, grid.voxel_m)
@@ -375,10 +385,11 @@ def fitted_field(beams: Beams, grid: trace.VoxelGrid) -> AttenuationField:
 
 
 def through_canopy(beams: Beams, grid: trace.VoxelGrid) -> NDArray[np.bool_]:
-    """Mask of the pulses that cross the whole canopy within the plot and have all returns.
+    """Mask of the pulses that cross the whole canopy within the plot and whose returns are all
+    present.
 
     The canopy outside the plot is unknown.  If there are too few such pulses, the mask has all
-    pulses with all returns.
+    pulses whose returns are all present.
     """
     whole = beams.returns.number[beams.pulses.first] == 1
     last = beams.returns.xyz_m[:, beams.pulses.last]

@@ -14,17 +14,19 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SAME_TIME_S = 1e-6
-"""Largest time difference between returns of one pulse; the fastest lasers fire at this interval."""
+"""Largest time difference between returns of one pulse.  It is the interval between pulses of the
+fastest lasers.
+"""
 
 PLAUSIBLE_SUM = 0.15
-"""Largest plausible deviation from 1 of the mean sum of energies of pulses with several returns."""
+"""Largest plausible deviation of the mean energy from 1, for pulses with several returns."""
 
 FEWEST_OF_A_KIND = 50
 """Smallest number of returns of a kind whose mean intensity is used for calibration."""
 
 
 class Pulses(NamedTuple):
-    """Complete pulses: each has all returns from the first one that is present to the last one.
+    """Complete pulses.  Each has all returns from its first present return to its last return.
 
     Attributes
     ----------
@@ -44,7 +46,7 @@ class Pulses(NamedTuple):
         return self.stop - 1
 
     def take(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> Pulses:
-        """A part of the pulses."""
+        """Some of the pulses, by index or mask."""
         return Pulses(self.first[which], self.stop[which])
 
 
@@ -58,7 +60,8 @@ def grouped(returns: Returns, *, timed: bool) -> tuple[Returns, Pulses, float]:
     Returns
     -------
     tuple
-        The returns in the order of the pulses, the complete pulses, and their share of all pulses.
+        The returns in the order of the pulses, the complete pulses, and the share of the pulses
+        that are complete.
     """
     pulses, share = _in_order(returns, timed=timed)
     if share < 0.8 and timed:
@@ -85,7 +88,7 @@ def _in_order(returns: Returns, *, timed: bool) -> tuple[Pulses, float]:
 
 
 def equal_energies(returns: Returns) -> Floats:
-    """Energy of each return if all returns of a pulse share it equally: 1/n."""
+    """Energy of each return if all n returns of a pulse have equal energies: 1/n."""
     energies: Floats = 1.0 / np.maximum(returns.total, 1)
     return energies
 
@@ -94,9 +97,10 @@ def intensity_energies(returns: Returns, pulses: Pulses, low: NDArray[np.bool_])
     """Energy of each return from its intensity; None if the intensities are not consistent.
 
     The intensity is divided by the mean intensity of single returns of the same kind (ground or
-    canopy), which have all the energy of their pulses.  If intensity measures energy, the energies
-    of a pulse with several returns then add up to about 1.  The sum is larger if the instrument
-    adjusted its gain or recorded ranks.  Finally, the energies of each pulse are normalised.
+    canopy), which have all the energy of their pulses.  If intensity measures energy, the resulting
+    energies of a pulse with several returns add up to about 1.  The sum is larger if the instrument
+    adjusted its gain or recorded ranks instead of intensities.  In this case the result is None.
+    Finally, the energies of each pulse are normalised to the sum 1.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""A binary volume of cells of leaf size, from attenuation and a random seed.
+"""A volume of opaque and empty cells of leaf size, drawn at random from the attenuation.
 
 Each cell is opaque with probability 1 - exp(-λ t), where λ is its attenuation and t the thickness
-of its slice.  The cells are plates: a ray meets one of them in each slice, and more of them if its
-path is longer (`aosplan.scenes.occlusion`).  Cubes would hide more than leaves do, because a
-slanted ray also meets their side faces.
+of its slice.  The cells are plates: a ray meets one plate in each slice, and further plates if its
+path is longer (`aosplan.scenes.occlusion`).  Cubes would hide more than leaves do, because slanted
+rays would also meet the side faces of cubes.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SEED = 1
-"""Constant seed of the cells, so that the same cloud results in the same stand."""
+"""Random seed of the cells.  It is constant, so that the same cloud always gives the same stand."""
 
 LEAF_M = 0.06
 """Default edge of a cell.  Sizes up to 0.1 m make little difference to a prediction."""
 
 MOST_CELLS = 400_000_000
-"""Largest number of cells of a volume; larger plots get larger cells."""
+"""Largest number of cells of a volume.  Larger plots get larger cells."""
 
 
 def leaf_size_for(size_m: tuple[float, float], slices: int) -> float:
@@ -47,8 +47,8 @@ def realised(
 ) -> list[NDArray[np.bool_]]:
     """Opaque cells of a stand, for each scale of its attenuation.
 
-    All scales use the same random numbers.  A cell that is opaque at one scale is therefore opaque
-    at every larger scale.
+    The same random numbers are used for all scales.  A cell that is opaque at one scale is
+    therefore opaque at every larger scale.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def realised(
     leaf_m
         Edge of a cell along x and y.
     size_m
-        Size of the plot along x and y; a margin narrower than a cell is left out.
+        Size of the plot along x and y.  A margin that is narrower than a cell is left out.
     scales
         Factors of λ.
     seed
@@ -84,7 +84,8 @@ def realised(
         thickness_m = min((k + 1) * voxel_m - cut_m, voxel_m)
         if thickness_m <= 0.0 or not plane.any():
             continue
-        # A cell is opaque if an exponentially distributed number is below its optical depth.
+        # A cell is opaque if an exponentially distributed random number is smaller than its optical
+        # depth.
         drawn = rng.standard_exponential((down, across), dtype=np.float32)
         depth = plane[row[:, np.newaxis], column] * np.float32(thickness_m)
         for scale, volume in zip(scales, volumes, strict=True):

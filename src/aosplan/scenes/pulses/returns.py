@@ -59,10 +59,12 @@ class Returns(NamedTuple):
 
 
 AROUND_M = 15.0
-"""Width of the margin around a plot whose returns are kept, for pulses that cross its edge."""
+"""Width of a margin around the plot.  Returns in the margin are kept, because their pulses may
+cross the edge of the plot.
+"""
 
 BLOCK = 1024
-"""Number of consecutive records without times that are kept or left out together."""
+"""Number of consecutive records that are kept or left out together if they have no times."""
 
 
 def read_returns(
@@ -71,7 +73,8 @@ def read_returns(
     size_m: tuple[float, float] | None = None,
     share: float = 1.0,
 ) -> tuple[Returns, bool]:
-    """The returns of a plot that are not noise, for all or for a share of its pulses.
+    """The returns of a plot, without noise.  They are those of all its pulses, or of a random share
+    of its pulses.
 
     Parameters
     ----------
@@ -121,7 +124,9 @@ def read_returns(
 
 
 def _drawn(times: Floats, share: float) -> NDArray[np.bool_]:
-    """Mask of the returns in a random share of the times; returns of the same time stay together."""
+    """Mask of the returns of a random share of the pulses.  Returns with the same time are kept or
+    left out together.
+    """
     key = times.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
     key ^= key >> np.uint64(32)
     key *= np.uint64(0xD6E8FEB86659FD93)

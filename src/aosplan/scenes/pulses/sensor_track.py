@@ -1,9 +1,9 @@
-"""Positions of the sensor, from pulses with several returns.
+"""Positions of the sensor, computed from pulses with several returns.
 
 The line through the first and the last return of a pulse passes through the sensor.  In each flight
-line the sensor is assumed to move linearly, S(t) = S₀ + V t.  S₀ and V minimise the distances to
-these lines in a robust fit (Tukey's biweight).  The weights contain the square of the distance
-between the two returns.
+line, the sensor is assumed to move with constant velocity: S(t) = S₀ + V t.  S₀ and V are found by
+a robust fit (Tukey's biweight), which minimises the distances from the sensor to these lines.  The
+weight of a pulse contains the square of the distance between its two returns.
 """
 
 from __future__ import annotations
@@ -25,13 +25,17 @@ FEWEST_PULSES = 100
 
 SHORTEST_LEVER_M = 1.0
 LARGEST_RESIDUAL_DEG = 0.5
-"""Largest median residual of a valid track; it would be 1 to 3° without a motion of the sensor."""
+"""Largest median residual of a valid track.  If the fit ignored the motion of the sensor, the
+residual would be 1 to 3°.
+"""
 
 TUKEY = 4.685
 ROUNDS = 20
 DRAWS = 60
 DRAWN = 12
-"""Pulses per draw; if a tenth of the pulses are outliers, about every fourth draw has none."""
+"""Number of pulses per random sample.  If 10 % of the pulses are outliers, about every fourth
+sample contains no outlier.
+"""
 
 JUDGES = 1000
 DRAW_SEED = 1
@@ -78,15 +82,17 @@ def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
     time_s = returns.time_s[pulses.first[used]]
     middle_s = float(np.median(time_s))
     spread_s = max(float(np.ptp(time_s)), 1e-9)
-    # The times are scaled to order 1, so that the equations are well conditioned.
+    # The times are scaled to about 1, so that the equations are well conditioned.
     since = (time_s - middle_s) / spread_s
     found = _start(middle, direction, since, length)
     for _ in range(ROUNDS):
         place = found[:3, np.newaxis] + found[3:, np.newaxis] * since
         angle, distance = _angles(place - middle, direction)
-        # The error of an angle is the error of the returns divided by their distance.
+        # The error of an angle is the position error of the returns divided by the distance between
+        # them.
         scaled = angle * length
-        # Distances of normal errors along two axes are Rayleigh distributed: median 1.1774 σ.
+        # If the errors along two axes are normal, the distance is Rayleigh distributed, with the
+        # median 1.1774 σ.
         spread = float(np.median(scaled)) / 1.1774 + 1e-12
         share = np.clip(scaled / (TUKEY * spread), 0.0, 1.0)
         weight = length * length * (1.0 - share * share) ** 2 / np.maximum(distance, 1.0) ** 2
@@ -106,11 +112,11 @@ def fitted(returns: Returns, pulses: Pulses) -> SensorTrack | None:
 
 
 def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> Floats:
-    """S₀ and V from a small random sample of pulses, chosen from many as the one that fits most
-    pulses.
+    """Start values of S₀ and V for the robust fit.
 
-    Least squares over all pulses would be dominated by outliers: returns of two pulses that were
-    grouped into one are far apart.
+    They are fitted to many small random samples of pulses, and the values that fit most pulses are
+    chosen.  A least-squares fit to all pulses would be dominated by outliers.  An outlier arises if
+    returns of two pulses were grouped into one pulse, because such returns are far apart.
     """
     rng = np.random.Generator(np.random.PCG64(DRAW_SEED))
     judges = rng.choice(length.size, min(length.size, JUDGES), replace=False)
@@ -121,7 +127,8 @@ def _start(middle: Floats, direction: Floats, since: Floats, length: Floats) -> 
         place = found[:3, np.newaxis] + found[3:, np.newaxis] * since[judges]
         to_sensor = place - middle[:, judges]
         angle, _ = _angles(to_sensor, direction[:, judges])
-        angle[to_sensor[2] < 0.0] = np.pi  # the sensor is above
+        # The sensor is above the returns, so other directions are wrong.
+        angle[to_sensor[2] < 0.0] = np.pi
         missed = float(np.median(angle * length[judges]))
         if missed < least:
             best, least = found, missed

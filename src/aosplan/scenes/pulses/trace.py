@@ -1,10 +1,10 @@
 """The path of each pulse through the voxels, from above the canopy to its last return.
 
-A path is a polyline that starts at the side of the sensor and goes from return to return; on
-request it is extended to the ground.  It is cut every 2 m of height, and the height of the ground
-is evaluated at each cut, so that the voxels follow the ground.  Within a piece, the intersections
-with all voxel faces are sorted.  Each length is therefore in exactly one voxel, and a path ends
-exactly at the hit.
+A path is a polyline that starts above the canopy on the line to the sensor and goes from return to
+return.  `paths_to_ground` extends it to the ground.  The path is cut into pieces of 2 m of height.
+The height of the ground is evaluated at each cut, because the voxels follow the ground.  Within a
+piece, the intersections with all voxel faces are sorted.  Each length between two intersections is
+therefore in exactly one voxel, and a path ends exactly at its last return.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PIECE_M = 2.0
-"""Difference in height after which the height above the ground is evaluated again."""
+"""Difference in height between two evaluations of the height of the ground along a path."""
 
 PIECES_AT_ONCE = 1 << 16
 """Number of lengths within voxels that are processed at once."""
 
 
 class VoxelGrid(NamedTuple):
-    """Voxels above a ground.
+    """Voxels above the ground of a plot.
 
     Attributes
     ----------
@@ -44,9 +44,8 @@ class VoxelGrid(NamedTuple):
     slices
         Number of slices of voxels.
     cut_m
-        Height below which lengths are ignored.
-    size_m
-        Size of the plot along x and y; the last row and column may be filled partly.
+        Height below which lengths are ignored. size_m Size of the plot along x and y.  The plot may
+        fill the last row and column only partly.
     """
 
     ground_m: NDArray[np.float32]
@@ -61,7 +60,9 @@ class VoxelGrid(NamedTuple):
         return self.slices, self.ground_m.shape[0] - 1, self.ground_m.shape[1] - 1
 
     def heights_m(self, xyz_m: Floats) -> Floats:
-        """Height above the ground, shape (n,); for points outside the plot, above its edge."""
+        """Height above the ground, shape (n,).  For a point outside the plot, the ground is that at
+        the nearest point of the edge.
+        """
         rows, columns = self.shape[1:]
         x = np.clip(xyz_m[0] / self.voxel_m + FACE, 0.0, columns)
         y = np.clip(xyz_m[1] / self.voxel_m + FACE, 0.0, rows)
@@ -78,15 +79,15 @@ class VoxelGrid(NamedTuple):
         return heights
 
     def inside(self, xyz_m: Floats) -> NDArray[np.bool_]:
-        """Whether points are above the plot."""
+        """Whether points are above the plot, rather than beside it."""
         x, y = xyz_m[0], xyz_m[1]
         within: NDArray[np.bool_] = (x >= 0.0) & (x <= self.size_m[0])
         within &= (y >= 0.0) & (y <= self.size_m[1])
         return within
 
     def cells(self, x_m: Floats, y_m: Floats, height_m: Floats) -> NDArray[np.intp]:
-        """Flat index of the voxel that contains each point; -1 outside the volume and below the
-        cut.
+        """Flat index of the voxel that contains each point.  It is -1 outside the volume and below
+        the cut.
         """
         slices, rows, columns = self.shape
         column = np.floor(x_m / self.voxel_m + FACE).astype(np.intp)
@@ -109,9 +110,9 @@ class Paths(NamedTuple):
     start, end
         Shape (3, L): x, y and height above the ground [m] of both ends of each piece.
     stretch
-        Shape (L,): true length divided by the distance between the ends.
+        Shape (L,): true length of the piece divided by the distance between `start` and `end`.
     weight
-        Shape (L,): share of its energy that the pulse still has on the piece.
+        Shape (L,): share of the pulse's energy that has not yet been intercepted on this piece.
     """
 
     owner: NDArray[np.intp]
@@ -130,7 +131,9 @@ class Lengths(NamedTuple):
 
 
 def points_at_height(points: Floats, to_sensor: Floats, grid: VoxelGrid, height_m: float) -> Floats:
-    """Points at a height above the ground on the lines from points to the sensor, shape (3, P)."""
+    """The points on the lines from `points` to the sensor that have a given height above the
+    ground, shape (3, P).
+    """
     found = points.copy()
     upward = np.maximum(to_sensor[2], 0.05)
     for _ in range(4):
@@ -169,7 +172,8 @@ def paths_to_hits(
     taken = energy[member]
     before = np.cumsum(taken) - taken
     since = before - np.repeat(before[starts], lengths)
-    # Earlier returns that are missing because of a clip have already taken their share.
+    # If earlier returns are missing because the cloud was clipped, a path starts with the energy of
+    # the returns that are present.
     whole = np.bincount(owner, taken, len(pulses))
     left = np.repeat(whole, lengths) - since
     return _cut(owner, begin, end, left, grid)
@@ -183,8 +187,8 @@ def paths_to_ground(returns: Returns, pulses: Pulses, to_sensor: Floats, grid: V
 
 
 def _entries(points: Floats, to_sensor: Floats, grid: VoxelGrid) -> Floats:
-    """Points above the canopy on the lines to the sensor, or the points themselves if they are
-    higher.
+    """Points above the canopy on the lines to the sensor.  A point that is already above the canopy
+    is returned unchanged.
     """
     top = points_at_height(points, to_sensor, grid, grid.slices * grid.voxel_m)
     entries: Floats = np.where(top[2] > points[2], top, points)
@@ -194,7 +198,9 @@ def _entries(points: Floats, to_sensor: Floats, grid: VoxelGrid) -> Floats:
 def _cut(
     owner: NDArray[np.intp], begin: Floats, end: Floats, weight: Floats, grid: VoxelGrid
 ) -> Paths:
-    """Cut legs into pieces of limited height, with heights above the ground at both ends."""
+    """Cut legs into pieces of limited height.  Both ends of a piece get their height above the
+    ground.
+    """
     count = np.ceil(np.abs(begin[2] - end[2]) / PIECE_M).astype(np.intp)
     np.maximum(count, 1, out=count)
     leg = np.repeat(np.arange(count.size), count)
@@ -204,7 +210,8 @@ def _cut(
     stop = start + step
     true_m = np.sqrt((step * step).sum(axis=0))
     start[2], stop[2] = grid.heights_m(start), grid.heights_m(stop)
-    # Pieces that are below the cut, above the volume or beside the plot at both ends are removed.
+    # A piece is removed if both its ends are below the cut, above the volume, or on the same side
+    # beside the plot.
     slices, rows, columns = grid.shape
     high = np.array([columns, rows, slices])[:, np.newaxis] * grid.voxel_m
     low = np.array([0.0, 0.0, grid.cut_m])[:, np.newaxis]
@@ -218,11 +225,11 @@ def _cut(
 
 
 def lengths_in_voxels(paths: Paths, grid: VoxelGrid) -> Iterator[Lengths]:
-    """Yield the lengths of paths within voxels, for some pieces at a time.
+    """Yield the lengths of paths within voxels, in blocks of some pieces.
 
     Lengths outside the volume are left out.
     """
-    # From here on, lengths are in voxels; the cut is treated as another face.
+    # From here on, the unit of length is the voxel. The cut is treated as an additional face.
     start, end = paths.start / grid.voxel_m + FACE, paths.end / grid.voxel_m + FACE
     crossings = (np.abs(np.floor(end) - np.floor(start))).sum(axis=0).astype(np.intp) + 2
     bounds = np.cumsum(crossings)

@@ -35,7 +35,7 @@ class Trajectory(NamedTuple):
     xyz_m: Floats
 
     def covers(self, time_s: Floats) -> NDArray[np.bool_]:
-        """Whether times are within the range of the file."""
+        """Whether times are within the range of times of the file."""
         within: NDArray[np.bool_] = (time_s >= self.time_s[0]) & (time_s <= self.time_s[-1])
         return within
 
@@ -47,12 +47,13 @@ class Trajectory(NamedTuple):
 def read_trajectory(path: str) -> Trajectory:
     """Read a CSV file with the columns gps_time, x, y and z.
 
-    Times and coordinates are those of the point cloud, with coordinates in metres.
+    Times and coordinates refer to the same systems as those of the point cloud.  Coordinates are in
+    metres.
 
     Raises
     ------
     RequestError
-        If the file is missing or is not such a table.
+        If the file does not exist or is not such a table.
     """
     try:
         text = read_bytes(path, most=MOST_OCTETS).decode("utf-8-sig")
