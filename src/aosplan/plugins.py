@@ -5,9 +5,51 @@ To keep the start fast, the metadata of distributions is read only if a name is 
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from aosplan.errors import RequestError
+from aosplan.units import preset_hint
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class Titled(Protocol):
+    """A preset."""
+
+    @property
+    def title(self) -> str:
+        """Name for output."""
+
+
+Preset = TypeVar("Preset", bound=Titled)
+
+
+def added_preset(kind: str, name: str, presets: Mapping[str, Preset]) -> Preset:
+    """The camera or drone that another distribution adds under a name that is not built in.
+
+    Parameters
+    ----------
+    kind
+        ``camera`` or ``drone``; the group is ``aosplan.cameras`` or ``aosplan.drones``.
+    name
+        The name.
+    presets
+        The built-in presets.
+
+    Raises
+    ------
+    RequestError
+        If there is none; the hint lists built-in presets with similar names.
+    """
+    added = plugin(f"aosplan.{kind}s", name)
+    if isinstance(added, type(next(iter(presets.values())))):
+        return added
+    raise RequestError(
+        f"unknown {kind} '{name}'",
+        preset_hint(name, {each: preset.title for each, preset in presets.items()})
+        or f"aosplan {kind}s lists them; a file name ends in .toml",
+    )
 
 
 def plugin(group: str, name: str) -> Any:

@@ -8,10 +8,9 @@ from support.forests import STANDS, clumped_forest
 from support.plans import planned
 
 from aosplan.grid.patterns import pattern_for
-from aosplan.models.ground_visibility import followed, of_statistics, over_ground
+from aosplan.models.ground_visibility import followed, measured_at, of_statistics, over_ground
 from aosplan.models.measured import MeasuredModel
 from aosplan.models.model import Prediction
-from aosplan.planning.ground import measured_at
 
 
 def test_quadrature_is_exact_for_polynomials_of_the_fifth_degree():

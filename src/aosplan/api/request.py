@@ -6,7 +6,6 @@ import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.planning.aircraft import with_drone_file
 from aosplan.planning.loaded_scene import LoadedScene
 from aosplan.planning.plan_data import PlanData
 from aosplan.planning.request import PlanRequest, request_from
@@ -57,6 +56,8 @@ def found_request(
     """
     given = {name: _plain(value) for name, value in options.items()}
     if folder is not None:
+        from aosplan.planning.aircraft import with_drone_file
+
         given = with_drone_file(given, folder)
     stand = given.get("scene")
     if isinstance(stand, LoadedScene):

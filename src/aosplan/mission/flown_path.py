@@ -15,21 +15,15 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
-from aosplan.mission.mission import STRAIGHT, photo_lines
+from aosplan.mission.mission import LEAST_LEG_M, LEVEL_M, STRAIGHT, photo_lines, way_height_m
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from aosplan.mission.mission import Mission
 
-LEVEL_M = 0.01
-"""Heights that differ by less than this are treated as equal."""
-
 BEND_M = 0.1
 """A point along a line is left out if its height differs from a straight line by less than this."""
-
-LEAST_LEG_M = 0.5
-"""Shortest leg that DJI's flight controllers accept."""
 
 
 class PathPoint(NamedTuple):
@@ -72,17 +66,6 @@ def flown_path(mission: Mission) -> list[PathPoint]:
         points[-1] = points[-1]._replace(speed_mps=transit)
         points.append(_above(points[-1], return_m, transit))
     return points
-
-
-def way_height_m(waypoint_m: float, least_m: float) -> float:
-    """Height of the horizontal transit to a waypoint, or back from a waypoint [m].
-
-    If the transit has to be above the waypoint, the vertical leg between them is at least
-    `LEAST_LEG_M` long.
-    """
-    if least_m <= waypoint_m + LEVEL_M:
-        return waypoint_m
-    return max(least_m, waypoint_m + LEAST_LEG_M)
 
 
 def path_size(mission: Mission) -> int:

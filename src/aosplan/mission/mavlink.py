@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import RequestError
-from aosplan.mission.flown_path import LEVEL_M, flown_path
+from aosplan.mission.flown_path import flown_path
 from aosplan.mission.format import Limits
-from aosplan.mission.mission import check_hold
+from aosplan.mission.mission import LEVEL_M, check_hold
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 
+LEVEL_M = 0.01
+"""Heights that differ by less than this are treated as equal."""
+
+LEAST_LEG_M = 0.5
+"""Shortest leg that DJI's flight controllers accept."""
+
 FRAMES = ("takeoff", "terrain")
 """Altitude frames of a file: heights above the take-off point, or above the ground in the terrain
 data of the autopilot.
@@ -359,6 +365,17 @@ def split(whole: Mission, shares: Sequence[FlightShare]) -> tuple[Mission, ...]:
         )
         for number, share in enumerate(shares, 1)
     )
+
+
+def way_height_m(waypoint_m: float, least_m: float) -> float:
+    """Height of the horizontal transit to a waypoint, or back from a waypoint [m].
+
+    If the transit has to be above the waypoint, the vertical leg between them is at least
+    `LEAST_LEG_M` long.
+    """
+    if least_m <= waypoint_m + LEVEL_M:
+        return waypoint_m
+    return max(least_m, waypoint_m + LEAST_LEG_M)
 
 
 def placed(waypoints: Waypoints, origin: tuple[float, float] | None) -> Waypoints:

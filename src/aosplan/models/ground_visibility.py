@@ -20,17 +20,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from aosplan.errors import RequestError
+from aosplan.grid.patterns import local_sites
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from aosplan.grid.patterns import Sites
-    from aosplan.models.model import Prediction
+    from aosplan.models.model import Prediction, VisibilityModel
 
 NODES = ((-math.sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (math.sqrt(0.6), 5.0 / 18.0))
 """Gauss-Legendre points on [-1, 1], and weights with the sum 1."""
 
 MOST_RAYS = 1024
 """Largest number of samples whose rays are evaluated; of more, a subset over the grid is used."""
+
+
+MOST_TARGETS = 1_000_000
+"""Largest number of targets of a plot that are evaluated beside the middle of the grid."""
 
 
 class GroundVisibility(NamedTuple):
@@ -59,6 +66,47 @@ class GroundVisibility(NamedTuple):
         own = self._asdict()
         normalized = self.normalized if math.isfinite(self.normalized) else None
         return own | {"size_m": list(self.size_m), "normalized": normalized}
+
+
+def ground_visibility(
+    model: VisibilityModel,
+    prediction: Prediction,
+    pattern: Sites,
+    baseline_m: float,
+    *,
+    altitude_m: float,
+    size_m: tuple[float, float],
+) -> GroundVisibility | None:
+    """Visibility over the ground of a grid.
+
+    Parameters
+    ----------
+    model
+        The model of the plan.
+    prediction
+        Its prediction for the pattern at the baseline.
+    pattern, baseline_m
+        The grid.
+    altitude_m
+        Altitude of the samples above the ground.
+    size_m
+        Size of the ground along and across the heading.
+
+    Returns
+    -------
+    visibility
+        None if there is no ground, or if the model cannot predict it.
+    """
+    if min(size_m) <= 0.0:
+        return None
+    if model.name in ("uniform", "layered"):
+        nadir = prediction._replace(density=model.density, transparency=model.transparency)
+        sites = followed(pattern, baseline_m)
+        return over_ground(size_m, of_statistics(nadir, sites, altitude_m))
+    try:
+        return over_ground(size_m, measured_at(model, pattern, baseline_m))
+    except RequestError:  # beyond the lags of a saved correlogram
+        return None
 
 
 def over_ground(
@@ -135,3 +183,30 @@ def _every(step: int, pattern: Sites, baseline_m: float) -> Iterator[tuple[float
     for index, (x, y) in enumerate(pattern.offsets()):
         if index % step == 0:
             yield x * baseline_m, y * baseline_m
+
+
+def measured_at(
+    model: VisibilityModel, pattern: Sites, baseline_m: float
+) -> Callable[[float, float], tuple[float, float]]:
+    """p and V of targets beside the middle of a grid over a measured scene."""
+    from aosplan.models.measured import MeasuredModel
+
+    if isinstance(model, MeasuredModel):
+        model = model.beside_the_middle(MOST_TARGETS)
+    more_p = more_v = 0.0
+    heading_deg = model.heading_deg or 0.0
+    heading = math.radians(heading_deg)
+    sine, cosine = math.sin(heading), math.cos(heading)
+    sites = list(zip(*local_sites(pattern, baseline_m, heading_deg), strict=True))
+
+    def at(x: float, y: float) -> tuple[float, float]:
+        east, north = x * sine + y * cosine, x * cosine - y * sine
+        found: Prediction = model.predict_positions([(e - east, n - north) for e, n in sites])
+        return found.density + more_p, found.expected + more_v
+
+    if isinstance(model, MeasuredModel) and model.edges != "wrapped":
+        # Different places count at each offset, so the effect of the slant is taken from the wrapped plot.
+        alone, model = model.predict(pattern, baseline_m), model.wrapped()
+        p, v = at(0.0, 0.0)
+        more_p, more_v = alone.density - p, alone.expected - v
+    return at

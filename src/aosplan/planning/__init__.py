@@ -14,7 +14,6 @@
 - `aosplan.planning.solved_plan`: from the inputs to a problem, and to its solution.
 - `aosplan.planning.sites`: the sites of one grid, over an area or along a line.
 - `aosplan.planning.route`: waypoints, speeds and flights.
-- `aosplan.planning.ground`: visibility over the ground of a plan.
 - `aosplan.planning.plan_warnings`, `aosplan.planning.measured_warnings`: the warnings of a plan.
 - `aosplan.planning.confidence`: standard errors of a prediction; `aosplan.planning.sensitivity`: how a
   plan changes if the scene differs from what was assumed.
@@ -22,6 +21,6 @@
 - `aosplan.planning.within`: the search for the best flight within a time, with
   `aosplan.planning.within_shapes`, `aosplan.planning.shape_space`, `aosplan.planning.least_time` and
   `aosplan.planning.within_result`; `aosplan.planning.cheaper_flight`: a hint for long flights.
-- `aosplan.planning.plan_data`, `aosplan.planning.result`: the values of a plan, and `Plan`.
-- `aosplan.planning.document`: the JSON document; `aosplan.planning.plan_schema` its schema.
+- `aosplan.planning.plan_data`: the values of a plan; `aosplan.planning.result`: `Plan`, with its
+  JSON document; `aosplan.planning.plan_schema`: the schema of this document.
 """

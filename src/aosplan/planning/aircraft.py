@@ -31,14 +31,20 @@ def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
     return {**values, "drone": located(drone, folder)} if isinstance(drone, str) else {**values}
 
 
-def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that are not given, from the drone and its payload: camera, speeds and limits.
+def decided_by_aircraft(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that are not given, from the drone, its payload and its autopilot.
 
     Raises
     ------
     RequestError
-        If there is no such drone, or no camera is known for it.
+        If there is no such drone, no camera is known for it, or the options contradict each other.
     """
+    brought = _brought_by_drone(values)
+    return brought | _decided_by_autopilot({**values, **brought})
+
+
+def _brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Options that are not given, from the drone and its payload: camera, speeds and limits."""
     drone = _drone_of(values)
     payload = values["payload"]
     carried = payload and camera_of_payload(payload)
@@ -69,14 +75,8 @@ def brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in found.items() if values[name] is None}
 
 
-def decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The autopilot of the drone, and how it controls the camera.
-
-    Raises
-    ------
-    RequestError
-        If the drone, the autopilot, the camera or the payload contradict each other.
-    """
+def _decided_by_autopilot(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The autopilot of the drone, and how it controls the camera."""
     found: dict[str, Any] = {}
     autopilot, control = values["autopilot"], values["camera_control"]
     drone = _drone_of(values)

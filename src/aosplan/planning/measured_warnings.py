@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from aosplan.messages import Message
 from aosplan.models.measured import MeasuredModel
-from aosplan.solver.alternatives import Alternative, other_heading
+from aosplan.solver.solve import Alternative, other_heading
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

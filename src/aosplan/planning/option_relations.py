@@ -197,6 +197,9 @@ OF_LANES = ("lanes", "lane_pitch")
 LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
 """The options of lanes that each kind of grid takes."""
 
+AIRCRAFT = ("drone", "payload", "autopilot", "camera_control")
+"""Options that name the aircraft; without one of them, it decides no other option."""
+
 BROUGHT_BY_DRONE = (
     "speed",
     "transit_speed",

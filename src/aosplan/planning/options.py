@@ -71,7 +71,7 @@ FIND_OPTIONS = (
 class Option(NamedTuple):
     """One option: its field, how a value is read, and how help describes it.
 
-    `kind` is the type of the value in a file: a number, a share, text, a whole number, a pair of
+    `flag` is the option as it is written on the command line.  `kind` is the type of the value in a file: a number, a share, text, a whole number, a pair of
     numbers, or true and false for a flag.
     """
 
@@ -81,11 +81,7 @@ class Option(NamedTuple):
     metavar: str
     help: str
     panel: str
-
-    @property
-    def flag(self) -> str:
-        """The option as it is written on the command line."""
-        return "--" + self.name.replace("_", "-")
+    flag: str
 
 
 _Row = tuple[str, "Callable[[Any, str], Any]", str, str, str]
@@ -323,7 +319,15 @@ def _shown(name: str) -> str:
 
 
 OPTIONS = tuple(
-    Option(name, parser, kind, metavar, text.replace("[default", f"[{_shown(name)}"), panel)
+    Option(
+        name,
+        parser,
+        kind,
+        metavar,
+        text.replace("[default", f"[{_shown(name)}"),
+        panel,
+        "--" + name.replace("_", "-"),
+    )
     for panel, rows in _PANELS.items()
     for name, parser, kind, metavar, text in rows
 )

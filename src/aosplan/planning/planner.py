@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from aosplan.errors import RequestError
+from aosplan.models.ground_visibility import ground_visibility
 from aosplan.planning.confidence import confidence_of
-from aosplan.planning.ground import ground_of
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.plan_warnings import scene_elsewhere, with_warnings
 from aosplan.planning.resolve import resolve_inputs
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from aosplan.messages import Message
     from aosplan.models.detection import Detection
+    from aosplan.models.ground_visibility import GroundVisibility
     from aosplan.planning.loaded_scene import LoadedScene
     from aosplan.planning.request import PlanRequest
     from aosplan.planning.sites import Layout
@@ -100,10 +101,34 @@ def plan(
             route=route,
             layout=layout,
             confidence=confidence_of(solved),
-            ground=ground_of(solved, layout),
+            ground=_ground_of(solved, layout),
             detection=detection,
             notices=tuple(notices),
         )
+    )
+
+
+def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
+    """Visibility over the ground of a plan; None if nothing is hidden, or no ground is seen by all.
+
+    The ground of one grid is the ground that all its samples see; for a single line, it is the swath.
+    Over an area, every place has a grid whose middle is within half a pitch.
+    """
+    inputs, problem, solution = solved.inputs, solved.problem, solved.solution
+    if problem is None:
+        return None
+    sides = zip(inputs.footprint_m, solution.pattern.extent, strict=True)
+    x, y = (size - side * solution.baseline_m for size, side in sides)
+    if layout.survey is not None:
+        pitch_x, pitch_y = layout.survey.pitch_m
+        x, y = min(x, pitch_x), min(y, pitch_y)
+    return ground_visibility(
+        problem.model,
+        solution.prediction,
+        solution.pattern,
+        solution.baseline_m,
+        altitude_m=inputs.altitude_m,
+        size_m=(x, y),
     )
 
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from aosplan import units as q
 from aosplan.errors import RequestError
-from aosplan.planning.aircraft import brought_by_drone, decided_by_autopilot
 from aosplan.planning.option_relations import (
+    AIRCRAFT,
     ALTERNATIVES,
     check_alternatives,
     check_grid,
@@ -153,9 +153,11 @@ class PlanRequest:
             values["vhat"] = default_target(values)
         check_search(values)
         check_partners(values)
-        values.update(brought_by_drone(values))
+        if any(values[name] is not None for name in AIRCRAFT):
+            from aosplan.planning.aircraft import decided_by_aircraft
+
+            values.update(decided_by_aircraft(values))
         values.update(dependent_defaults(values))
-        values.update(decided_by_autopilot(values))
         check_grid(values)
 
     def __eq__(self, other: object) -> bool:

@@ -18,8 +18,8 @@ from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.option_parsers import target_m
 from aosplan.planning.route import FlightInputs, Wind, speed_bounds
 from aosplan.solver import refusals
-from aosplan.solver.alternatives import kinds
 from aosplan.solver.problem import Bounds, CommonGround, GridKind, Requirement
+from aosplan.solver.solve import kinds
 from aosplan.units import exact_share, rounded_up
 
 if TYPE_CHECKING:
@@ -268,7 +268,7 @@ def _filled(value: T | None) -> T:
 def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
     """The camera of a request: a preset, a file (looked for in `folder` first), or numbers."""
     if request.camera is not None:
-        return find_camera(located(request.camera, folder))
+        return find_camera(request.camera, folder)
     width, height = _filled(request.image_width), _filled(request.image_height)
     if request.fov is not None:
         return Camera.from_field_of_view(request.fov, width, height)

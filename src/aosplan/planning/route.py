@@ -17,8 +17,7 @@ from aosplan.flight.kinematics import SpeedBound, Timing, lowest_bound, steady, 
 from aosplan.flight.track import FlightPoints, Ground, Track, with_turns
 from aosplan.geodesy import FARTHEST_M, to_local, to_wgs84
 from aosplan.messages import Limit
-from aosplan.mission.flown_path import way_height_m
-from aosplan.mission.mission import LEAST_CLIMB_M, Waypoints, placed
+from aosplan.mission.mission import LEAST_CLIMB_M, Waypoints, placed, way_height_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,9 +10,9 @@ from aosplan.models.model import Prediction
 from aosplan.models.uniform import UniformModel
 from aosplan.scenes.scene import UniformScene
 from aosplan.solver import refusals
-from aosplan.solver.alternatives import Alternative, solve_best, solve_best_heading
 from aosplan.solver.problem import GridKind, Problem
 from aosplan.solver.solution import Solution
+from aosplan.solver.solve import Alternative, solve_best, solve_best_heading
 
 if TYPE_CHECKING:
     from collections.abc import Callable

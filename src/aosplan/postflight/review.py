@@ -17,8 +17,8 @@ import numpy as np
 from aosplan import __version__
 from aosplan.messages import SCHEMA, Message
 from aosplan.models.model import prediction_document
-from aosplan.planning.document import flight_document
 from aosplan.planning.planner import plan
+from aosplan.planning.result import flight_document
 from aosplan.planning.sites import route_of
 from aosplan.postflight.best_views import MOST_VIEWS
 from aosplan.postflight.topup import TopUp, topup_within

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 from aosplan.flight.kinematics import Timing
 from aosplan.grid.patterns import AnyFrame, Sites, frame_at, index_for, pattern_for
 from aosplan.numerics import smallest_root
-from aosplan.solver.refusals import target_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,6 +26,16 @@ TOLERANCE = 1e-12
 
 ROUNDING = 1e-15
 """Relative tolerance on the shortfall if a baseline is solved for: the size of rounding errors."""
+
+
+def target_text(symbol: str, target: float) -> str:
+    """A target as messages show it; `symbol` is V̂ or V."""
+    return f"{symbol} = {target:.10g}"
+
+
+def reached_text(symbol: str, reached: float) -> str:
+    """The value that is reached as messages show it."""
+    return f"{symbol} = {reached:.4g}"
 
 
 class Requirement(NamedTuple):

@@ -7,22 +7,13 @@ requested value.
 from __future__ import annotations
 
 from aosplan.grid.patterns import MOST_SITES
+from aosplan.solver.problem import reached_text, target_text
 
 LIFT_GROUND = (
     "fly higher, use a wider camera, give a lower target, or remove this "
     "limit with --allow-no-common-ground"
 )
 """Hint for grids that are too small because all samples have to see common ground."""
-
-
-def target_text(symbol: str, target: float) -> str:
-    """The target as messages show it."""
-    return f"{symbol} = {target:.10g}"
-
-
-def reached_text(symbol: str, reached: float) -> str:
-    """The value that is reached as messages show it."""
-    return f"{symbol} = {reached:.4g}"
 
 
 def best_text(symbol: str, reached: float, samples: int, baseline_m: float) -> str:

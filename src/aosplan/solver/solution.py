@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from aosplan.errors import InfeasibleError
 from aosplan.messages import Limit
-from aosplan.solver.refusals import reached_text
+from aosplan.solver.problem import reached_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

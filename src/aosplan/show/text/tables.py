@@ -209,7 +209,7 @@ def _error(standard_error: float | None) -> str:
 
 
 def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
-    from aosplan.planning.document import disparity_document
+    from aosplan.planning.result import disparity_document
 
     camera, altitude = plan.camera, plan.altitude_m
     footprint, common = camera.footprint_m(altitude), plan.common_footprint_m

@@ -11,7 +11,6 @@ import numpy as np
 
 from aosplan.camera.find import find_camera
 from aosplan.errors import RequestError
-from aosplan.files import located
 from aosplan.flight.drones import DRONES
 from aosplan.mission.mission import check_hold
 from aosplan.planning.loaded_scene import load_scene
@@ -237,7 +236,7 @@ def _carried(drone: str) -> str:
 def _camera(name: str, folder: str) -> tuple[float, ...]:
     """Numbers of a camera, and whether a camera with this name exists."""
     try:
-        camera = find_camera(located(name, folder))
+        camera = find_camera(name, folder)
     except RequestError:
         return (math.nan,) * 4 + (0.0,)
     return (

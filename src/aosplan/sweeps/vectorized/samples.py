@@ -16,7 +16,7 @@ import numpy as np
 from aosplan.grid.patterns import MOST_SITES, index_by_side, rectangle_at, too_many_sites
 from aosplan.models.model import Prediction
 from aosplan.solver import refusals
-from aosplan.solver.problem import TOLERANCE
+from aosplan.solver.problem import TOLERANCE, target_text
 from aosplan.sweeps.status import INFEASIBLE, INVALID
 from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 
@@ -143,9 +143,7 @@ def _refuse_hopeless(asked: RequirementColumns, statuses: RowStatuses) -> None:
         statuses.refuse(
             INVALID,
             many,
-            lambda value, samples: too_many_sites(
-                f"{refusals.target_text(symbol, value)} needs", samples
-            ),
+            lambda value, samples: too_many_sites(f"{target_text(symbol, value)} needs", samples),
             value,
             fewest,
         )

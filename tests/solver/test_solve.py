@@ -16,9 +16,8 @@ from aosplan.models.uniform import UniformModel
 from aosplan.scenes.correlogram import correlogram
 from aosplan.scenes.scene import Layer
 from aosplan.scenes.voxels import VoxelVolume
-from aosplan.solver.alternatives import COMPARED, kinds, solve_best, solve_best_heading
 from aosplan.solver.problem import Bounds, GridKind, Problem, Requirement
-from aosplan.solver.solve import solve
+from aosplan.solver.solve import COMPARED, kinds, solve, solve_best, solve_best_heading
 from aosplan.solver.solve_by_scan import Candidate, Scan
 from aosplan.solver.tradeoff import tradeoff
 
