@@ -1,4 +1,4 @@
-"""The flight: flight time, batteries, terrain and drones.
+"""Flights: flight time, batteries, terrain and drones.
 
 - `aosplan.flight.kinematics`: leg times with acceleration, turns and wind; limits of the speed.
 - `aosplan.flight.batteries`: splitting a path into flights.

@@ -1,9 +1,9 @@
 """Splitting a path into flights, one per battery.
 
-A flight starts and ends at the take-off point.  The drone climbs to the height at which it may
-fly to the first waypoint, and flies there horizontally at the transit speed.  From the last
-waypoint it returns in the same way, at one height that is safe from every waypoint.  If the
-take-off point is not known, it is assumed to be below the first waypoint of the plan.
+A flight starts and ends at the take-off point.  The drone climbs to a height that is safe for the
+transit, and flies horizontally to the first waypoint at the transit speed.  From the last waypoint
+it returns in the same way.  The height of the return is safe from every waypoint.  If the take-off
+point is not known, it is assumed to be below the first waypoint of the plan.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ class Flight(NamedTuple):
     """A flight: waypoints `first` to `last`, and the transits from and to the take-off point.
 
     `samples` is the number of photos.  Length and time are from take-off to landing.  During the
-    transit to the first waypoint the drone is `climb_m` above the take-off point, and during the
-    transit back `return_m`, which is the same for every waypoint.
+    transit to the first waypoint, the drone is `climb_m` above the take-off point.  During the
+    transit back, it is `return_m` above the take-off point.  The height of the return is the same
+    from every waypoint.
     """
 
     first: int
@@ -41,9 +42,9 @@ class Flight(NamedTuple):
 class TakeoffPoint(NamedTuple):
     """The take-off point: metres east, north and up, in the axes of the track.
 
-    `ways_up_m` has the height of the horizontal transit to each waypoint, in the same axes, and
-    `returns_up_m` the height of the transit back from it.  If they are None, the transit is at the
-    height of the waypoint.
+    For each waypoint, `ways_up_m` has the height of the horizontal transit to it, and
+    `returns_up_m` has the height of the transit back from it.  Both are along the axes of the
+    track.  If they are None, the transit is at the height of the waypoint.
     """
 
     east_m: float
@@ -53,7 +54,7 @@ class TakeoffPoint(NamedTuple):
     returns_up_m: Sequence[float] | None = None
 
     def way_up_m(self, track: Track, place: int, *, back: bool = False) -> float:
-        """Height of the horizontal transit to a waypoint, or back from it."""
+        """Height of the horizontal transit to a waypoint, or back from a waypoint."""
         ways = self.returns_up_m if back else self.ways_up_m
         return track.up_m[place] if ways is None else ways[place]
 
@@ -70,7 +71,7 @@ class TakeoffPoint(NamedTuple):
         return level + abs(up - self.up_m) + abs(up - track.up_m[place])
 
     def way_s(self, track: Track, place: int, timing: Timing, *, back: bool = False) -> float:
-        """Time of the transit to or from a waypoint; the two differ if there is wind."""
+        """Time of the transit to a waypoint, or back from it.  With wind, the two times differ."""
         east, north = track.east_m[place] - self.east_m, track.north_m[place] - self.north_m
         sign, flown = -1.0 if back else 1.0, timing.transit
         up = self.way_up_m(track, place, back=back)
@@ -99,7 +100,7 @@ def _parts(track: Track, timing: Timing) -> Iterator[_Part]:
 def _shorter(
     track: Track, timing: Timing, home: TakeoffPoint, part: _Part, longest_s: float
 ) -> str:
-    """Hint that says how the flight to one part could be shorter, with numbers."""
+    """Hint that tells how the flight to one part can be made short enough."""
     there = home.way_s(track, part.first, timing)
     ways = there + home.way_s(track, part.last, timing, back=True)
     level = max(home.level_m(track, part.first), home.level_m(track, part.last))
@@ -123,10 +124,10 @@ def _shorter(
 def flights_of(
     track: Track, timing: Timing, home: TakeoffPoint, longest_s: float = math.inf
 ) -> tuple[Flight, ...]:
-    """The smallest number of consecutive flights that are not longer than a battery lasts.
+    """The smallest number of consecutive flights, each of which a single battery allows.
 
     The order of the sites does not change, and each site is in one flight.  Waypoints between the
-    last site of a flight and the first site of the next flight are in neither.
+    last site of a flight and the first site of the next flight are in neither of the two flights.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def flights_of(
     if whole.time_s <= longest_s:
         return (whole,)
     parts = list(_parts(track, timing))
-    # Times at which a flight to one part alone would start and end, on the clock of the whole path.
+    # Times at which a flight to a single part would start and end, in the time of the whole path.
     begun = [times[part.first] - home.way_s(track, part.first, timing) for part in parts]
     landed = [left(part.last) + home.way_s(track, part.last, timing, back=True) for part in parts]
     worst = max(range(len(parts)), key=lambda place: landed[place] - begun[place])

@@ -15,7 +15,7 @@ Above = Annotated[Finite, Field(gt=0)]
 
 
 class DroneDocument(Document):
-    """A drone file; the names are the fields of `DronePreset`."""
+    """A drone file.  Its names are the fields of `DronePreset`."""
 
     title: str
     speed_mps: Above
@@ -38,7 +38,7 @@ def read_drone(path: str) -> DronePreset:
     Raises
     ------
     RequestError
-        If the file is not valid; the message names the file and the place in it.
+        If the file is not valid.  The message names the file and the place in it.
     """
     values = checked(DroneDocument, read_table(path), path).model_dump()
     if values["camera"] is not None:

@@ -1,10 +1,10 @@
 """Presets of drones that are used for airborne optical sectioning.
 
-Manufacturers publish top speeds, climb rates, and hovering or flight times in still air.  Few
-publish an acceleration, and none a cruise speed for missions.  aosplan assumes these two values,
-and the field `assumed` says so: small quadcopters reach 2 m/s² at a tilt of about 12 degrees, and
-at a cruise speed of 10 m/s the gimbal has time to stabilise.  A published flight time drains a new
-battery completely, so a plan should use less.
+Manufacturers publish top speeds, climb rates, and hovering or flight times in still air.  Few of
+them publish an acceleration, and no manufacturer publishes a cruise speed for missions.  These two
+values are assumed, as the field `assumed` states.  Small quadcopters reach an acceleration of 2
+m/s² at a tilt of about 12 degrees.  At a cruise speed of 10 m/s, the gimbal has time to stabilise.
+A flight of the published time would drain a new battery completely, so a plan should use less.
 
 `source` names the manufacturer's page.  `assumed` marks values that come from a single unverified
 reading as "unconfirmed".
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 
 class DronePreset(NamedTuple):
-    """A drone as its manufacturer, or the defaults of its autopilot, specify it."""
+    """A drone, as specified by its manufacturer or by the defaults of its autopilot."""
 
     title: str
     """Name for output, for example "DJI Mavic 3T"."""
@@ -26,10 +26,10 @@ class DronePreset(NamedTuple):
     climb_mps: float
     """Vertical speed that both climb and descent can reach."""
     airspeed_mps: float
-    """Highest airspeed outside sport mode, which missions do not use."""
+    """Highest airspeed outside sport mode.  Missions do not use sport mode."""
     endurance_min: float | None
-    """Longest flight time in still air, until the battery is empty; None if it depends on the
-    build.
+    """Longest flight time in still air, until the battery is empty; None for a type of drone with
+    many builds.
     """
     most_waypoints: int | None
     """Greatest number of waypoints in a mission; None if it is not published."""
@@ -42,7 +42,7 @@ class DronePreset(NamedTuple):
     source: str
     """Where the numbers are published."""
     assumed: str
-    """Which number is derived or assumed, and how."""
+    """Which numbers are derived or assumed, and how."""
     autopilot: str = "dji"
     """Type of flight controller, one of `AUTOPILOTS`. It determines which mission files can be
     used.

@@ -1,4 +1,4 @@
-"""Finding a drone by preset name or file."""
+"""Find a drone by the name of a preset or the path of a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def find_drone(name: str) -> DronePreset:
     Raises
     ------
     RequestError
-        If there is no such drone; the hint lists presets with similar names.
+        If no preset or file has this name.  The hint lists presets with similar names.
     """
     from aosplan.flight.drones import DRONES
 

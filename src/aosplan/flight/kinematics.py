@@ -1,12 +1,12 @@
 """Flight time along straight legs, with limited speed, climb rate and acceleration.
 
-Between two stops the speed over time is a trapezoid, or a triangle if the leg is short.  If the
-drone stops at every site, each leg is flown in this way.  A drone that flies through its sites
-stops only at turns: it accelerates over `Timing.run_in_m`, passes the sites at a constant speed,
-and decelerates over the same length.
+Between two stops, the speed as a function of time is a trapezoid, or a triangle if the leg is
+short.  If the drone stops at every site, each leg is flown in this way.  A drone that flies through
+its sites stops only at turns.  It accelerates over `Timing.run_in_m`, passes the sites at a
+constant speed, and decelerates over the same length.
 
-An autopilot keeps the ground speed as long as its airspeed allows it.  Wind reduces the speed of a
-leg if keeping the speed would need more than the maximum airspeed.
+An autopilot keeps the required ground speed, unless the airspeed would exceed its maximum.  In this
+case, wind reduces the ground speed.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ STRAIGHT = 1e-6
 
 
 SLOWEST_MPS = 1e-9
-"""Lower limit of the speed; photos at the same place would otherwise give a speed of 0."""
+"""Lower limit of the speed.  Without it, photos at the same place would give a speed of 0."""
 
 
 def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: Any = SCALARS) -> Any:
-    """Time from stop to stop: the speed is a trapezoid, or a triangle if the leg is short.
+    """Time from stop to stop, with a speed that is a trapezoid, or a triangle if the leg is short.
 
-    Takes floats, or arrays with numpy as `xp`.
+    The arguments are floats, or arrays with numpy as `xp`.
     """
     trapezoid = length_m / speed_mps + speed_mps / acceleration_mps2
     short = length_m < speed_mps**2 / acceleration_mps2
@@ -45,9 +45,11 @@ def stop_to_stop_s(length_m: Any, speed_mps: Any, acceleration_mps2: Any, xp: An
 def passing_s(
     distance_m: float, length_m: float, speed_mps: float, acceleration_mps2: float
 ) -> float:
-    """Time from the start of a line, where the drone stands still, until it has flown a distance."""
+    """Time from the start of a line until the drone has flown a distance.  The drone starts at
+    rest.
+    """
     left = length_m - distance_m
-    if left < distance_m:  # deceleration is acceleration reversed in time
+    if left < distance_m:  # The drone decelerates. Deceleration is acceleration with time reversed.
         whole: float = stop_to_stop_s(length_m, speed_mps, acceleration_mps2)
         return whole - passing_s(left, length_m, speed_mps, acceleration_mps2)
     ramp = 0.5 * speed_mps**2 / acceleration_mps2
@@ -57,7 +59,7 @@ def passing_s(
 
 
 def wind_mps(speed_mps: float, from_deg: float, heading_deg: float = 0.0) -> tuple[float, float]:
-    """Velocity of the air along a heading and to its right [m/s].
+    """Components of the wind velocity along a heading and to its right [m/s].
 
     `from_deg` is the direction that the wind comes from, clockwise from true north.
     """
@@ -66,16 +68,16 @@ def wind_mps(speed_mps: float, from_deg: float, heading_deg: float = 0.0) -> tup
 
 
 class Timing(NamedTuple):
-    """How a drone flies between photos.
+    """Settings that determine the flight time between photos.
 
     - `wind`: velocity of the air in the axes of the path
     - `airspeed_mps`: highest airspeed
     - `climb_mps`: highest climb rate and descent rate
-    - `interval_s`: shortest time between photos in passing, which limits the speed to the baseline
-      divided by it
+    - `interval_s`: shortest time between photos while flying.  It limits the speed to the baseline
+      divided by `interval_s`
     - `least_run_in_m`: shortest run-in
-    - `transit_mps`: speed to, from and between lines that are flown through; None: the speed along
-      them
+    - `transit_mps`: speed to, from and between lines that are flown through.  None: the speed along
+      these lines
     """
 
     speed_mps: float = 5.0
@@ -91,14 +93,16 @@ class Timing(NamedTuple):
 
     @property
     def transit(self) -> Timing:
-        """Settings for parts of the flight without photos."""
+        """The settings for parts of the flight without photos."""
         if self.transit_mps is None:
             return self
         return self._replace(speed_mps=self.transit_mps, interval_s=0.0)
 
     @property
     def run_in_m(self) -> float:
-        """Distance before a line over which the drone accelerates; 0 if it stops at every site."""
+        """Distance before a line in which the drone accelerates; 0 if the drone stops at every
+        site.
+        """
         ramp = 0.5 * self.speed_mps**2 / self.acceleration_mps2
         return max(ramp, self.least_run_in_m) if self.fly_through else 0.0
 
@@ -112,8 +116,8 @@ class Timing(NamedTuple):
     def ground_speed_mps(self, x: float, y: float) -> float:
         """Ground speed in a direction that is given as a unit vector.
 
-        The airspeed |g u - w| is at most A, so the greatest ground speed is g = u·w + √(A² - (u x
-        w)²).
+        With the ground speed g in the direction u and the wind w, the airspeed |g u - w| is at most
+        A.  The greatest ground speed is therefore g = u·w + √(A² - (u x w)²).
 
         Raises
         ------
@@ -132,8 +136,8 @@ class Timing(NamedTuple):
         return min(self.speed_mps, fastest)
 
     def leg_speed_mps(self, x_m: float, y_m: float, up_m: float) -> float:
-        """Speed along a straight leg; its horizontal and vertical parts both stay within their
-        limits.
+        """Speed along a straight leg.  Its horizontal and vertical components both stay within
+        their limits.
         """
         level = math.hypot(x_m, y_m)
         length = math.hypot(level, up_m)
@@ -162,14 +166,17 @@ class SpeedBound(NamedTuple):
 
 
 def lowest_bound(wanted_mps: float, bounds: Sequence[SpeedBound]) -> SpeedBound | None:
-    """The limit with the lowest speed; None if the wanted speed is lower. Of equals, the first."""
+    """The limit with the lowest speed, or the first of several equal limits; None if the requested
+    speed is lower.
+    """
     slowest = min(bounds, key=lambda bound: bound.speed_mps, default=None)
     return slowest if slowest is not None and slowest.speed_mps < wanted_mps else None
 
 
 class Leg(NamedTuple):
-    """A leg in baselines, and by how many run-ins the run-out and run-in shorten it along each
-    axis.
+    """A leg, and its shortening by the run-out and run-in at its ends.
+
+    The length is in baselines and the shortening in run-ins, along each axis.
     """
 
     x: float
@@ -179,7 +186,8 @@ class Leg(NamedTuple):
 
 
 class Path(NamedTuple):
-    """A flight over a pattern: the legs and the lines that are flown through, each with its count.
+    """A flight over a pattern: the different legs and the lines that are flown through, each with
+    its count.
 
     Lengths are in baselines, in the axes of the pattern.  `courses` are the directions, as unit
     vectors, in which the drone flies while it takes photos.
@@ -192,7 +200,9 @@ class Path(NamedTuple):
 
     @classmethod
     def shortest(cls, samples: int, timing: Timing) -> Path:
-        """One straight line; without wind, no pattern with this number of samples is faster."""
+        """The path along one straight line.  Without wind, no pattern with this number of samples
+        is faster.
+        """
         if timing.fly_through:
             return cls((), samples, ((samples - 1.0, 1),))
         return cls(((Leg(1.0), samples - 1),), samples)
@@ -210,8 +220,8 @@ class Path(NamedTuple):
         return math.fsum([*legs, *lines, 2.0 * turns * run])
 
     def time_s(self, baseline_m: float, timing: Timing) -> float:
-        """Time from the first site to the last, with a hold at each site unless they are flown
-        through.
+        """Time from the first site to the last.  The drone holds at each site unless sites are
+        flown through.
         """
         flown = steady(timing.at(baseline_m), self.courses)
         run = flown.run_in_m
@@ -220,25 +230,28 @@ class Path(NamedTuple):
         if not timing.fly_through:
             return self.samples * flown.hold_s + math.fsum(legs)
         turns = sum(count for _, count in self.legs)
-        # Accelerating from a stop to speed v takes v/2a longer than flying the distance at v.
+        # Accelerating from rest to the speed v takes v/2a longer than flying the same distance at
+        # v.
         ramp = run / flown.speed_mps + 0.5 * flown.speed_mps / flown.acceleration_mps2
         lines = (length * baseline_m / flown.speed_mps * count for length, count in self.lines)
         return math.fsum([*legs, *lines, 2.0 * turns * ramp])
 
 
 def steady(timing: Timing, courses: Sequence[tuple[float, float]]) -> Timing:
-    """The same settings at the highest speed that the wind allows on all courses."""
+    """The same settings with one speed for all courses: the highest speed that the wind allows on
+    each of them.
+    """
     if not (timing.fly_through and courses) or timing.wind == (0.0, 0.0):
         return timing
     return timing._replace(speed_mps=min(timing.ground_speed_mps(*course) for course in courses))
 
 
 def path_of(pattern: Sites, timing: Timing | None = None) -> Path:
-    """The path of a flight over a pattern: its legs, and its lines if sites are flown through."""
+    """The path of a flight over a pattern: the legs, and the lines if sites are flown through."""
     timing = timing or Timing()
     if timing.fly_through:
         return _flown_through(list(pattern.offsets()))
-    # Without wind only the length of a leg counts.
+    # Without wind, the time depends only on the length of a leg.
     calm = timing.wind == (0.0, 0.0)
     legs: Counter[Leg] = Counter()
     for (x, y), count in pattern.steps().items():
@@ -266,7 +279,7 @@ def _flown_through(sites: list[tuple[float, float]]) -> Path:
 
 
 class FlownLine(NamedTuple):
-    """Sites that are flown through on one course: indices of the first and the last, and the
+    """Sites that are flown through on one course: indices of the first and the last site, and the
     course.
 
     The course is a unit vector in the axes of the sites.
@@ -281,10 +294,11 @@ class FlownLine(NamedTuple):
 def lines_of(
     sites: Sequence[tuple[float, float]], spacing: float, along: tuple[float, float] = (1.0, 0.0)
 ) -> Iterator[FlownLine]:
-    """Lines of sites along the heading whose gaps are whole numbers of spacings, in flight order.
+    """Lines of sites along the heading, in flight order.
 
-    A distance trigger takes a photo at every site of such a line.  `along` is the heading as a unit
-    vector.  Lines run along it or opposite to it; a single site is flown through along it.
+    The gaps between the sites of a line are whole numbers of spacings, so that a distance trigger
+    takes a photo at every site.  `along` is the heading as a unit vector.  Lines run along this
+    heading or opposite to it.  A single site is flown through along the heading.
     """
     first = 0
     while first < len(sites):

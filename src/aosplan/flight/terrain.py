@@ -1,8 +1,7 @@
-"""Terrain: ground heights from a GeoTIFF, and a path at a constant height above the ground.
+"""Ground heights from a GeoTIFF, and paths at a constant height above the ground.
 
-Heights are read in windows of limited size and interpolated bilinearly between pixel centres.
-Missions use heights above the take-off point, which are differences of heights, so the file may
-have any vertical datum.
+Heights are read in windows of limited size and interpolated bilinearly between pixel centres.  The
+file may have any vertical datum, because missions use only differences of heights.
 """
 
 from __future__ import annotations
@@ -35,19 +34,25 @@ if TYPE_CHECKING:
 
 
 WINDOW_PX = 4_000_000
-"""Pixels per window (32 MB); points that are farther apart are read in several windows."""
+"""Number of pixels per window (32 MB).  Points that do not fit into one window are read in several
+windows.
+"""
 
 GROUND_M = (-600.0, 9000.0)
-"""Range of ground heights on earth; values outside it are treated as missing, tagged or not."""
+"""Range of ground heights on earth [m].  Values outside of it are treated as missing, even if the
+file does not mark them.
+"""
 
 METRES_PER_DEGREE = 111_320.0
 
 MOST_LOOKS = 5_000_000
-"""Greatest number of places between the sites of a plan at which the height is read."""
+"""Largest number of places between the sites of a plan at which the height of the ground is
+read.
+"""
 
 
 class Terrain:
-    """Ground heights from a raster; a context manager that keeps the file open.
+    """Ground heights from a raster.  As a context manager, it keeps the file open.
 
     Parameters
     ----------
@@ -59,7 +64,7 @@ class Terrain:
     Raises
     ------
     RequestError
-        If there is no such raster, or if it has no location or no unit.
+        If the raster does not exist, or if it has no location or no unit.
     MissingExtraError
         If rasterio is not installed.
     """
@@ -70,7 +75,7 @@ class Terrain:
         from rasterio.errors import NotGeoreferencedWarning, RasterioError, RasterioIOError
 
         self.path = path
-        # A file name must not make GDAL open network resources or archives.
+        # Such names would make GDAL open network resources or archives.
         if "://" in path or path.startswith("/vsi") or "\0" in path:
             raise RequestError(f"terrain {path!r} is not a file")
         check_input(path)
@@ -118,7 +123,9 @@ class Terrain:
         return crs_of_wkt(self._raster.crs.to_wkt(), f"terrain '{self.path}'")
 
     def _height_unit_m(self, crs: CRS, units: str | None) -> float:
-        """Metres in the unit of the heights: as given by the user, the band or the vertical axis."""
+        """Metres in the unit of the heights.  The user, the band or the vertical axis gives this
+        unit.
+        """
         if self._raster.dtypes[0].startswith("complex"):
             raise RequestError(f"terrain '{self.path}' holds complex numbers, not heights")
         if units is not None:
@@ -144,12 +151,13 @@ class Terrain:
         return min(math.hypot(a * x_m, d * y_m), math.hypot(b * x_m, e * y_m))
 
     def heights_m(self, latitudes: Sequence[float], longitudes: Sequence[float]) -> NDArray[Any]:
-        """Height of the ground at each point [m], shape (N,), bilinear between pixel centres.
+        """Height of the ground at each point [m], shape (N,), interpolated bilinearly between pixel
+        centres.
 
         Raises
         ------
         RequestError
-            If a point is outside the raster or at a pixel without data.
+            If a point is outside the raster, or if its height needs a pixel without data.
         """
         import numpy as np
 
@@ -157,13 +165,14 @@ class Terrain:
         x, y = self._to_raster.transform(lon.tolist(), lat.tolist())
         a, b, left, d, e, top = self._transform
         x = np.asarray(x)
-        # Longitudes may start at 0 or at -180, and the raster may cross the end of this range.
+        # The longitudes of a raster may start at 0 or at -180, and the raster may extend beyond the
+        # end of this range.
         if self._turn:
             x = (x - self._middle + 0.5 * self._turn) % self._turn + self._middle - 0.5 * self._turn
         along, down = x - left, np.asarray(y) - top
         columns, rows = (e * along - b * down) / self._area, (a * down - d * along) / self._area
         inside = (columns >= 0) & (columns <= self._raster.width)
-        inside &= (rows >= 0) & (rows <= self._raster.height)  # False for nan
+        inside &= (rows >= 0) & (rows <= self._raster.height)  # The comparison is False for nan.
         if not inside.any():
             self._refuse("does not cover", lat, lon, ~inside, self._whereabouts())
         if not inside.all():
@@ -203,8 +212,8 @@ class Terrain:
     def _read(
         self, columns: NDArray[Any], rows: NDArray[Any], found: NDArray[Any], part: slice
     ) -> None:
-        """Read the heights of some of the points; points that are too far apart are split in
-        halves.
+        """Read the heights of some of the points.  If the points do not fit into one window, they
+        are divided in two halves.
         """
         import numpy as np
         from rasterio.windows import Window
@@ -229,7 +238,7 @@ class Terrain:
         pixels[~((pixels >= low) & (pixels <= high))] = np.nan
         column, row = x.astype(int) - left, y.astype(int) - top
         u, v = x - x.astype(int), y - y.astype(int)
-        # A neighbour of weight zero may have no data or be outside the raster.
+        # A neighbour with the weight zero may be without data or outside the raster.
         right, below = (
             np.minimum(column + (u > 0), width - 1),
             np.minimum(row + (v > 0), height - 1),
@@ -262,12 +271,14 @@ def _datum(crs: CRS) -> str:
 def follow(
     terrain: Terrain, sites: FlightPoints, origin: tuple[float, float], *, tolerance_m: float
 ) -> Ground:
-    """Add points to a path that keeps one height above the ground where the drone would be too low.
+    """Add points to a path at a constant height above the ground, wherever the drone would be too
+    low.
 
-    The height of the ground is read every half pixel along each leg.  If it is more than
-    `tolerance_m` above the straight line between the two ends, a point is added at the worst place,
-    and both parts are checked again.  If a path is longer than `MOST_LOOKS` half pixels, the
-    ground is read at about `MOST_LOOKS` places instead, at equal distances.
+    The height of the ground is read every half pixel along each leg.  If the ground is more than
+    `tolerance_m` above the straight line between the ground at the two ends, a point is added at
+    the highest deviation.  Both parts of the leg are then checked again.  If a path is longer than
+    `MOST_LOOKS` half pixels, the ground is read at about `MOST_LOOKS` places at equal distances
+    instead.
     """
     import numpy as np
 
@@ -308,7 +319,7 @@ def follow(
 
 
 def raised(along: NDArray[Any], profile: NDArray[Any], tolerance_m: float) -> list[int]:
-    """Indices at which a profile is approximated by a polyline.
+    """Indices of the vertices of a polyline that approximates a profile.
 
     The first and the last index are included.  Between consecutive indices the profile is at most
     `tolerance_m` above the straight line.
@@ -350,10 +361,10 @@ def ways_ground_m(
     east_m: Sequence[float],
     north_m: Sequence[float],
 ) -> tuple[list[float], list[float]]:
-    """Lowest and highest ground along the straight line from one point to each of several others.
+    """Lowest and highest ground along the straight lines from one point to several others.
 
-    Points are metres east and north of an origin.  Heights are read every half pixel, or farther
-    apart if there would be more than `MOST_LOOKS` places in total.
+    Points are metres east and north of an origin.  Heights are read every half pixel.  If this
+    would give more than `MOST_LOOKS` places in total, the distance is larger.
     """
     import numpy as np
 

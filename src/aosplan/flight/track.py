@@ -1,9 +1,9 @@
 """Tracks: the points of a flight and the time at which the drone reaches each of them.
 
-If photos are taken while flying, the drone accelerates before the first site of a line over v² / 2a,
-but at least one metre, and decelerates after the last site over the same distance.  All photos are
-therefore taken at constant speed.  The drone stops at both ends and flies from one line to the next
-from stop to stop.
+If photos are taken while flying, the drone accelerates before the first site of a line.  The
+distance is v² / 2a for the speed v and the acceleration a, but at least one metre.  After the last
+site, the drone decelerates over the same distance.  All photos are therefore taken at constant
+speed.  The drone stops at both ends of a line and then flies to the next line.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class FlightPoints(NamedTuple):
-    """Points in flight order, east and north [m], and for each point whether a photo is taken."""
+    """Points in flight order: metres east and north, and whether a photo is taken at each point."""
 
     east_m: list[float]
     north_m: list[float]
@@ -33,7 +33,8 @@ class FlightPoints(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """Points with the height of the ground below [m], and deviations of the ground between them.
+    """Points with the height of the ground below them [m], and deviations of the ground between the
+    points.
 
     On a straight leg, the drone is up to `closer_by_m` closer to the ground than at the two ends of
     the leg, and up to `farther_by_m` farther away.
@@ -49,7 +50,7 @@ class Ground(NamedTuple):
 class Track:
     """Points of a flight in order: metres east, north and up, and whether a photo is taken.
 
-    Unless sites are flown through, the drone stops at every point and holds at those with a photo.
+    If sites are not flown through, the drone stops at every point and holds at points with a photo.
     """
 
     east_m: Sequence[float]
@@ -65,11 +66,13 @@ class Track:
 
     @cached_property
     def lengths_m(self) -> list[float]:
-        """Length of the path from the first point to each."""
+        """Length of the path from the first point to each point."""
         return list(accumulate(starmap(math.hypot, self.legs), initial=0.0))
 
     def stops(self, timing: Timing) -> list[int]:
-        """Points at which the drone stops: all, or the turns if sites are flown through."""
+        """Points at which the drone stops: all points, or only the turns if sites are flown
+        through.
+        """
         count = len(self.east_m)
         if not timing.fly_through or count < 2:
             return list(range(count))
@@ -82,11 +85,11 @@ class Track:
         return [0, *turns, count - 1]
 
     def times_s(self, timing: Timing) -> list[float]:
-        """Time at which each point is reached, starting at rest at the first; holds follow the
-        arrival.
+        """Time at which the drone reaches each point.
 
-        If sites are flown through, a whole line is flown at the speed that its steepest leg
-        allows.  Lines without photos are flown at the transit speed.
+        The drone starts at rest at the first point.  The time of a point is before its hold.  If
+        sites are flown through, a whole line is flown at the speed that its steepest leg allows.
+        Lines without photos are flown at the transit speed.
         """
         if not timing.fly_through:
             # A grid has many legs, but only a few different ones.

@@ -1,16 +1,17 @@
-"""Visibility models: predictions of what an integral image shows of the target.
+"""Visibility models, which predict how much of the target an integral image shows.
 
 - `aosplan.models.model`: the interface, and the prediction that all models share.
 - `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.layered_pairs`, `aosplan.models.layered_noise`, `aosplan.models.layered_slanted`:
-  covariance of pairs of rays through slices, with uncertain positions, and of slanted rays.
+  covariance of pairs of rays through slices: for exact positions, for uncertain positions, and for
+  slanted rays.
 - `aosplan.models.measured`: the voxels of a stand.
 - `aosplan.models.equations`: Eq. 1 to 5 of the paper.
-- `aosplan.models.positions`: the shortfall of any set of positions, on a lattice or scattered.
-- `aosplan.models.position_noise`: sites that are not flown exactly.
-- `aosplan.models.oblique_rays`: rays off nadir.
-- `aosplan.models.rolling`: lines without end, with an integral of the last N photos.
+- `aosplan.models.positions`: the shortfall of any set of positions, on a lattice or not.
+- `aosplan.models.position_noise`: the effect of position errors of the drone.
+- `aosplan.models.oblique_rays`: the effect of slanted rays.
+- `aosplan.models.rolling`: lines of any length, with an integral of the last N photos.
 - `aosplan.models.uncertainty`: standard errors of a prediction.
 - `aosplan.models.detection`: probability of detection of a target below independent slices, with
   `aosplan.models.target_window`, `aosplan.models.window_pairs`, `aosplan.models.seen_share`

@@ -1,12 +1,13 @@
-"""A prediction for the rays of photos to all targets of an area, instead of rays straight down.
+"""A prediction with the slanted rays from the cameras to all targets of an area.
 
-A ray with slopes x and y crosses √(1 + x² + y²) times as many leaves of random direction as a vertical one.
-Of slices of cubes it meets the side faces as well: it is clear with probability Π q^(1 + r (|x| + |y|)), r
-being the thickness of the slices divided by the size of their occluders.  With p_i(t) of view i and target t,
+A ray with the slopes x and y crosses √(1 + x² + y²) times as many leaves of random direction as a
+vertical ray.  In slices of cubes, it also meets side faces: it is clear with probability Π q^(1 + r
+(|x| + |y|)), where r is the thickness of a slice divided by the size of its occluders.  Let p_i(t)
+be the probability that view i does not see the target t.  Then
 
     E[X²] = mean over t of (mean over i of p_i)² + K · mean of p_i (1 - p_i),
 
-where K is that of the plan.
+where K is the shortfall of the plan.
 """
 
 from __future__ import annotations
@@ -30,11 +31,13 @@ if TYPE_CHECKING:
     LogClear = Callable[[Floats, Floats], Floats]
 
 AREA_POINTS = 9
-"""Points along either side of the area over which a prediction is averaged."""
+"""Number of points along each side of the area over which a prediction is averaged."""
 
 
 def cube_terms(above: Scene) -> tuple[float, float]:
-    """Logarithm of the transparency straight down, and what a unit of slope adds to it for cubes."""
+    """Logarithm of the transparency of vertical rays, and its change per unit of slope for
+    cubes.
+    """
     straight = slope = 0.0
     for layer in above.slices():
         cubes = (layer.top_m - layer.bottom_m) / layer.occluder_size_m
@@ -45,13 +48,17 @@ def cube_terms(above: Scene) -> tuple[float, float]:
 
 
 def cubes(above: Scene) -> LogClear:
-    """Logarithm of the transparency of slices of cubes, by the slopes of a ray along x and y."""
+    """Function that returns the logarithm of the transparency of slices of cubes, for the slopes of
+    a ray along x and y.
+    """
     straight, slope = cube_terms(above)
     return lambda x, y: straight + slope * (x + y)
 
 
 def leaves(above: Scene) -> LogClear:
-    """Logarithm of the transparency of leaves of random direction, by the slopes of a ray."""
+    """Function that returns the logarithm of the transparency of leaves of random direction, for
+    the slopes of a ray.
+    """
     straight, _ = cube_terms(above)
     return lambda x, y: straight * np.sqrt(1.0 + x * x + y * y)
 
@@ -64,22 +71,18 @@ def slanted(
     altitude_m: float,
     view: ViewKind,
 ) -> Prediction:
-    """A prediction for the rays of an area, as the module's text has it.
+    """The prediction for an area, by the formula in the docstring of this module.
 
     Parameters
     ----------
     shortfall
         K of the plan.
     log_clear
-        Logarithm of the transparency for the absolute slopes of rays along x and y.
-    positions_m
-        Of the cameras from the middle of the pattern, shape (N, 2).
-    area_m
-        Area of the targets along x and y, of perspective views.
-    altitude_m
-        Of the cameras above the targets.
-    view
-        Whether all targets are below one aperture, or each target below its own.
+        Function that returns the logarithm of the transparency for the absolute slopes of rays
+        along x and y. positions_m Positions of the cameras relative to the middle of the pattern,
+        shape (N, 2). area_m Size of the area of the targets along x and y, for perspective views.
+        altitude_m Altitude of the cameras above the targets. view Whether all targets are below one
+        aperture (perspective), or each target is below its own aperture (telecentric).
     """
     share = (np.arange(AREA_POINTS) + 0.5) / AREA_POINTS - 0.5
     scale = 0.0 if view == "telecentric" else 1.0

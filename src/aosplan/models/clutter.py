@@ -2,31 +2,32 @@
 
 Radiances are in units of σ_c, the standard deviation between occluders.  The mean of the ground is
 zero, the mean of the canopy is M, and the ground has a texture of standard deviation `TEXTURE`.  A
-share of σ_c² is common to whole crowns (crown share); the rest is independent for each occluder.
+share of σ_c², the crown share, is common to whole crowns; the rest of σ_c² is independent for each
+occluder.
 
 The detector takes the mean over a window of the target's size and subtracts the mean of the box
-around it.  With w for window and b for box, a covariance component R contributes
+around it.  The indices w and b stand for window and box.  A covariance component R contributes
 
     R_ww - 2 R_wb + R_bb
 
-to the variance of this difference.  For a window with seen share s and no target, the difference
-has the mean M (1 - β) (T - s), where β = S_wb/S_ww is the part of s that the box shares, and the
-variance sd²(s).  The contribution of the canopy to sd² increases with 1 - s, that of the ground
-with s².
+to the variance of this difference.  Let T be the transparency of the canopy and s the seen share of
+the window.  For a window without a target, the difference has the mean M (1 - β) (T - s) and the
+variance sd²(s).  Here β = S_wb/S_ww is the part of s that the window has in common with the box.
+The contribution of the canopy to sd² increases with 1 - s, and the contribution of the ground
+increases with s².
 
-**False alarms.**  The detector evaluates every place in every direction.  The number of peaks of a
-Gaussian field above u standard deviations is its expected Euler characteristic (Adler 1981).  Here
-the field depends on place and direction, which repeats after half a turn:
+**False alarms.**  The detector evaluates every place in every direction.  For a Gaussian field, the number of peaks above u standard deviations equals the expected Euler characteristic (Adler 1981). Here the field depends on place and direction; the direction repeats after half a turn. In an area A, the Euler characteristic is
 
     χ(u) = A π √(λ_l λ_w λ_θ) (2π)^-2 (u² - 1) exp(-u²/2).
 
 The λ are the variances of the field's derivatives along the window, across it, and with respect to
-direction.  n_w = `PEAKS` χ(u)/Φ̄(u) windows are therefore independent, and the threshold solves
+direction.  The number of independent windows is therefore n_w = `PEAKS` χ(u)/Φ̄(u), where Φ̄ is the
+tail of the normal distribution.  The threshold u solves
 
     E_s Φ̄((u - M (1 - β) (T - s))/sd(s)) = F/n_w,
 
-where F is the allowed number of false alarms.  `PEAKS` = 0.6 is fitted to simulations: hard edges
-and a lattice of pixels have fewer peaks than a smooth field.
+where F is the allowed number of false alarms.  `PEAKS` = 0.6 is fitted to simulations.  It is less
+than 1, because an image with hard edges and pixels has fewer peaks than a smooth field.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PEAKS = 0.6
-"""Number of peaks above a high threshold divided by that of a smooth Gaussian field."""
+"""Number of peaks above a high threshold, divided by the number for a smooth Gaussian field."""
 
 HECTARE_M2 = 10_000.0
 
@@ -77,7 +78,7 @@ class Radiances(NamedTuple):
 
 
 class Clutter(NamedTuple):
-    """Variance of the detector's output, by its sources.
+    """Variance of the detector's output, divided into its sources.
 
     Attributes
     ----------
@@ -88,9 +89,8 @@ class Clutter(NamedTuple):
     slope
         M (1 - β): decrease of the mean output per increase of s.
     canopy, ground
-        Covariances of window with window, window with box, and box with box.
-    rest
-        Variance, for given s, of M times the seen share of the box.
+        Covariances of window and window, window and box, and box and box. rest Variance of M times
+        the seen share of the box, for a given s.
     roughness
         √(λ_l λ_w λ_θ) of the output divided by its standard deviation [1/m²].
     """
@@ -108,7 +108,9 @@ class Clutter(NamedTuple):
         return self.slope * (self.transparency - share)
 
     def deviation(self, share: Floats, *, target: bool = False) -> Floats:
-        """Standard deviation of the output for a seen share; a target hides the ground below it."""
+        """Standard deviation of the output for a seen share.  If there is a target, it hides the
+        ground below it.
+        """
         ww, wb, bb = self.canopy
         hidden = (1.0 - share) / max(1.0 - self.transparency, 1e-12)
         variance = self.rest + hidden * (ww - 2.0 * wb) + bb
@@ -121,7 +123,7 @@ class Clutter(NamedTuple):
         return deviation
 
     def total_deviation(self, variance: float) -> float:
-        """Standard deviation over all places, for a given variance of s."""
+        """Standard deviation of the output over all places, for a given variance of s."""
         parts = [ww - 2.0 * wb + bb for ww, wb, bb in (self.canopy, self.ground)]
         return math.sqrt(max(sum(parts) + self.rest + self.slope**2 * variance, 1e-12))
 
@@ -148,7 +150,8 @@ def clutter_of(
     radiances
         Radiances of ground and canopy.
     local
-        Whether the detector subtracts the mean of the box; otherwise that of the whole image.
+        Whether the detector subtracts the mean of the box.  Otherwise it subtracts the mean of the
+        whole image.
     """
     m, x, g = radiances
     window, box = mean.window, mean.box if local else 0.0 * mean.box
@@ -187,15 +190,15 @@ def independent_windows(level: float, roughness: float, area_m2: float = HECTARE
     """n_w: number of independent windows in an area, for a level of u standard deviations."""
     from scipy.special import erfcx
 
-    level = max(level, 1.5)  # for lower levels, χ is not the number of peaks
-    # exp(-u²/2)/Φ̄(u), without overflow.
+    level = max(level, 1.5)  # At lower levels, χ differs from the number of peaks.
+    # This is exp(-u²/2)/Φ̄(u), computed without overflow.
     ratio = 2.0 / float(erfcx(level / math.sqrt(2.0)))
     peaks = area_m2 * math.pi * roughness * (level * level - 1.0) / (2.0 * math.pi) ** 2
     return max(PEAKS * peaks * ratio, 1.0)
 
 
 def threshold(clutter: Clutter, seen: SeenShare, false_alarms: float) -> float:
-    """Threshold u, above which the output gives a certain number of false alarms per hectare.
+    """Threshold u at which the detector gives a certain number of false alarms per hectare.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The measured model approximated by a correlogram, which is faster."""
+"""A faster approximation of the measured model, by a correlogram."""
 
 from __future__ import annotations
 
@@ -32,10 +32,11 @@ NOISE_POINTS = 4
 
 @lru_cache(maxsize=1024)
 def _lattice(pattern: Pattern) -> tuple[Floats, Floats, Floats]:
-    """Sites of a pattern, and offsets between them with their numbers of pairs, in pitches.
+    """Sites of a pattern, and the offsets between them with their numbers of pairs.  Lengths are in
+    pitches.
 
-    An offset and its opposite are equivalent, so only half of them are returned; the offset 0 is
-    counted half.
+    An offset and its opposite are equivalent, so only one of them is returned.  The number of pairs
+    with offset 0 is divided by 2.
     """
     mask = np.ones((pattern.rows, pattern.columns), dtype=np.bool_)
     mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
@@ -58,8 +59,8 @@ class CorrelogramModel:
     heading_deg
         Heading of the patterns, clockwise from the correlogram's north.
     hold_error_m
-        Standard deviation of the positions around their sites, per axis.  p and ρ are then means
-        over the resulting offsets.
+        Standard deviation of the positions around their sites, per axis.  If it is greater than 0,
+        p and ρ are means over the random offsets.
     """
 
     name = "correlogram"
@@ -83,7 +84,7 @@ class CorrelogramModel:
         self._predictions: Known = {}
 
     def at_heading(self, heading_deg: float) -> CorrelogramModel:
-        """The same model for patterns at another heading; both share stored results."""
+        """The same model for patterns at another heading.  Both models share stored results."""
         turned = copy(self)
         turned.heading_deg = heading_deg
         return turned
@@ -122,15 +123,15 @@ class CorrelogramModel:
         """
         if isinstance(pattern, Spiral):
             return self._predict_spiral(pattern, baseline_m)
-        # Rows are to the right of the heading and columns along it, like east and north on a
-        # compass.
+        # The offset between rows is to the right of the heading, and the offset between columns is
+        # along it. They correspond to east and north for the heading 0.
         pitch_m = baseline_m * pattern.row_pitch, baseline_m
         sites, apart, pairs = _lattice(pattern)
         return self._prediction(sites * pitch_m, apart * pitch_m, pairs, self.heading_deg)
 
     def _predict_spiral(self, spiral: Spiral, baseline_m: float) -> Prediction:
-        """Prediction from cumulative sums over the sites from the centre outwards, shared by all
-        spirals.
+        """Prediction for a spiral.  Cumulative sums over the sites from the centre outwards are
+        shared by all spirals.
         """
         even = spiral.samples % 2 == 0
         key = spiral.turn_pitch, baseline_m, self.heading_deg, even
@@ -156,11 +157,12 @@ class CorrelogramModel:
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The same as `predict`, which is fast enough."""
+        """The same as `predict`, because `predict` is fast enough."""
         return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
-        """Density and shortfall of samples at any known positions; the time grows with N².
+        """Density and shortfall of samples at any known positions.  The computing time increases as
+        N².
 
         Parameters
         ----------
@@ -176,7 +178,7 @@ class CorrelogramModel:
         return Prediction(density, 1.0 - density, max(shortfall, 0.0))
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of views at known positions, shape (N,); positions are metres east and north of the
+        """p of views at known positions, shape (N,).  Positions are in metres east and north of the
         centre.
         """
         points = np.asarray(positions_m, dtype=np.float64)
@@ -190,8 +192,8 @@ class CorrelogramModel:
     def _prediction(
         self, sites_m: Floats, apart_m: Floats, pairs: Floats, heading_deg: float
     ) -> Prediction:
-        """Means of p over the sites, and of ρ over the distances weighted by their numbers of
-        pairs.
+        """The prediction: the mean of p over the sites, and the mean of ρ over the distances,
+        weighted by their numbers of pairs.
         """
         tables = self.correlogram
         density = float(
@@ -199,7 +201,7 @@ class CorrelogramModel:
         )
         pair_error_m = math.sqrt(2.0) * self.hold_error_m
         rho = self._expected(tables.correlation_at, apart_m, heading_deg, pair_error_m)
-        rho[~apart_m.any(axis=1)] = 1.0  # a view with itself
+        rho[~apart_m.any(axis=1)] = 1.0  # the pair of a view with itself
         return Prediction(density, 1.0 - density, max(float(rho @ pairs / pairs.sum()), 0.0))
 
     def _expected(
@@ -209,7 +211,7 @@ class CorrelogramModel:
         heading_deg: float,
         deviation_m: float,
     ) -> Floats:
-        """Expected table entries for uncertain offsets, by Gauss-Hermite quadrature along both
+        """Expected values of a table for uncertain offsets, by Gauss-Hermite quadrature along both
         axes.
         """
         if deviation_m == 0.0:
@@ -223,6 +225,8 @@ class CorrelogramModel:
         return expected
 
     def _polar(self, offsets_m: Floats, heading_deg: float) -> tuple[Floats, Floats]:
-        """Lags and directions of offsets that are given to the right of a heading and along it."""
+        """Lags and directions of offsets.  The offsets are given to the right of a heading and
+        along it.
+        """
         right, along = offsets_m.T / self.altitude_m
         return np.hypot(right, along), np.degrees(np.arctan2(right, along)) + heading_deg

@@ -1,17 +1,19 @@
 """Probability of detection below the voxels of a stand, counted over all places.
 
-Clumped crowns are not independent slices.  If the voxels are known, the integral image itself is
-computed (`aosplan.scenes.integral_image`).  It is telecentric, so every place has the cameras
-around itself.  The radiances of voxels and ground are drawn from a random seed.
+The model of independent slices does not apply to clumped crowns.  If the voxels are known, the
+integral image itself is computed instead (`aosplan.scenes.integral_image`).  It is telecentric: the
+positions of the cameras are relative to each place.  The radiances of voxels and ground are drawn
+from a random seed.
 
-- The seen share is the mean over the window of the share of photos that see each pixel.  It is
-  evaluated at all places and in all directions.
-- The threshold is found from the highest peaks of the detector's output without a target.  Beyond
-  them an exponential tail is assumed.  Its scale is the mean excess of the `PEAKS` highest peaks
-  over the next one.  A Gaussian tail would have an error of 0.2 in the probability for clumped
-  crowns.
-- The output for a target is that of the canopy at its place plus η C s.  POD is the share of places
-  and directions for which the output exceeds the threshold.
+- The seen share of a window is the mean over its pixels of the share of photos that see the pixel.
+  It is evaluated at all places and in all directions.
+- The threshold is found from the highest peaks of the detector's output without a target.  Above
+  these peaks, an exponential tail is assumed.  The scale of the tail is the mean excess of the
+  `PEAKS` highest peaks over the next lower peak.  A Gaussian tail would have an error of 0.2 in the
+  probability for clumped crowns.
+- The output for a target is the output of the canopy at its place plus η C s
+  (`aosplan.models.detection`).  POD is the share of places and directions for which the output
+  exceeds the threshold.
 
 The standard error is computed from the four quarters of the plot.
 """
@@ -49,7 +51,7 @@ PEAKS = 30
 """Number of highest peaks from which the tail is estimated."""
 
 SEED = 1
-"""Seed of the radiances, the same for every plan."""
+"""Random seed of the radiances.  It is the same for every plan."""
 
 
 def count_detection(
@@ -93,7 +95,8 @@ def count_detection(
         peaks(output, integral.pitch_m), false_alarms * width_m * depth_m / HECTARE_M2
     )
     shares = np.clip(np.array(window.means(integral.seen)), 0.0, 1.0)
-    # A target hides the ground below it, in the window and in the box around it.
+    # A target hides the ground below it. This reduces the texture in the window and in the box
+    # around it.
     part = target.area_m2 / window.box_m**2
     base = np.array(window.means(integral.canopy)) - around
     base += part * np.array(window.means(integral.seen * ground))
@@ -116,7 +119,7 @@ def count_detection(
 
 
 def tail_level(heights: Floats, number: float) -> float:
-    """The level that a given number of peaks is expected to exceed.
+    """The level that the given number of peaks exceeds on average.
 
     Parameters
     ----------

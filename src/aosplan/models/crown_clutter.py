@@ -1,20 +1,20 @@
-"""Clutter from radiances that whole crowns have in common, in the integral image.
+"""Clutter in the integral image from the part of the radiance that whole crowns have in common.
 
-Crowns are described by a field of radiances along the ground with the correlation
-ρ(r) = exp(-r²/(2 L²)).  A ray from camera c to ground point t that ends in the canopy at height H
-shows the field at t (1 - H/h) + c H/h.  Two such rays end at independent heights H and H'.  They
-show the field at points that are d = c H/h - c' H'/h apart, in addition to the offset of their
-targets.  A wide aperture and a deep canopy spread each crown over the ground, which reduces its
-clutter.
+Crowns are described by a field of radiances along the ground with the correlation ρ(r) = exp(-r²/(2
+L²)).  A ray from camera c to ground point t that ends in the canopy at height H shows the field at
+t (1 - H/h) + c H/h.  Two such rays end at independent heights H and H'.  In addition to the offset
+of their targets, they show the field at points that are d = c H/h - c' H'/h apart.  A wide aperture
+and a deep canopy spread each crown over the ground, which reduces its clutter.
 
 The mean of a covariance K(d) over all pairs of photos and of heights is an integral of its spectrum,
 
     ∫∫ |φ(k)|² K̂(k) dk/(2π)²,   φ(k) = Σ_H P(H) (1/N) Σ_c exp(i k·c H/h).
 
 K̂ is a Gaussian, multiplied by the spectra of the detector's window and box.  The window is
-described by a Gaussian, since it is small compared with a crown; the box has its exact shape and is
-parallel to the axes.  The integral is computed by the trapezoidal rule.  Its error is negligible if
-the period 2π/dk exceeds the largest d plus the reach of K.
+approximated by a Gaussian, because it is small compared with a crown.  The box has its exact shape
+and is parallel to the axes.  The integral is computed by the trapezoidal rule.  The error of this
+rule is negligible if the period 2π/dk, for a step dk, is larger than the largest d plus the reach
+of K.
 """
 
 from __future__ import annotations
@@ -34,13 +34,17 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 HIGHEST = 5.0
-"""Highest wave number times the length of the crowns; 1e-6 of the spectrum is above it."""
+"""Highest wave number, multiplied by the length of the crowns.  A share of 1e-6 of the spectrum is
+above it.
+"""
 
 REACH = 6.0
 """Distance, divided by the length of the crowns, beyond which their covariance is negligible."""
 
 HEIGHTS = 32
-"""Largest number of heights at which rays end; if there are more, neighbours are merged."""
+"""Largest number of heights at which rays end.  If there are more, neighbouring heights are
+merged.
+"""
 
 
 def crown_covariances(
@@ -51,12 +55,12 @@ def crown_covariances(
     target: Target,
     kernels: Kernels,
 ) -> tuple[Floats, Floats]:
-    """Covariances of the crowns' field for rays that both end in canopy.
+    """Covariances of the field of crowns, for pairs of rays that both end in the canopy.
 
     Parameters
     ----------
     sites_m
-        Camera positions, horizontally from the target, shape (N, 2).
+        Horizontal positions of the cameras relative to the target, shape (N, 2).
     heights_m, ends
         Heights at which rays end, and their probabilities.
     altitude_m
@@ -73,7 +77,8 @@ def crown_covariances(
     heights_m, ends = _grouped(heights_m, ends)
     slopes = heights_m / altitude_m
     half = 0.5 * near * target.box_m
-    # The largest distance between two points of the field, along the longer axis.
+    # The next lines compute the largest distance between two points of the field, along the longer
+    # axis.
     ends_m = [sites_m * slope for slope in (slopes.min(), slopes.max())]
     apart_m = float(np.ptp(np.concatenate(ends_m), axis=0).max())
     step = 2.0 * math.pi / (apart_m + 2.0 * half + REACH * CROWN_LENGTH_M)
@@ -81,7 +86,8 @@ def crown_covariances(
     k = step * np.arange(-count, count + 1.0)
     power = np.abs(_characteristic(sites_m, slopes, ends, k)) ** 2
     field = CROWN_LENGTH_M * step / math.sqrt(2.0 * math.pi) * _blurred(k, CROWN_LENGTH_M**2)
-    # Second moment per axis of the offset between two points of the window, and the same with a shift.
+    # Second moment per axis of the offset between two points of the window, without and with a
+    # shift.
     pair = near**2 * (target.width_m**2 + target.length_m**2) / 12.0
     moved = pair + 0.5 * (near * kernels.step_m) ** 2
     inside = np.sinc(k * half / math.pi)
@@ -95,7 +101,9 @@ def crown_covariances(
 
 
 def _grouped(heights_m: Floats, ends: Floats) -> tuple[Floats, Floats]:
-    """At most `HEIGHTS` heights and their probabilities, with neighbours merged if there are more."""
+    """At most `HEIGHTS` heights and their probabilities.  If there are more heights, neighbours are
+    merged.
+    """
     starts = np.arange(0, len(ends), math.ceil(len(ends) / HEIGHTS))
     share = np.add.reduceat(ends, starts)
     return np.add.reduceat(ends * heights_m, starts) / share, share
@@ -104,12 +112,14 @@ def _grouped(heights_m: Floats, ends: Floats) -> tuple[Floats, Floats]:
 def _characteristic(
     sites_m: Floats, slopes: Floats, ends: Floats, k: Floats
 ) -> NDArray[np.complex128]:
-    """φ at all wave numbers along y (rows) and the non-negative ones along x (columns)."""
+    """φ at all wave numbers along y (rows) and at the non-negative wave numbers along x
+    (columns).
+    """
     rounded = np.round(sites_m, 6)
     x, y = (np.unique(axis) for axis in rounded.T)
     positive = k[len(k) // 2 :]
     if len(x) * len(y) == len(sites_m) == len(np.unique(rounded, axis=0)):
-        # On a grid, φ is a product of the means over rows and columns.
+        # For a grid of cameras, φ is the product of the means over rows and over columns.
         along_x, along_y = (
             np.exp(1j * waves[:, None, None] * slopes[:, None] * axis).mean(axis=2)
             for waves, axis in ((positive, x), (k, y))

@@ -6,9 +6,9 @@ detected with probability
 
     POD = E_s Φ̄((u - M (1 - β) (T - s) - η C s)/sd'(s)).
 
-η is the share of the signal that remains after the mean of the box, which contains the target, is
-subtracted.  sd' is the standard deviation if the target hides the ground below it.  A curve of POD
-over C shows the effect of other contrasts.
+The box contains the target, so that subtracting its mean reduces the signal; η is the share of the
+signal that remains. sd' is the standard deviation if the target hides the ground below it.  A curve
+of POD over C shows the effect of other contrasts.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CURVE = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-"""Contrasts of the curve, in addition to that of the signature."""
+"""Contrasts of the curve, in addition to the contrast of the signature."""
 
 PERSON = Target(*PERSON_M)
 
@@ -82,7 +82,7 @@ class Detection(NamedTuple):
 
     @property
     def unseen(self) -> float:
-        """Probability that nearly nothing of the target is seen."""
+        """Probability that almost nothing of the target is seen."""
         return 1.0 - self.seen.at_least(UNSEEN)
 
     def document(self) -> dict[str, Any]:
@@ -104,7 +104,9 @@ class Detection(NamedTuple):
 
 
 def contrasts(signature: Signature) -> list[float]:
-    """Contrasts of the curve: those of `CURVE`, with the sign of the signature's, and its own."""
+    """Contrasts of the curve: the contrast of the signature, and those of `CURVE` with the same
+    sign.
+    """
     sign = -1.0 if signature.contrast < 0.0 else 1.0
     return sorted({sign * contrast for contrast in CURVE} | {signature.contrast})
 
@@ -112,8 +114,9 @@ def contrasts(signature: Signature) -> list[float]:
 class DetectionModel:
     """Detection of one target below the independent slices of one scene, for any pattern.
 
-    The integrals over pairs of photos are computed once for each offset.  `for_search` tabulates
-    them; afterwards a pattern and a baseline take about a millisecond.
+    The integrals over pairs of photos are computed once for each offset.  `for_search` makes a
+    table of the integrals.  With this table, a prediction for a pattern and a baseline takes about
+    a millisecond.
 
     Parameters
     ----------
@@ -154,7 +157,7 @@ class DetectionModel:
         self._rigid = rigid
 
     def for_search(self) -> DetectionModel:
-        """The same model with a table of offsets, from which it interpolates."""
+        """The same model with a table of the integrals, which it interpolates."""
         self.pairs.tabulate()
         return self
 
@@ -163,13 +166,15 @@ class DetectionModel:
         return self._detect(*self._of_pattern(pattern, baseline_m))
 
     def probability(self, pattern: Sites, baseline_m: float) -> float:
-        """Probability of detection with a pattern: that of `predict`, without the rest of it."""
+        """Probability of detection with a pattern, without the other results of `predict`."""
         clutter, seen = self._of_pattern(pattern, baseline_m)
         level = threshold(clutter, seen, self.false_alarms)
         return detected(clutter, seen, level, abs(self.signature.contrast), self._kept)
 
     def predict_positions(self, positions_m: Floats) -> Detection:
-        """Detection with photos from any positions, shape (N, 2), along the axes of the occluders."""
+        """Detection with photos from any positions, shape (N, 2).  The axes are those of the
+        occluders.
+        """
         points = np.asarray(positions_m, dtype=np.float64)
         return self._detect(*self._statistics(points, *_apart(points)))
 
@@ -180,7 +185,10 @@ class DetectionModel:
     def _statistics(
         self, sites_m: Floats, x_m: Floats, y_m: Floats, share: Floats
     ) -> tuple[Clutter, SeenShare]:
-        """Clutter and seen share for photos, of which the distances have a share of all pairs."""
+        """Clutter and seen share for photos.
+
+        `share` has the share of all pairs of photos that are at each of the distances.
+        """
         mean = self._mean(x_m, y_m, share)
         transparency = self.pairs.transparency
         mean = self._with_crowns(mean, sites_m)
@@ -196,7 +204,9 @@ class DetectionModel:
         return clutter, seen
 
     def _mean(self, x_m: Floats, y_m: Floats, share: Floats) -> Pairs:
-        """Means of the integrals over offsets, weighted by their shares of all pairs."""
+        """Weighted means of the integrals over offsets.  The weights are the shares of all
+        pairs.
+        """
         near = (x_m <= self.pairs.reach_m) & (y_m <= self.pairs.reach_m)
         if np.count_nonzero(near) > TABLE**2:
             self.pairs.tabulate()
@@ -209,8 +219,8 @@ class DetectionModel:
         )
 
     def _with_crowns(self, mean: Pairs, sites_m: Floats) -> Pairs:
-        """The means with a row for crowns: pairs of rays with the same occluder, and independent
-        pairs.
+        """The means with an additional row for crowns.  It includes pairs of rays with the same
+        occluder, and independent pairs.
         """
         pairs = self.pairs
         crowns = crown_covariances(
@@ -252,7 +262,9 @@ class DetectionModel:
 
 
 def upright(signature: Signature) -> Signature:
-    """The equivalent signature with positive contrast: a cold target is detected like a warm one."""
+    """The equivalent signature with positive contrast.  A cold target is detected in the same way
+    as a warm target.
+    """
     if signature.contrast >= 0.0:
         return signature
     return Signature(-signature.contrast, -signature.canopy_offset, signature.crown_share)
@@ -261,7 +273,7 @@ def upright(signature: Signature) -> Signature:
 def detected(
     clutter: Clutter, seen: SeenShare, level: float, contrast: float, kept: float
 ) -> float:
-    """POD of a target of one contrast for a threshold; `kept` is η."""
+    """POD of a target with a given contrast at a given threshold; `kept` is η."""
     from scipy.special import ndtr
 
     share = seen.nodes
@@ -278,7 +290,8 @@ def _offsets_of(pattern: Sites, baseline_m: float) -> tuple[Floats, Floats, Floa
     mask[tuple(np.array(pattern.removed, dtype=np.intp).reshape(-1, 2).T)] = False
     rows, columns = mask.shape
     pairs = offset_counts(mask, rows - 1, columns - 1)
-    # The integrals are equal in all four quadrants, so the counts are added up in one.
+    # The integrals are equal in all four quadrants, so the counts of all quadrants are added in one
+    # quadrant.
     pairs = pairs[rows - 1 :] + np.pad(pairs[: rows - 1][::-1], ((1, 0), (0, 0)))
     pairs = pairs[:, columns - 1 :] + np.pad(pairs[:, : columns - 1][:, ::-1], ((0, 0), (1, 0)))
     y, x = np.nonzero(pairs)
@@ -291,6 +304,6 @@ def _apart(positions_m: Floats) -> tuple[Floats, Floats, Floats]:
     """Distances along x and y between photos at any positions, with their shares of all pairs."""
     points = np.asarray(positions_m, dtype=np.float64)
     apart = np.round(np.abs(points[:, None] - points[None]).reshape(-1, 2), 6)
-    # Sorting complex numbers is several times as fast as sorting rows.
+    # Complex numbers are used because sorting them is several times as fast as sorting rows.
     offsets, counts = np.unique(apart[:, 0] + 1j * apart[:, 1], return_counts=True)
     return offsets.real.copy(), offsets.imag.copy(), counts / float(len(points)) ** 2

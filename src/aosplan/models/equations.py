@@ -22,11 +22,13 @@ b        baseline                 m       distance between neighbouring samples 
 a        aperture                 m       side of the sampled square                  >= 0
 =======  =======================  ======  ==========================================  =========
 
-The paper writes Eq. 2 as a double sum over the offsets of a square grid.  With its factor N this is
-the square of the one-dimensional sum in the appendix.  That sum is a cubic polynomial of the number
-of neighbours that still overlap, so every function here takes the same time for any N.
+The paper writes Eq. 2 as a double sum over the offsets of a square grid.  Including its factor N,
+this double sum is the square of the one-dimensional sum in the appendix.  The one-dimensional sum
+is a cubic polynomial of the number of neighbours that overlap.  The computing time of every
+function here is therefore independent of N.
 
-For scalars the result is a float; arrays are broadcast.  Outside the domain the result is ``nan``.
+For scalar arguments the result is a float; arrays are broadcast.  Outside the domain the result is
+``nan``.
 """
 
 from __future__ import annotations
@@ -114,13 +116,14 @@ def mean_squared_error(
     *,
     transparency: Floats | None = None,
 ) -> Any:
-    """Mean squared error 1 - V = p (p + T K) of the average, accurate also if V is close to 1.
+    """Mean squared error 1 - V = p (p + T K) of the average.  It is accurate even if V is close to
+    1.
 
     The parameters are those of `visibility`.  Source: Kurmi, Schedl and Bimber (2019), appendix.
     """
 
     def equation(xp: Any, p: Any, _t: Any, k: Any, rest: Any) -> Any:
-        # p + T K = K + p (1 - K), which avoids the rounding error of T.
+        # p + T K is computed as K + p (1 - K), which avoids the rounding error of T.
         return p * xp.minimum(k + p * rest, 1.0)
 
     return _of_grid(equation, density, transparency, rows, columns, dhat)
@@ -130,7 +133,7 @@ def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
     """Normalised visibility V̂ = (V - Vmin)/(Vmax - Vmin) of a grid, which does not depend on p.
 
     For d̂ >= 1 this is Eq. 4, 1 - 1/N.  The parameters are those of `visibility`.  Very small
-    values are accurate; if V̂ is close to 1, `visibility_shortfall` has more digits.
+    values are accurate.  If V̂ is close to 1, `visibility_shortfall` has more significant digits.
 
     Examples
     --------
@@ -141,7 +144,8 @@ def normalized_visibility(rows: Floats, columns: Floats, dhat: Floats) -> Any:
 
 
 def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
-    """Shortfall K = 1 - V̂ of a grid from perfect averaging, accurate also if V̂ is close to 1.
+    """Shortfall K = 1 - V̂ of a grid, compared with infinitely many photos.  It is accurate even if
+    V̂ is close to 1.
 
     K = κ(rows, d̂) κ(columns, d̂) is the variance of the average divided by that of one sample.
     The parameters are those of `visibility`.
@@ -152,7 +156,7 @@ def visibility_shortfall(rows: Floats, columns: Floats, dhat: Floats) -> Any:
 def line_shortfall(samples: Floats, dhat: Floats) -> Any:
     """κ(n, d̂): shortfall 1 - V̂ of a single line of n samples.
 
-    The shortfall of a grid with different pitches along its axes is the product of two of these.
+    The shortfall of a grid with different pitches along its axes is the product of κ for both axes.
     Source: Kurmi, Schedl and Bimber (2019), appendix (1-D case), with the sum in closed form.
     """
 
@@ -178,7 +182,9 @@ def _of_grid(
     columns: Any,
     dhat: Any,
 ) -> Any:
-    """An equation in p, T, K and 1 - K of a grid, elementwise; ``nan`` outside the domain."""
+    """Evaluate an equation in p, T, K and 1 - K of a grid elementwise.  The result is ``nan``
+    outside the domain.
+    """
 
     def kernel(xp: Any, p: Any, t: Any, *grid: Any) -> tuple[Any, Any]:
         k, rest, valid = _shortfall(xp, *grid)
@@ -192,25 +198,28 @@ def _of_grid(
 
 
 def _sides(rows: Any, columns: Any) -> tuple[Any, ...]:
-    """Rows and columns; for a square only the rows, so that κ is computed once."""
+    """Rows and columns of a grid.  For a square, only the rows are returned, so that κ is computed
+    once.
+    """
     return (rows,) if rows is columns else (rows, columns)
 
 
 def _line(xp: Any, n: Any, d: Any) -> tuple[Any, Any, Any]:
     """n κ(n, d̂) of a line, 1 - κ, and whether the arguments are in the domain.
 
-    m is the number of neighbours that overlap, and e = 1 - m d̂ the overlap of the last of them.
-    The sum A = Σ (n-i) (1 - i d̂) of the appendix gives n κ = (n + 2A)/n, arranged as below.  The
-    error of this arrangement is at most three units in the last place; that of the plain cubic in m
-    exceeds four.
+    m is the number of neighbours that overlap, and e = 1 - m d̂ is the overlap of the last of
+    these.  With the sum A = Σ (n-i) (1 - i d̂) of the appendix, n κ = (n + 2A)/n.  The terms are
+    arranged so that the error is at most three units in the last place.  A plain cubic polynomial
+    in m has an error of more than four units.
     """
     valid = (n >= 1.0) & (n < math.inf) & (n == xp.floor(n)) & (d >= 0.0)
-    d = xp.minimum(d, 1.0)  # for d̂ > 1 there is no overlap, as for d̂ = 1
+    d = xp.minimum(d, 1.0)  # For d̂ > 1 the overlap is 0, as for d̂ = 1.
     others = n - 1.0
     m = xp.floor(xp.minimum(others, 1.0 / xp.maximum(d, 1e-300)))
     e = xp.maximum(1.0 - m * d, 0.0)
     summed = m + (m + 1.0) * (e - m / (3.0 * n) * (1.0 + 2.0 * e - d))
-    # If all n samples overlap, 1 - κ is linear in d̂; this form is accurate if κ is nearly 1.
+    # If all n samples overlap, 1 - κ is linear in d̂. The linear form is accurate even if κ is
+    # close to 1.
     linear = d * (others * (n + 1.0) / (3.0 * n))
     overlapping = d * others <= 1.0
     summed = xp.where(overlapping, n * (1.0 - linear), summed)
@@ -253,7 +262,7 @@ def dhat_for_shortfall(
         return float(line_shortfall(columns, dhat) * line_shortfall(rows, pitch_ratio * dhat))
 
     if not reached(1.0) <= shortfall:
-        # The caller may have rounded 1/N differently.
+        # The tolerance is needed because the caller may have rounded 1/N differently.
         return 1.0 if reached(1.0) <= shortfall * (1.0 + 1e-15) else math.nan
     return smallest(lambda dhat: reached(dhat) <= shortfall, 0.0, 1.0)
 
@@ -262,14 +271,15 @@ def dhat_for_shortfall(
 
 
 def required_samples(vhat: float | str | Decimal | Fraction) -> int:
-    """Fewest samples N at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: exact inverse of Eq. 4.
+    """Smallest number N of samples at d̂ >= 1 whose V̂ = 1 - 1/N reaches a target: exact inverse of
+    Eq. 4.
 
     Parameters
     ----------
     vhat
-        Target V̂, at least 0 and below 1.  Text (``"0.98"``, ``"98%"``), `Decimal` and
-        `Fraction` are exact.  A float has already been rounded; if 1 - 1/k is within one unit
-        in the last place of it for some k, this value is used instead.
+        Target V̂, at least 0 and below 1.  Text (``"0.98"``, ``"98%"``), `Decimal` and `Fraction`
+        are exact.  A float has already been rounded.  If it is within one unit in the last place of
+        1 - 1/k for some whole number k, 1 - 1/k is used instead.
 
     Raises
     ------
@@ -300,10 +310,11 @@ def required_samples(vhat: float | str | Decimal | Fraction) -> int:
 
 
 def required_samples_for_visibility(target: float, density: float) -> int | None:
-    """Fewest samples at d̂ >= 1 that reach an absolute visibility: Eq. 3 solved for N.
+    """Smallest number of samples at d̂ >= 1 that reaches a visibility V: Eq. 3 solved for N.
 
-    N = ⌈p T / (Vmax - V)⌉.  The result is 1 if V <= Vmin.  It is None if V >= Vmax, which no number
-    of samples reaches, except for p = 0, where one sample already has V = 1.
+    N = ⌈p T / (Vmax - V)⌉.  The result is 1 if V <= Vmin.  If V >= Vmax, no number of samples
+    reaches V, and the result is None.  The exception is p = 0: one sample has V = 1, so the result
+    is 1.
     """
     p = Fraction(density)
     gap = (1 - p * p) - Fraction(target)
@@ -317,8 +328,8 @@ def required_samples_for_visibility(target: float, density: float) -> int | None
 def aperture(samples: Floats, baseline: Floats) -> Any:
     """Side a = (√N - 1) b of the sampled square [m], Eq. 5.
 
-    The examples in the paper's text (14 m for 25 samples, 19.6 m for 49 at b = 2.8 m) are √N b,
-    which is one pitch more.  Its Fig. 7 agrees with Eq. 5, which is used here.
+    The examples in the text of the paper (b = 2.8 m: 14 m for 25 samples, 19.6 m for 49 samples)
+    are √N b, which is one pitch more than Eq. 5.  Fig. 7 of the paper agrees with Eq. 5.
 
     Parameters
     ----------
@@ -338,7 +349,9 @@ def aperture(samples: Floats, baseline: Floats) -> Any:
 
 
 def sampled_side(samples: Any, xp: Any = SCALARS) -> Any:
-    """√N - 1, the side of the sampled square in baselines, accurate also if N is close to 1."""
+    """√N - 1, the side of the sampled square in baselines.  It is accurate even if N is close to
+    1.
+    """
     return (samples - 1.0) / (xp.sqrt(samples) + 1.0)
 
 

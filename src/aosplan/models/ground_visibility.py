@@ -1,18 +1,18 @@
 """Visibility over the whole ground of a plan, with slanted rays.
 
-The visibility of a plan is that of a target below the centre of the grid, and the model of the
-paper uses vertical rays.  A target elsewhere, at t on the ground, is seen along the rays from t to
-every sample.  These rays are slanted and pass through more of the canopy.
+The visibility of a plan applies to a target below the centre of the grid, and the model of the
+paper uses vertical rays.  The rays from the samples to a target at any other place t on the ground
+are slanted.  They pass through more of the canopy.
 
 - Uniform and layered scenes: a ray at angle θ passes with probability T^(sec θ) (Beer-Lambert, for
-  occluders without a preferred direction).  With p_i(t), the share of the target that sample i does
-  not see, V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i).  K is that of the plan, because a common
-  slant hardly changes what neighbouring rays share.
-- Measured scenes: the prediction for samples at c_i - t.  The stand is assumed to be the same
-  everywhere.
+  occluders without a preferred direction).  Let p_i(t) be the share of the target that sample i
+  does not see.  Then V(t) = 1 - (mean p_i)² - K mean p_i (1 - p_i).  K is the shortfall of the
+  plan, because a slant that neighbouring rays have in common hardly changes their shared occluders.
+- Measured scenes: V(t) is the prediction for samples at c_i - t, where c_i are the positions of the
+  samples.  The stand is assumed to be the same everywhere.
 
 The mean over the ground is computed by Gauss-Legendre quadrature with three points per axis.  The
-worst value is the smallest at these points and the four corners.
+worst value is the smallest value at these points and at the four corners.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ NODES = ((-math.sqrt(0.6), 5.0 / 18.0), (0.0, 8.0 / 18.0), (math.sqrt(0.6), 5.0 
 """Gauss-Legendre points on [-1, 1], and weights with the sum 1."""
 
 MOST_RAYS = 1024
-"""Largest number of samples whose rays are evaluated; of more, a subset over the grid is used."""
+"""Largest number of samples whose rays are evaluated.  If there are more, an evenly spread subset
+is used.
+"""
 
 
 MOST_TARGETS = 1_000_000
@@ -50,7 +52,7 @@ class GroundVisibility(NamedTuple):
     density
         Mean over the ground of the share that a sample does not see.
     expected, worst_expected
-        V: mean and smallest value over the ground.
+        Mean and smallest value of V over the ground.
     normalized
         V̂ of the mean: (V - (1 - p))/(p (1 - p)).
     """
@@ -139,7 +141,7 @@ def over_ground(
 def of_statistics(
     prediction: Prediction, sites_m: Sequence[tuple[float, float]], altitude_m: float
 ) -> Callable[[float, float], tuple[float, float]]:
-    """Function that returns p and V of a target at (x, y), in a uniform or layered scene.
+    """Function that returns p and V of a target at (x, y) in a uniform or layered scene.
 
     Parameters
     ----------
@@ -152,7 +154,8 @@ def of_statistics(
 
     Notes
     -----
-    The transparency straight down is taken from the prediction, which has to be for nadir rays.
+    The transparency of vertical rays is taken from the prediction.  The prediction therefore has to
+    be for nadir rays.
     """
     log_t, shortfall = math.log(prediction.transparency), prediction.shortfall
     area = altitude_m * altitude_m
@@ -172,10 +175,14 @@ def of_statistics(
 
 
 def followed(pattern: Sites, baseline_m: float) -> list[tuple[float, float]]:
-    """Samples of a pattern along x and y from the centre; of a large pattern, every n-th sample."""
+    """Samples of a pattern along x and y from the centre.  For a large pattern, only every n-th
+    sample is returned.
+    """
     step = max(1, -(-pattern.samples // MOST_RAYS))
     while step > 1 and math.gcd(step, pattern.columns) > 1:
-        step += 1  # a step with a common factor would select some columns only
+        # If the step and the number of columns had a common factor, only some of the columns
+        # would be selected.
+        step += 1
     return list(_every(step, pattern, baseline_m))
 
 

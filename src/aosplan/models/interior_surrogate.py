@@ -1,7 +1,7 @@
 """A quick approximation of the measured model for targets whose rays stay on the plot.
 
-Which targets count depends on the width of the aperture.  Between correlograms of the targets for a few
-widths, those of a pattern are interpolated.
+The targets that are counted depend on the width of the aperture.  There are correlograms of the
+targets for a few widths, and the prediction for a pattern is interpolated between them.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from aosplan.scenes.correlogram import Correlogram
 
 SHARES = (0.0, *INTERIOR)
-"""Widths of apertures that there are tables for, as shares of the reach."""
+"""Widths of the apertures that have tables, as shares of the reach."""
 
 
 class InteriorSurrogate:
-    """Predictions between those of correlograms for apertures of several widths.
+    """Predictions that are interpolated between correlograms for apertures of several widths.
 
     Parameters
     ----------
     correlogram
-        Of the stand, with those of its interior.
+        The correlogram of the stand, with the correlograms of its interior.
     altitude_m, heading_deg, hold_error_m
         As in `aosplan.models.correlogram.CorrelogramModel`.
     """
@@ -54,13 +54,13 @@ class InteriorSurrogate:
         self._widest_m = correlogram.reach * altitude_m
 
     def __getattr__(self, name: str) -> Any:
-        """Whatever does not depend on the aperture is that of a single view."""
-        if name.startswith("_"):  # before there are models
+        """Attributes that do not depend on the aperture, from the model for a single view."""
+        if name.startswith("_"):  # `copy` asks for such names before the models exist.
             raise AttributeError(name)
         return getattr(self._models[0], name)
 
     def at_heading(self, heading_deg: float) -> InteriorSurrogate:
-        """The same model for patterns at another heading; both share what they have computed."""
+        """The same model for patterns at another heading.  Both models share stored results."""
         turned = copy(self)
         turned.heading_deg = heading_deg
         turned._models = [model.at_heading(heading_deg) for model in self._models]  # noqa: SLF001
@@ -71,7 +71,8 @@ class InteriorSurrogate:
         along, across = (side * baseline_m for side in pattern.extent)
         turn = math.radians(self.heading_deg)
         sine, cosine = abs(math.sin(turn)), abs(math.cos(turn))
-        # The mean of the extents along both axes of the plot: a line leaves more targets than a square.
+        # The width is the mean of the extents along both axes of the plot, because more targets are
+        # counted for a line than for a square.
         mean_m = 0.5 * (along + across) * (sine + cosine)
         share = min(mean_m / self._widest_m, 1.0)
         above = next(i for i, each in enumerate(SHARES) if share <= each)
@@ -84,5 +85,5 @@ class InteriorSurrogate:
         return Prediction(density, 1.0 - density, shortfall)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The prediction itself."""
+        """The same as `predict`."""
         return self.predict(pattern, baseline_m)

@@ -1,19 +1,19 @@
 """The layered model: independent slices, each with its own kind of occluder.
 
-Two samples see the same point through slice j with probability q_j² + D_j q_j τ_j.  Here q_j = 1 -
-D_j, and τ_j is the overlap of the slice's occluders between the two views, which is the product of
-the triangles max(0, 1 - |Δ| H_j/(h o_j)) along both axes.  Because slices are independent, the
-covariance of two samples is
+Two samples see the same point through slice j with probability q_j² + D_j q_j τ_j.  Here D_j is the
+density of slice j, and q_j = 1 - D_j. τ_j is the overlap of the slice's occluders between the two
+views.  It is the product of the triangles max(0, 1 - |Δ| H_j/(h o_j)) along both axes, where Δ is
+the offset of the samples.  Because slices are independent, the covariance of two samples is
 
     Cov = Π (q_j² + D_j q_j τ_j) - Π q_j² = T² (exp Σ log(1 + τ_j D_j/q_j) - 1).
 
 The shortfall is the mean of Cov over all ordered pairs of samples, divided by p T.  For a single
-slice this is Eq. 2.  In a lattice, each distinct offset is computed once.  Slices without
-occluders, and offsets beyond the reach of all slices, are skipped.
+slice this is Eq. 2.  In a lattice, each distinct offset is computed once.  Empty slices and offsets
+beyond the reach of all slices are skipped.
 
-Rays off nadir (`aosplan.models.oblique_rays`) pass each slice with probability q_j^e instead of
-q_j. Position noise (`aosplan.models.layered_noise`) replaces Cov by its expected value over the
-noise.
+Slanted rays (`aosplan.models.oblique_rays`) pass slice j with probability q_j^e instead of q_j,
+where e is their relative length.  Position noise (`aosplan.models.layered_noise`) replaces Cov by
+its expected value over the noise.
 """
 
 from __future__ import annotations
@@ -61,9 +61,10 @@ class LayeredModel:
     Parameters
     ----------
     layers
-        Slices with heights above the focal plane; occluders are at the middle height of a slice.
+        Slices with heights above the focal plane.  The occluders of a slice are at its middle
+        height.
     altitude_m
-        Altitude above the focal plane; it has to be above every slice.
+        Altitude above the focal plane.  It has to be above every slice.
     focal_length_px
         If given, occluders are treated as at least one pixel large.
     hold_error_m
@@ -94,7 +95,9 @@ class LayeredModel:
         self._predictions: Known = {}
 
     def _pairs_within(self, hold_error_m: float) -> RayPairs:
-        """Pairs of nadir rays whose sample positions have a standard deviation around their sites."""
+        """Pairs of nadir rays for sample positions with a standard deviation of `hold_error_m`
+        around their sites.
+        """
         deviation_m = math.sqrt(2.0) * hold_error_m
         return RayPairs(self._slices.covariance, self._slices.reach_m, deviation_m)
 
@@ -124,7 +127,9 @@ class LayeredModel:
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which K = 1/N; with noise, up to rounding errors."""
+        """Smallest baseline at which K = 1/N.  With position noise, this holds within rounding
+        errors.
+        """
         return self._reach_within(self.hold_error_m)
 
     def _reach_within(self, hold_error_m: float) -> float:
@@ -138,7 +143,7 @@ class LayeredModel:
 
     @property
     def rises_with_baseline(self) -> bool:
-        """True for nadir rays only; see `aosplan.models.uniform`."""
+        """Whether rays are nadir rays; see `aosplan.models.uniform` for the reason."""
         return self.rays == "nadir"
 
     @remembered
@@ -151,7 +156,7 @@ class LayeredModel:
                 return Prediction(self.density, self.transparency, 1.0 / pattern.samples)
             points = baseline_m * np.array(list(pattern.offsets()))
             return self._predict_at(points, self.hold_error_m)
-        baseline_m = min(baseline_m, 1e300)  # infinity times an offset of 0 would be nan
+        baseline_m = min(baseline_m, 1e300)  # Infinity times an offset of 0 would be nan.
         reach_x = _reach(pattern.columns, baseline_m, reach)
         reach_y = _reach(pattern.rows, baseline_m * pattern.row_pitch, reach)
         offsets_x: Floats = baseline_m * np.arange(reach_x + 1.0)
@@ -165,11 +170,11 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, shortfall)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """A prediction that is at least as good as with nadir rays, in a time that does not depend
+        """A fast upper bound of the visibility with nadir rays.  Its computing time does not depend
         on N.
 
-        The covariance of a pair decreases with its distance.  Offsets are therefore grouped, and
-        each group is evaluated at its largest offset.
+        Offsets are grouped, and each group is evaluated at its largest offset.  This is a bound,
+        because the covariance of a pair decreases with the distance.
         """
         if isinstance(pattern, Spiral) or pattern.removed or pattern.samples <= GROUPS**2:
             return self.predict(pattern, baseline_m)
@@ -191,34 +196,38 @@ class LayeredModel:
         return Prediction(self.density, self.transparency, _shortfall_at(points, pairs, reach))
 
     def positions_shortfall(self, sites_m: ArrayLike) -> float:
-        """Shortfall 1 - V̂ of nadir samples flown at any sites, shape (N, 2); the time grows with
-        N².
+        """Shortfall 1 - V̂ of nadir samples flown at any sites, shape (N, 2).  The computing time
+        increases as N².
         """
         points = np.asarray(sites_m, dtype=np.float64)
         return _shortfall_at(points, self._pairs, self.independent_baseline_m)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,); slanted rays meet more occluders."""
+        """p of samples at known positions, shape (N,).  It differs between samples, because slanted
+        rays meet more occluders.
+        """
         from aosplan.models.oblique_rays import hidden_shares
 
         log_transparency = self._slices.log_transparency
         return hidden_shares(positions_m, self.altitude_m, self.rays, log_transparency)
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Correlation Cov/(p T) of two nadir samples for their offset along both axes."""
+        """Correlation Cov/(p T) of two nadir samples as a function of their offset along both
+        axes.
+        """
         return self._slices.covariance(np.abs(x_m), np.abs(y_m))
 
 
 def _shortfall_at(points: Floats, pairs: RayPairs, reach_m: float) -> float:
-    """Shortfall 1 - V̂ of nadir samples at exact positions [m], shape (N, 2); the time grows with
-    N².
+    """Shortfall 1 - V̂ of nadir samples at exact positions [m], shape (N, 2).  The computing time
+    increases as N².
     """
     count = len(points)
     block = max(1, OFFSETS_AT_ONCE // count)
     total = 0.0
     for start in range(0, count, block):
         x, y = np.abs(points[start:, None] - points[None, start : start + block]).T
-        # Each pair once, with the later site second.
+        # Each pair is used once, with the later site as its second site.
         near = np.triu((x < reach_m) & (y < reach_m), 1)
         total += float(pairs.at(x[near], y[near]).sum())
     return (count + 2.0 * total) / count**2
@@ -236,8 +245,9 @@ def layered_visibility(
     Parameters
     ----------
     layers
-        `Layer` values, mappings with the names of its fields, or its four numbers in order: bottom
-        and top above the focal plane [m], share of the slice that blocks rays, occluder size [m].
+        `Layer` values, mappings with the names of its fields, or sequences of its four numbers.
+        These are bottom and top above the focal plane [m], share of the slice that blocks rays, and
+        occluder size [m].
     altitude
         h above the focal plane [m], above every layer.
     rows, columns
@@ -306,12 +316,13 @@ def _reach(count: int, pitch_m: float, reach_m: float) -> int:
 def _groups(count: int, reach: int) -> tuple[Floats, Floats]:
     """Largest offset of each group of pairs along a line, and the number of ordered pairs in it."""
     far = np.unique(np.linspace(0.0, reach, GROUPS).round())
-    up_to = count + far * (2.0 * count - far - 1.0)  # ordered pairs up to this distance
+    # number of ordered pairs at each distance or a smaller one
+    up_to = count + far * (2.0 * count - far - 1.0)
     return far, np.diff(up_to, prepend=0.0)
 
 
 def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np.float64]:
-    """Ordered pairs of sites by offset, with mirrored offsets added up: shape (y, x).
+    """Number of ordered pairs of sites by offset, shape (y, x).  Mirrored offsets are added up.
 
     This is possible because the covariance is equal in all four quadrants.
     """
@@ -331,4 +342,6 @@ def _quadrant_counts(pattern: Pattern, reach_y: int, reach_x: int) -> NDArray[np
 
 
 _kept_counts = lru_cache(maxsize=256)(_quadrant_counts)
-"""`_quadrant_counts` with stored results, for searches that try one baseline after another."""
+"""`_quadrant_counts` with stored results, for searches that test several baselines with the same
+pattern.
+"""

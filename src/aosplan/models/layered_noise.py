@@ -1,18 +1,18 @@
-"""Covariances of two samples as expected values over the noise of their positions.
+"""Expected values of the covariance of two samples over the noise of their positions.
 
 The covariance f(x, y) of two samples that are (x, y) apart is a product over slices.  Its mean over
-Gaussian noise has no closed form.  But f is even along both axes, is zero beyond the reach of every
-slice, and is smooth between the reaches Δ_j of the slices.  It is therefore stored as values F at
-the nodes of a few panels, once for all plans, and interpolated by a polynomial ℓ in each panel.
-The expected value is then bilinear in F,
+Gaussian noise has no closed form.  However, f is even along both axes and zero beyond the largest
+reach Δ_j of the slices, and it is smooth between two reaches.  The values F of f at the nodes of a
+few panels are therefore computed once for all plans.  Within each panel, f is interpolated by
+Lagrange polynomials ℓ_a.  With the position noise η, the expected value is then bilinear in F:
 
     E[f(|x + η|, |y + η'|)] = w(x)ᵀ F w(y),   w_a(x) = E[ℓ_a(|x + η|)].
 
 The weights w are integrals of polynomials times a Gaussian, separate for each axis.
 
-Panels are split at the reach of a slice, or in the middle if they contain none, until the
-interpolation of f along an axis, where it is steepest, has an error below `TOLERANCE` times f(0,
-0). The relative error of K is about as large.
+A panel is split at the reach of a slice in it, or in the middle if it contains no reach.  This is
+repeated until the interpolation of f along an axis has an error below `TOLERANCE` times f(0, 0).
+Along an axis f is steepest.  The relative error of K is about the same.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TOLERANCE = 1e-4
-"""Largest error of the interpolation, at the reach of a slice, relative to f(0, 0)."""
+"""Largest error of the interpolation along an axis, relative to f(0, 0)."""
 
 NODES = 6
 """Number of nodes of a panel."""
@@ -41,9 +41,10 @@ NODES = 6
 MOST_PANELS = 200
 
 QUADRATURE = 40
-"""Number of points of the Gauss-Legendre rule across seventeen standard deviations of a Gaussian.
+"""Number of points of the Gauss-Legendre rule for an interval of seventeen standard deviations of a
+Gaussian.
 
-For a panel of one and a half standard deviations, a quarter of the points is enough.
+For a panel of at most one and a half standard deviations, a quarter of these points is enough.
 """
 
 
@@ -53,10 +54,8 @@ class BlurredTable:
     Parameters
     ----------
     function
-        f(x, y) of distances of equal shape, at least 0 [m]; symmetric, and 0 beyond the largest
-        reach.
-    reaches_m
-        Distances at which the slope of f jumps; f is 0 beyond the largest.
+        f(x, y) for arrays of distances [m] of equal shape, at least 0.  It is symmetric, and 0
+        beyond the largest reach. reaches_m Distances at which the slope of f jumps.
     """
 
     def __init__(self, function: Callable[[Floats, Floats], Floats], reaches_m: Floats) -> None:
@@ -71,14 +70,14 @@ class BlurredTable:
         self._table.T[upper] = values
 
     def blurred(self, x_m: Floats, y_m: Floats, deviation_m: float) -> Floats:
-        """Expected values if both distances of a pair are uncertain.
+        """Expected values if the distances of a pair along both axes are uncertain.
 
         Parameters
         ----------
         x_m, y_m
             Mean distances along both axes, at least 0.
         deviation_m
-            Standard deviation of the distance between two samples, σ√2, above 0.
+            Standard deviation of the distance between two samples, σ√2, greater than 0.
 
         Returns
         -------
@@ -118,7 +117,9 @@ class BlurredTable:
 
 
 def _panels(profile: Callable[[Floats], Floats], reaches_m: Floats) -> Floats:
-    """Intervals that are short enough to interpolate a profile to `TOLERANCE`, shape (panels, 2)."""
+    """Intervals in which the interpolation of a profile has an error below `TOLERANCE`, shape
+    (panels, 2).
+    """
     allowed = TOLERANCE * float(profile(np.zeros(1))[0])
     nodes, _ = _rule(NODES)
     checks = np.linspace(0.0, 1.0, 4 * NODES + 1)
@@ -146,7 +147,9 @@ def _rule(count: int) -> tuple[Floats, Floats]:
 
 
 def _basis(within: Floats) -> Floats:
-    """Lagrange polynomials of a panel's nodes at positions in [0, 1], with a last axis of `NODES`."""
+    """Values of the Lagrange polynomials of a panel at positions in [0, 1].  The last axis has the
+    length `NODES`.
+    """
     nodes, _ = _rule(NODES)
     basis = np.ones((*within.shape, NODES))
     for node, other in permutations(range(NODES), 2):

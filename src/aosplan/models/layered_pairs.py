@@ -1,6 +1,6 @@
-"""Independent slices, and the covariance of two rays through them.
+"""Covariance of two rays through independent slices.
 
-`Slices` has the covariance for exact positions.  `RayPairs` turns it into the expected value for
+`Slices` computes the covariance for exact positions.  `RayPairs` computes its expected value for
 uncertain positions.
 """
 
@@ -24,29 +24,33 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 TERMS_AT_ONCE = 65_536
-"""Largest number of offsets times slices that are evaluated at once: half a megabyte, which fits
-the L2 cache.
+"""Largest product of offsets and slices that are evaluated at once.  It takes half a megabyte,
+which fits the L2 cache.
 """
 
 PAIRS_AT_ONCE = 2000
 """Number of pairs of scattered samples for which expected values are computed at once."""
 
 SPARSE = 1e-17
-"""Density below which the covariance equals the mean of the overlaps in floating point."""
+"""Density below which the covariance equals the mean of the overlaps, within floating-point
+precision.
+"""
 
 LARGEST_LOG = 700.0
-"""Largest exponent that does not overflow; larger ones are only multiplied by 0."""
+"""Largest exponent that does not overflow.  Results with larger exponents are only multiplied by
+0.
+"""
 
 
 class Slices:
-    """The slices with occluders, seen from one altitude.
+    """The slices that contain occluders, seen from one altitude.
 
     Parameters
     ----------
     layers
         Slices with heights above the focal plane.
     altitude_m
-        Altitude above the focal plane; it has to be above every slice.
+        Altitude above the focal plane.  It has to be above every slice.
     focal_length_px
         If given, occluders are treated as at least one pixel large.
 
@@ -85,8 +89,8 @@ class Slices:
         """Π q_j, share of the target that a nadir ray sees."""
         if -self.log_transparency < len(self.density):
             return math.exp(self.log_transparency)
-        # If the logarithm is large, it loses more digits than the product of all factors. q + lost
-        # is exactly 1 - D.
+        # For a large logarithm, the exponential loses more digits than the product of all factors.
+        # q + lost is exactly 1 - D.
         q = 1.0 - self.density
         lost = (1.0 - q) - self.density
         return float(q.prod()) * math.exp(float((lost / q).sum()))
@@ -94,30 +98,34 @@ class Slices:
     def covariance(self, x: Floats, y: Floats) -> Floats:
         """Cov/(p T) of pairs of nadir rays whose samples are (x, y) apart.
 
-        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If nearly all of the target is hidden, this
-        formula multiplies the rounding errors of large logarithms.  The same value is then computed
-        as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p, a difference that loses digits only if T is not
-        small.
+        It is (T/p) (exp Σ log(1 + τ_j D_j/q_j) - 1).  If nearly all of the target is hidden, the
+        logarithms are large, and this formula multiplies their rounding errors.  In this case, the
+        same value is computed as (exp Σ log(1 - D_j (1 - τ_j)) - T)/p.  This difference loses
+        digits only if T is not small.
         """
         p, t = self.hidden, self.transparency
         if p > 0.9:
             clear = np.exp(self._sums(lambda tau: np.log1p((tau - 1.0) * self.density), x, y))
             return np.asarray(np.maximum(clear - t, 0.0) / p)
         if 0.0 < p < SPARSE:
-            share = self.density / p  # the shares have the sum 1; t/p could overflow
+            # The shares have the sum 1. They are used because t/p could overflow.
+            share = self.density / p
             return self._sums(lambda tau: tau * share, x, y)
         scale = t / p if p > 0.0 else 0.0
         shared = scale * np.expm1(self._sums(lambda tau: np.log1p(tau * self._odds), x, y))
-        return np.asarray(np.minimum(shared, 1.0))  # rounding must not make a correlation exceed 1
+        # Because of rounding, a correlation could exceed 1.
+        return np.asarray(np.minimum(shared, 1.0))
 
     def slanted_covariance(self, length: float, x: Floats, y: Floats) -> Floats:
-        """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of rays of relative length e."""
+        """Cov/T_e² = exp Σ log(1 + τ_j (q_j^-e - 1)) - 1 of pairs of slanted rays, both of relative
+        length e.
+        """
         odds = np.expm1(np.minimum(-length * self._log_q, LARGEST_LOG))
         logs = self._sums(lambda tau: np.log1p(tau * odds), x, y)
         return np.asarray(np.expm1(np.minimum(logs, LARGEST_LOG)))
 
     def _sums(self, term: Callable[[Floats], Floats], x: Floats, y: Floats) -> Floats:
-        """Sums over the slices of a function of τ_j, for pairs that are (x, y) apart."""
+        """Sums of a function of τ_j over the slices, for pairs that are (x, y) apart."""
         result = np.empty(len(x))
         block = max(1, TERMS_AT_ONCE // max(len(self.density), 1))
         for start in range(0, len(x), block):
@@ -129,21 +137,23 @@ class Slices:
 
 
 def _overlaps(distance: Floats) -> Floats:
-    """`aosplan.numerics.triangle` of an array, which it overwrites."""
+    """The same as `aosplan.numerics.triangle` for an array.  The array is overwritten."""
     np.abs(distance, out=distance)
     np.subtract(1.0, distance, out=distance)
     return np.maximum(distance, 0.0, out=distance)
 
 
 class RayPairs:
-    """Expected covariance of pairs of rays for the offset of their samples, with position noise.
+    """Expected covariance of pairs of rays with position noise, as a function of the offset of
+    their samples.
 
     Parameters
     ----------
     sharp
         Covariance as a function of the distances x and y along both axes [m], of shape (pairs,).
     reach_m
-        Distances at which its slope jumps; beyond the largest it is 0.
+        Distances at which the slope of the covariance jumps.  Beyond the largest distance, the
+        covariance is 0.
     deviation_m
         Standard deviation of the distance between two different samples along an axis.
     """
@@ -167,8 +177,8 @@ class RayPairs:
         return np.concatenate(blurred) if blurred else np.zeros(0)
 
     def at_crossings(self, x: Floats, y: Floats) -> Floats:
-        """Values for all combinations of the offsets, shape (y, x); the first is a sample with
-        itself.
+        """Values for all combinations of the offsets, shape (y, x).  The first value is for a
+        sample with itself.
         """
         if self._table is None:
             along_y, along_x = np.meshgrid(y, x, indexing="ij")

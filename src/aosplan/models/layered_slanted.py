@@ -1,7 +1,7 @@
-"""Covariance of pairs of slanted rays through slices, interpolated over the length of rays.
+"""Covariance of pairs of slanted rays through slices, interpolated over the length of the rays.
 
-The covariance of two rays increases nearly as exp(e) with the relative length e of the shorter one.
-Its logarithm is therefore interpolated over e by a Chebyshev polynomial.
+The covariance of two rays increases nearly exponentially with the relative length e of the shorter
+ray.  The logarithm of the covariance is therefore interpolated over e by a Chebyshev polynomial.
 """
 
 from __future__ import annotations
@@ -28,11 +28,13 @@ LENGTHS = 5
 """Number of ray lengths between which the covariance is interpolated."""
 
 LARGEST_SLANT = 30.0
-"""Logarithm of the loss of a slanted ray relative to a nadir ray, above which it is neglected."""
+"""Largest logarithm of the transparency of a nadir ray divided by that of a slanted ray.  If it is
+larger, the slanted ray is neglected.
+"""
 
 
 class SlantedRays:
-    """Predictions with rays off nadir (`aosplan.models.oblique_rays`).
+    """Predictions with slanted rays (`aosplan.models.oblique_rays`).
 
     Parameters
     ----------
@@ -54,7 +56,9 @@ class SlantedRays:
     def predict(
         self, pattern: Pattern, baseline_m: float, offsets_x_m: Floats, offsets_y_m: Floats
     ) -> Prediction:
-        """Prediction for a lattice; the offsets along each axis are those with a covariance."""
+        """Prediction for a lattice.  The offsets along each axis are those at which the covariance
+        is not 0.
+        """
         rays = bundle(pattern, baseline_m, *self._rays)
         shared = self._along(
             rays.longest, lambda pairs: pairs.at_crossings(offsets_x_m, offsets_y_m)
@@ -74,7 +78,8 @@ class SlantedRays:
     def _along(
         self, longest: float, evaluated: Callable[[RayPairs], Floats]
     ) -> Callable[[Any, Floats], Floats]:
-        """P(both clear)/(T_i T_k) - 1 as a function of an index of pairs and of their lengths.
+        """P(both clear)/(T_i T_k) - 1, as a function of an index of pairs and of the lengths of
+        their rays.
 
         Parameters
         ----------
@@ -84,8 +89,9 @@ class SlantedRays:
             Function that evaluates the pairs at one length as an array.  The first argument of the
             result is an index into this array, after the axis of the lengths.
         """
-        # The width of the interval is a power of two times 0.1, so that tables of noise can be used
-        # for many apertures. Rays much longer than the shortest one transmit too little to matter.
+        # The width of the interval is a power of two times 0.1, so that the same tables of noise
+        # can be used for many apertures. Rays that are much longer than the shortest ray transmit
+        # so little that they are neglected.
         longest = min(longest, 1.0 - LARGEST_SLANT / min(self._slices.log_transparency, -1e-9))
         half = 0.05 * 2.0 ** max(math.ceil(math.log2((longest - 1.0) / 0.1 + 1e-300)), 0)
         places = np.cos(np.pi * (np.arange(LENGTHS) + 0.5) / LENGTHS)
@@ -101,9 +107,10 @@ class SlantedRays:
         return shared
 
     def _pairs_of(self, length: float) -> RayPairs:
-        """Pairs of rays of one length, with their table of noise."""
+        """Pairs of rays of a given length, with their table of noise."""
         if length not in self._pairs:
-            if len(self._pairs) >= LENGTHS:  # a wider aperture needs other lengths
+            # The tables are for other lengths, because the aperture was different.
+            if len(self._pairs) >= LENGTHS:
                 self._pairs.clear()
 
             def sharp(x: Floats, y: Floats) -> Floats:

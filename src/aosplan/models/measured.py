@@ -1,29 +1,26 @@
-"""The measured model: the voxels of the stand itself.
+"""The measured model: predictions from the voxels of a stand.
 
-Crowns and trunks are clumps, so slices are not independent and occluders differ in size.  But if
-every voxel is known, the targets that each view hides are also known (`aosplan.scenes.occlusion`).
-The prediction is then a count, which is exact for the sites of the plan, in any pattern.  With c,
-the number of the N views that hide a target, and sums over all n targets,
+In a real stand, crowns and trunks are clumps, so that slices are not independent and occluders
+differ in size.  If every voxel is known, however, the targets that each view hides are also known
+(`aosplan.scenes.occlusion`).  The prediction is then a count, which is exact for the sites of the
+plan in any pattern.  Let c be the number of the N views that hide a target, and let Σ be the sum
+over all n targets.  Then
 
     p̄ = Σ c / (N n),   V = 1 - Σ c² / (N² n),   K = (n Σ c² - (Σ c)²) / (Σ c (N n - Σ c)).
 
-K follows from V = 1 - p̄² - p̄ (1 - p̄) K and is computed in whole numbers.  Σ c² is also the sum
-of J n over all ordered pairs of views, where J is the share of targets that both views hide.
+K follows from V = 1 - p̄² - p̄ (1 - p̄) K and is computed with whole numbers. Σ c² can also be
+computed from pairs of views: it is the sum of J n over all ordered pairs, where J is the share of
+targets that both views hide.
 
 `density` is p̄, the mean over the plan's own views, because rays off nadir meet more occluders.  V
-therefore has a maximum at a finite aperture and is not monotonic in the baseline; strictly, neither
-is V̂.  K may be less than 1/N: two views may hide fewer targets in common than by chance, and views
-that hide different shares of the plot reduce the variance between targets.
+therefore has a maximum at a finite aperture, so that V is not a monotone function of the baseline.
+V̂ is not strictly monotone either.  K may be less than 1/N, for two reasons.  Two views may hide
+fewer targets in common than by chance.  Views that hide different shares of the plot reduce the
+variance between targets.
 
-**Edges.**  The plot is periodic: copies of it surround it, so every target has a canopy.  But a
-plot that was clipped out of a cloud is sparse at its rim, and the copies bring this rim next to the
-other side.  With ``edges`` other than ``wrapped``, only those targets count whose rays all stay on
-the plot.
+**Edges.**  The plot is periodic: it is surrounded by copies of itself, so that every target has a canopy. However, a plot that was clipped out of a cloud is sparse at its rim, and the rim of a copy is next to the rim of the plot. If `edges` is ``interior``, only targets whose rays all stay on the plot are counted.
 
-**Noise.**  If positions deviate randomly from their sites, V and p̄ are random, too.  Their
-expected values are means over whole flights, which are drawn from a random seed.  There are enough
-flights for `REALISED_VIEWS` views, and the means have standard errors (`MeasuredModel.flown`).  The
-draws are the same for every plan, so that plans can be compared.
+**Noise.**  If positions deviate randomly from their sites, V and p̄ are random too. Their expected values are computed as means over simulated flights (`MeasuredModel.flown`), with standard errors. The number of flights is chosen so that they have about `REALISED_VIEWS` views in total. The random numbers are the same for every plan, so that plans can be compared.
 """
 
 from __future__ import annotations
@@ -57,20 +54,26 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
 LEAST_INTERIOR = 0.2
-"""Smallest share of a plot's targets with all rays on the plot for which only these count."""
+"""Smallest share of a plot's targets whose rays all stay on the plot.  If the share is smaller,
+``auto`` counts all targets.
+"""
 
 CACHE_OCTETS = 1 << 28
 """Memory for views that later predictions may reuse [bytes]."""
 
 NOISE_SEED = 1
-"""Seed of the position noise; flight r is drawn from the seed (`NOISE_SEED`, r)."""
+"""Random seed of the position noise.  Flight r has the seed (`NOISE_SEED`, r)."""
 
 REALISED_VIEWS = 400
-"""Views for the expected value over noise: flights times sites, but at least two flights."""
+"""Approximate number of views (flights times sites) for the expected value over noise.  There are
+at least two flights.
+"""
 
 
 class NoiseExpectation(NamedTuple):
-    """Expected prediction over flights with position noise: number of flights and standard errors."""
+    """Expected prediction over flights with position noise, the number of flights, and the standard
+    errors.
+    """
 
     prediction: Prediction
     flights: int
@@ -88,22 +91,22 @@ class MeasuredModel:
     volume
         The voxels of the plot, which is periodic.
     altitude_m
-        Altitude above the focal plane; it has to be above all voxels.
+        Altitude above the focal plane.  It has to be above all voxels.
     heading_deg
         Heading of the patterns, clockwise from north, the direction of increasing rows.
     view
         ``telecentric``: each target is at the centre of its own aperture.  ``perspective``: all
         targets of the plot are below one aperture, which is centred above the plot.
     targets_per_voxel
-        Targets along each side of a voxel; None for the number that suits the volume.
+        Number of targets along each side of a voxel; None for the default of the volume.
     focal_height_m
         Height of the focal plane above the ground.
     hold_error_m
         Standard deviation of the positions around their sites, east and north.
     edges
-        The targets that count.  ``wrapped``: all, with copies of the plot around it.
-        ``interior``: those whose rays all stay on the plot.  ``auto``: those of ``interior`` if
-        they are at least a quarter of the plot, otherwise all.
+        The targets that are counted.  ``wrapped``: all targets, with copies of the plot around it.
+        ``interior``: targets whose rays all stay on the plot.  ``auto``: as ``interior`` if their
+        share of all targets is at least `LEAST_INTERIOR`, otherwise all targets.
 
     Raises
     ------
@@ -158,8 +161,8 @@ class MeasuredModel:
         )
 
     def beside_the_middle(self, most_targets: int) -> MeasuredModel:
-        """A telecentric model of the same stand; with more than `most_targets` targets, one per
-        voxel or a sample of them.
+        """A telecentric model of the same stand.  If the stand has more than `most_targets`
+        targets, the model has one target per voxel, or a sample of the targets.
         """
         volume, altitude_m, focal_height_m = self._stand
         sampled = isinstance(self.occlusion, SampledOcclusion)
@@ -175,7 +178,7 @@ class MeasuredModel:
         )
 
     def wrapped(self) -> MeasuredModel:
-        """A model with all targets of the plot, which is periodic; both share their views."""
+        """A model that counts all targets of the periodic plot.  Both models share stored views."""
         return self._with_edges("wrapped")
 
     def _with_edges(self, edges: str) -> MeasuredModel:
@@ -185,19 +188,22 @@ class MeasuredModel:
         return other
 
     def interior_prediction(self, pattern: Sites, baseline_m: float) -> Prediction | None:
-        """The prediction for targets whose rays stay on the plot; None if there are none."""
+        """The prediction for targets whose rays stay on the plot; None if there are no such
+        targets.
+        """
         try:
             return self._with_edges("interior").predict(pattern, baseline_m)
         except RequestError:
             return None
 
     def interior(self, positions_m: ArrayLike) -> PlotWindow | None:
-        """Targets whose rays to the positions all stay on the plot; None if all targets count.
+        """Mask of the targets whose rays to the positions all stay on the plot; None if all targets
+        are counted.
 
         Raises
         ------
         RequestError
-            If ``edges`` is ``interior`` and there are none.
+            If `edges` is ``interior`` and no target has all rays on the plot.
         """
         if self.edges == "wrapped":
             return None
@@ -219,18 +225,18 @@ class MeasuredModel:
         return window
 
     def _margins(self, positions_m: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Width of the margins, in targets, at both ends of x and y from which some ray leaves the
-        plot.
+        """Widths of the margins at both ends of x and y, in targets.  From a target in a margin,
+        some ray leaves the plot.
         """
         positions = np.asarray(positions_m, dtype=np.float64)
         volume, altitude_m, focal_height_m = self._stand
         rise = max(volume.canopy_top_m - focal_height_m, 0.0) / altitude_m
         low, high = -positions.min(axis=0), positions.max(axis=0)
         if self.view == "perspective":
-            # A ray between two points above the plot stays above the plot.
+            # The plot is convex, so that a ray whose two ends are above the plot stays above it.
             half = 0.5 * np.array(volume.size_m)
             low, high, rise = low - half, high - half, rise / (1.0 - rise)
-        # Whole voxels, because all targets of a voxel are treated together.
+        # The margins are whole voxels, because all targets of a voxel are treated in the same way.
         first, last = (
             np.ceil(np.maximum(side, 0.0) * rise / volume.voxel_m).astype(np.intp)
             * self.occlusion.targets_per_voxel
@@ -239,8 +245,8 @@ class MeasuredModel:
         return first, last
 
     def edges_of(self, pattern: Sites, baseline_m: float) -> str:
-        """The targets that count for a pattern: ``interior``, or ``wrapped`` if rays leave the
-        plot.
+        """The targets that are counted for a pattern: ``interior``, or ``wrapped`` for all
+        targets.
         """
         sites = self.sites_m(pattern, baseline_m)
         stays = not any(margin.any() for margin in self._margins(sites))
@@ -257,7 +263,7 @@ class MeasuredModel:
         return self.predict_positions([(0.0, 0.0)])
 
     def at_heading(self, heading_deg: float) -> MeasuredModel:
-        """The same model for patterns at another heading; both share stored results."""
+        """The same model for patterns at another heading.  Both models share stored results."""
         turned = copy(self)
         turned.heading_deg = heading_deg
         return turned
@@ -276,9 +282,9 @@ class MeasuredModel:
     def independent_baseline_m(self) -> float:
         """Largest distance [m] between two views for which the plot is large enough.
 
-        At this distance their rays are half a plot apart at the canopy top.  Beyond it, the
-        periodic copies bring them closer together again.  It limits the aperture and therefore
-        every baseline.
+        At this distance, their rays are half a plot apart at the canopy top.  At larger distances,
+        the rays are closer together again, because the plot is periodic.  This distance limits the
+        aperture, and therefore every baseline.
         """
         return self._widest_m
 
@@ -289,10 +295,11 @@ class MeasuredModel:
 
     @property
     def widest_aperture_m(self) -> float:
-        """The same distance; two sites of a grid should not be farther apart along an axis.
+        """The same distance as `independent_baseline_m`.  Two sites of a grid should not be farther
+        apart along an axis.
 
-        If only targets whose rays stay on the plot are counted, the limit applies along the axes of
-        the plot, not of the grid.
+        If only targets whose rays stay on the plot are counted, the axes are those of the plot;
+        otherwise they are those of the grid.
         """
         if self.edges == "wrapped":
             return self._widest_m
@@ -301,9 +308,9 @@ class MeasuredModel:
 
     @remembered
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """Density and shortfall of a pattern flown at a baseline, exact for its sites.
+        """Density and shortfall of a pattern flown at a baseline.  They are exact for the sites.
 
-        With position noise they are means over flights (`flown`).
+        With position noise, they are means over flights (`flown`).
         """
         if self.hold_error_m > 0.0:
             return self.flown(pattern, baseline_m).prediction
@@ -325,7 +332,7 @@ class MeasuredModel:
     def flown(self, pattern: Sites, baseline_m: float) -> NoiseExpectation:
         """Expected prediction for a pattern that is flown with position noise."""
         flights = list(self.flights_m(pattern, baseline_m))
-        # In one call, because the views share most of the work.
+        # All flights are computed in one call, because the views share most of the work.
         views = self._views(np.concatenate(flights))
         window = self.interior(np.concatenate(flights))
         found = [self._predict(islice(views, pattern.samples), window) for _ in flights]
@@ -344,7 +351,7 @@ class MeasuredModel:
         return NoiseExpectation(Prediction(p, t, shortfall), len(found), NOISE_SEED, *errors)
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The same as `predict`; there is no faster bound."""
+        """The same as `predict`, because there is no faster bound."""
         return self.predict(pattern, baseline_m)
 
     def predict_positions(self, positions_m: ArrayLike) -> Prediction:
@@ -358,16 +365,16 @@ class MeasuredModel:
         Returns
         -------
         Prediction
-            Its density is the mean over the views.  If nothing or everything is hidden, views are
-            treated as independent, so the shortfall is 1/N.
+            The prediction.  Its density is the mean over the views.  If nothing or everything is
+            hidden, the views are treated as independent, and the shortfall is 1/N.
         """
         return self._predict(self._views(positions_m), self.interior(positions_m))
 
     def hidden_at(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """p of views at known positions, shape (N,), from the correlogram of the stand.
 
-        In perspective all views have the plot below them, and hide about the same share from
-        everywhere.
+        In perspective, every view covers the whole plot, so that the share hardly depends on the
+        position.
         """
         points = np.asarray(positions_m, dtype=np.float64)
         if self.view == "perspective":
@@ -380,8 +387,8 @@ class MeasuredModel:
         """ρ of two views for their offset to the east and to the north, from the stand's
         correlogram.
 
-        It is telecentric.  Computed from the voxels, it would depend on the single gaps of the
-        plot.
+        The correlogram is telecentric.  A correlation computed directly from the voxels would
+        depend on single gaps of the plot.
         """
         return self._correlogram.correlation(x_m, y_m)
 
@@ -412,8 +419,7 @@ class MeasuredModel:
     def hidden_share(self, pattern: Sites, baseline_m: float) -> NDArray[np.float64]:
         """Share of a pattern's views that do not see each target, shape (rows, columns).
 
-        Only the targets that count are included.  With noise, the views are those of the first
-        flight.
+        Only the counted targets are included.  With noise, the views are those of the first flight.
         """
         noisy = self.hold_error_m > 0.0
         at = (
@@ -434,7 +440,7 @@ class MeasuredModel:
     def hidden_at_places(self, pattern: Sites, baseline_m: float) -> list[NDArray[np.float64]]:
         """`hidden_share` for apertures at four places of the periodic plot, half a plot apart.
 
-        Each array has shape (rows, columns), with one target per voxel.  A target has the same
+        Each array has the shape (rows, columns), with one target per voxel.  A target has the same
         index in all four arrays.
         """
         volume, altitude_m, focal_height_m = self._stand
@@ -473,7 +479,7 @@ class MeasuredModel:
         return joint_counts(views & inside) / int(popcount(inside))
 
     def _views(self, positions_m: ArrayLike) -> Iterator[Words]:
-        """Masks of the views; those of earlier calls are reused if they are still stored."""
+        """Masks of the views.  Masks from earlier calls are used again if they are still stored."""
         positions = np.asarray(positions_m, dtype=np.float64)
         keys = [tuple(position) for position in positions.tolist()]
         capacity = max(CACHE_OCTETS // (8 * self.occlusion.words), 1)

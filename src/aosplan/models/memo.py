@@ -18,7 +18,9 @@ MOST_KEPT = 4096
 
 
 class StoredPredictions(Protocol):
-    """A model that stores its predictions; its copies at other headings share them."""
+    """A model that stores its predictions.  Its copies at other headings share the stored
+    predictions.
+    """
 
     hold_error_m: float
 
@@ -35,7 +37,7 @@ Model = TypeVar("Model", bound=StoredPredictions)
 def remembered(
     predict: Callable[[Model, Sites, float], Prediction],
 ) -> Callable[[Model, Sites, float], Prediction]:
-    """Decorate a method ``predict`` so that it returns stored predictions if there are any."""
+    """Decorate a method ``predict`` so that it returns a stored prediction if there is one."""
 
     @wraps(predict)
     def recalled(self: Model, pattern: Sites, baseline_m: float) -> Prediction:

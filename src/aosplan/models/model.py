@@ -2,18 +2,18 @@
 
 Each model is a module with a class that has the methods of `VisibilityModel`.  A model is created
 for one scene and one altitude.  It predicts the integrated density and the shortfall of a pattern
-flown at a baseline.  `Prediction` computes everything else from these, in the same way for every
-model.
+flown at a baseline.  `Prediction` computes all other quantities from these two, in the same way for
+every model.
 
 - `aosplan.models.uniform`: one volume with occluders of one kind, the model of the paper.
 - `aosplan.models.layered`: independent slices, each with its own height, size and density.
 - `aosplan.models.measured`: the voxels of a stand.
 
-The models use functions of numbers.  `aosplan.models.equations` has Eq. 1 to 5 of the paper.
-`aosplan.models.positions` has the shortfall of any set of positions, on a lattice or scattered.
+The models use functions in other modules.  `aosplan.models.equations` has Eq. 1 to 5 of the paper.
+`aosplan.models.positions` has the shortfall of any set of positions, on a lattice or not.
 `aosplan.models.position_noise` adds position noise for one volume, and
-`aosplan.models.layered_noise` for stacks of slices.  `aosplan.models.oblique_rays` has rays off
-nadir.  `aosplan.models.memo` stores predictions.
+`aosplan.models.layered_noise` for stacks of slices.  `aosplan.models.oblique_rays` has the effect
+of slanted rays.  `aosplan.models.memo` stores predictions.
 """
 
 from __future__ import annotations
@@ -33,19 +33,21 @@ MODELS = ("uniform", "layered", "measured")
 """Names of the visibility models."""
 
 RAYS = ("nadir", "oblique", "cubes")
-"""Names of the rays of the uniform and the layered model (`aosplan.models.oblique_rays`)."""
+"""Names of the kinds of rays in the uniform and the layered model
+(`aosplan.models.oblique_rays`).
+"""
 
 
 def contrast_squared(density: Any, transparency: Any, shortfall: Any) -> Any:
-    """Square of the contrast of the target divided by the noise of the occluders, (1-p)/(p K)."""
+    """Square of the contrast of a target divided by the noise of the occluders, (1-p)/(p K)."""
     return 1.0 / shortfall * transparency / density
 
 
 class Prediction(NamedTuple):
     """Prediction of a model for one set of samples.
 
-    `density` is p, the share of the target that one sample does not see.  `transparency` is 1 - p,
-    accurate also if p is close to 1.  `shortfall` is K = 1 - V̂.
+    `density` is p, the share of the target that one sample does not see.  `transparency` is 1 - p;
+    it is accurate even if p is close to 1.  `shortfall` is K = 1 - V̂.
     """
 
     density: float
@@ -107,11 +109,13 @@ class VisibilityModel(Protocol):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which neighbouring samples share no occluder, so that K = 1/N; may be inf."""
+        """Smallest baseline at which neighbouring samples share no occluder, so that K = 1/N.  It
+        may be inf.
+        """
 
     @property
     def sharp_baseline_m(self) -> float:
-        """The same baseline without position noise."""
+        """The same as `independent_baseline_m`, but without position noise."""
 
     @property
     def widest_aperture_m(self) -> float:
@@ -123,16 +127,18 @@ class VisibilityModel(Protocol):
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """Baseline of the model's own rule; None if a larger baseline is always better."""
+        """Baseline that the model recommends; None if a larger baseline is always better."""
 
     @property
     def heading_deg(self) -> float | None:
-        """Heading of the patterns, clockwise from the scene's north; None if the scene has no
-        directions.
+        """Heading of the patterns, clockwise from the scene's north; None if the scene does not
+        depend on direction.
         """
 
     def at_heading(self, heading_deg: float) -> VisibilityModel:
-        """The same model for patterns at another heading; itself if the scene has no directions."""
+        """The same model for patterns at another heading.  If the scene does not depend on
+        direction, it is the model itself.
+        """
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
         """Density and shortfall of a pattern flown at a baseline."""
@@ -148,17 +154,21 @@ class VisibilityModel(Protocol):
         """Share of the target that a sample at each of these positions does not see, shape (N,)."""
 
     def correlation(self, x_m: Floats, y_m: Floats) -> Floats:
-        """Correlation of two samples for their offset along the same axes, elementwise."""
+        """Correlation of two samples as a function of their offset along the axes of
+        `predict_positions`, elementwise.
+        """
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
         """A fast upper bound of `predict`: its visibility is at least as high.
 
-        It is only used if `rises_with_baseline`.
+        It is only used if `rises_with_baseline` is true.
         """
 
 
 def prediction_document(prediction: Prediction) -> dict[str, float | None]:
-    """The numbers of a prediction; without occluders the normalised visibility is undefined (None)."""
+    """The numbers of a prediction.  Without occluders, the normalised visibility is not defined and
+    is None.
+    """
     clear = prediction.density == 0.0
     return {
         "density": prediction.density,

@@ -1,21 +1,23 @@
-"""Rays off nadir: how many more occluders they meet, and the effect on a prediction.
+"""Slanted rays: the number of occluders that they meet, and the effect on a prediction.
 
-The target is below the centre of the aperture.  The sample at (x, y) sees it along a ray with
-tan θx = x/h and tan θy = y/h.  If a nadir ray passes a slice with probability q, this ray passes it
-with probability q^e.  e is the length of the ray within the slice divided by the slice's thickness:
+The target is below the centre of the aperture.  The sample at (x, y) sees it along a ray with tan
+θx = x/h and tan θy = y/h.  If a nadir ray passes a slice with probability q, the slanted ray passes
+it with probability q^e.  Here e is the relative length of the ray.  It depends on the kind of rays:
 
-- *oblique*: sec θ = √(1 + tan² θ), for occluders that look the same from all sides (Beer-Lambert);
-- *cubes*: 1 + |tan θx| + |tan θy|, for cubes that are aligned with both axes and show their side
-  faces, such as voxels.
+- *oblique*: e = sec θ = √(1 + tan² θ), for occluders that look the same from all sides
+  (Beer-Lambert);
+- *cubes*: e = 1 + |tan θx| + |tan θy|, for cubes that are aligned with both axes and show their
+  side faces, such as voxels.
 
-T_i = Π q^e_i then differs between samples, and p̄ = 1 - mean T_i.  As in the measured model,
-V = 1 - mean J_ik and K = (mean J_ik - p̄²)/(p̄ (1 - p̄)), where J_ik is the share that both samples
-hide.
+The transparency T_i = Π q^e_i of sample i is the product over all slices.  It differs between
+samples, and p̄ = 1 - mean T_i.  As in the measured model, V = 1 - mean J_ik and K = (mean J_ik -
+p̄²)/(p̄ (1 - p̄)), where J_ik is the share of the target that both samples i and k do not see.
 
-**Assumption** for two rays of different lengths: in a slice they have a share τ of the shorter
-ray's occluders in common, and no others.  Both are then clear with probability q^(e_i + e_k) (1 + τ
-(q^-min(e_i, e_k) - 1)).  Equal rays have all occluders in common (τ = 1), and distant rays none.
-For nadir rays the formula becomes q² + D q τ.
+**Assumption** for two rays of different lengths: in a slice, they have in common a share τ of the
+occluders of the shorter ray, and no other occluders.  Both rays then pass the slice with
+probability q^(e_i + e_k) (1 + τ (q^-min(e_i, e_k) - 1)).  Equal rays have all occluders in common
+(τ = 1), and distant rays have no occluder in common (τ = 0).  For nadir rays the formula becomes q²
++ D q τ, with D = 1 - q.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def ray_lengths(x_m: Any, y_m: Any, altitude_m: float, kind: str) -> Any:
-    """Relative length e of the rays to samples at (x, y) from the centre; a nadir ray has e = 1.
+    """Relative length e of the rays to samples at (x, y) from the centre.  A nadir ray has e = 1.
 
     Parameters
     ----------
@@ -60,8 +62,8 @@ def hidden_shares(
 ) -> Floats:
     """Share p of the target that each sample does not see, shape (N,).
 
-    `positions_m` has shape (N, 2), relative to the centre; the other parameters are those of
-    `bundle`.
+    `positions_m` has the shape (N, 2) and is relative to the centre.  The other parameters are
+    those of `bundle`.
     """
     x, y = np.asarray(positions_m, dtype=np.float64).T
     hidden: Floats = -np.expm1(ray_lengths(x, y, altitude_m, kind) * log_transparency)
@@ -71,8 +73,8 @@ def hidden_shares(
 class RayBundle(NamedTuple):
     """The rays from a target to all sites of a pattern, on the pattern's lattice.
 
-    `lengths` and `transparency` have shape (rows, columns); the transparency is 0 where the
-    pattern has no site.
+    `lengths` and `transparency` have the shape (rows, columns).  At lattice points without a site,
+    the transparency is 0.
     """
 
     lengths: Floats
@@ -95,8 +97,8 @@ class RayBundle(NamedTuple):
         reach
             Largest offsets in rows and columns at which rays share an occluder.
         shared
-            ``shared(rows apart, columns apart, lengths)``: P(both clear)/(T_i T_k) - 1 of pairs,
-            whose shorter rays have these lengths.
+            ``shared(rows apart, columns apart, lengths)`` returns P(both clear)/(T_i T_k) - 1 for
+            pairs of rays.  `lengths` has the length of the shorter ray of each pair.
         """
         t, e = self.transparency, self.lengths
         rows, columns = t.shape
@@ -111,7 +113,7 @@ class RayBundle(NamedTuple):
                     total += 2.0 * float((both * common).sum())
         clear = float(t.sum()) / self.samples
         spread = self.density * clear
-        # If nothing or everything is hidden, views count as independent.
+        # If nothing or everything is hidden, views are treated as independent.
         shortfall = total / (self.samples**2 * spread) if spread > 0.0 else 1.0 / self.samples
         return Prediction(self.density, clear, shortfall)
 
@@ -123,7 +125,7 @@ def predict_scattered(
     log_transparency: float,
     shared: Callable[[Floats, Floats, Floats], Floats],
 ) -> Prediction:
-    """Prediction for samples that are not on a lattice; the time grows with N².
+    """Prediction for samples that are not on a lattice.  The computing time increases as N².
 
     Parameters
     ----------
@@ -132,8 +134,9 @@ def predict_scattered(
     altitude_m, kind, log_transparency
         As in `bundle`.
     shared
-        ``shared(x, y, lengths)``: P(both clear)/(T_i T_k) - 1 of pairs at these distances along
-        both axes, whose shorter rays have these lengths.
+        ``shared(x, y, lengths)`` returns P(both clear)/(T_i T_k) - 1 for pairs of rays.  `x` and
+        `y` are the distances along both axes, and `lengths` has the length of the shorter ray of
+        each pair.
     """
     lengths = ray_lengths(points_m[:, 0], points_m[:, 1], altitude_m, kind)
     t = np.exp(lengths * log_transparency)
@@ -154,7 +157,7 @@ def bundle(
     Parameters
     ----------
     pattern, baseline_m
-        What is flown, and its distance between columns.
+        The pattern, and the distance between its columns.
     altitude_m, kind
         As in `ray_lengths`.
     log_transparency

@@ -1,18 +1,19 @@
-"""Position noise: effect on the shortfall if the drone is not exactly at its sites.
+"""Position noise: its effect on the shortfall.
 
-The position of each photo has an independent Gaussian error of standard deviation σ per axis; the
-actual position is known afterwards.  Two different samples are then Δ + η apart, where η has a
-standard deviation of σ√2 per axis.  The expected overlap of their occluders is the triangle of Eq.
-2, convolved with a Gaussian along each axis.  A sample has all occluders in common with itself.
-With the convolved triangle g and N samples,
+The position of each photo has an independent Gaussian error with the standard deviation σ per axis.
+The actual positions are known afterwards.  Two samples whose sites are Δ apart are then Δ + η
+apart, where η has the standard deviation σ√2 per axis.  The expected overlap g of their occluders
+is the triangle of Eq. 2, convolved with a Gaussian along each axis.  A sample has all occluders in
+common with itself.  For N samples,
 
     K = (N + Σ g(Δx) g(Δy)) / N²,   with the sum over all ordered pairs of different samples.
 
-Noise moves neighbours closer together as often as farther apart.  If d̂ >= 1, only the former
-changes the overlap, so V̂ decreases.  If the sites are much closer together, V̂ increases because
-the aperture becomes larger.  To first order in s = σ/b, a square of n x n at d̂ = 1 loses 4
-(n-1)/n³ e₁ e₀ + 4 (n-1)²/n⁴ e₁² of V̂, where e₁ = s/√π and e₀ = 1 - 2 e₁.  For 49 samples and s =
-0.43 this is 0.0123; the exact value is 0.0117.
+Noise moves neighbours closer together as often as farther apart.  If d̂ >= 1, neighbours that move
+apart still have no overlap, but neighbours that move closer together have one.  V̂ therefore
+decreases.  If d̂ is much smaller, V̂ increases, because noise makes the aperture larger.  For a
+square of n x n sites at d̂ = 1, the decrease to first order in s = σ/b is 4 (n-1)/n³ e₁ e₀ + 4
+(n-1)²/n⁴ e₁² where e₁ = s/√π and e₀ = 1 - 2 e₁.  For 49 samples and s = 0.43, this is 0.0123, and
+the exact value is 0.0117.
 """
 
 from __future__ import annotations
@@ -29,25 +30,30 @@ if TYPE_CHECKING:
     from aosplan.numerics import Floats
 
 NEGLIGIBLE = 8.5
-"""Number of standard deviations beyond which the contribution of a Gaussian is below rounding."""
+"""Number of standard deviations beyond which the contribution of a Gaussian is smaller than
+rounding errors.
+"""
 
 HERMITE_TERMS = 20
-"""Number of terms of the series for a spread above 1; they decrease faster than 1/(2^m m! m²)."""
+"""Number of terms of the series for a spread above 1.  The terms decrease faster than 1/(2^m m!
+m²).
+"""
 
 
 def blurred_overlap(distance: Floats, spread: Floats) -> Any:
     """Expected overlap E[max(0, 1 - |u + ς Z|)] of occluders at an uncertain distance.
 
-    Z is a standard Gaussian.  With R(t) = E[max(0, ς Z - t)], the three corners of the triangle
-    give g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|).  For ς > 1 these terms cancel,
-    and a series of the Gaussian's derivatives is used, g(u) = Σ 2 φ^(2m)(u/ς) / ((2m+2)! ς^(2m+1)).
+    Z is a standard normal variable.  With R(t) = E[max(0, ς Z - t)], the three corners of the
+    triangle give g(u) = max(0, 1 - |u|) + R(|u + 1|) - 2 R(|u|) + R(|u - 1|).  For ς > 1 these
+    terms cancel, and a series of the Gaussian's derivatives is used, g(u) = Σ 2 φ^(2m)(u/ς) /
+    ((2m+2)! ς^(2m+1)).
 
     Parameters
     ----------
     distance
         u, distance along one axis divided by the occluders' reach Δ = o h/H.
     spread
-        ς, standard deviation of u, at least 0; for a pair of samples σ√2/Δ.
+        ς, standard deviation of u, at least 0.  For a pair of samples it is σ√2/Δ.
 
     Returns
     -------
@@ -88,7 +94,9 @@ def _density(xp: Any, z: Any) -> Any:
 
 
 def _wide(xp: Any, u: Any, spread: Any) -> Any:
-    """The series for ς > 1; Hermite polynomials by recursion, each already divided by ς^n."""
+    """The series for ς > 1.  The Hermite polynomials are computed by recursion, each divided by
+    ς^n.
+    """
     z = xp.minimum(u / spread, 40.0)
     even, odd = 1.0 + 0.0 * z, z / spread
     total, factor = even, 1.0
@@ -118,7 +126,7 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
     along_x = overlaps(pattern.columns, dhat, spread)
     along_y = overlaps(pattern.rows, dhat * pattern.row_pitch, spread)
     samples = pattern.samples
-    if len(pattern.removed) > samples:  # subtracting most of a rectangle would lose digits
+    if len(pattern.removed) > samples:  # Subtracting most sites of a rectangle would lose digits.
         pairs = _pair_sum(tuple(sorted(pattern.sites())), along_y, along_x)
     else:
         pairs = _line_sum(pattern.columns, along_x) * _line_sum(pattern.rows, along_y)
@@ -135,8 +143,8 @@ def blurred_shortfall(pattern: Pattern, dhat: float, spread: float) -> float:
 def scattered_shortfall(
     offsets: Iterable[tuple[float, float]], dhat: float, spread: float
 ) -> float:
-    """Expected shortfall of sites that are not on a lattice, such as a spiral; the time grows with
-    N².
+    """Expected shortfall of sites that are not on a lattice, such as a spiral.  The computing time
+    increases as N².
 
     Parameters
     ----------
@@ -156,7 +164,8 @@ def scattered_shortfall(
 
 
 def overlaps(count: int, dhat: float, spread: float) -> list[float]:
-    """Overlaps of sites of a line that are 0, 1, 2 … apart, up to the last one that matters.
+    """Overlaps of sites of a line that are 0, 1, 2 … sites apart, up to the last overlap that is
+    not negligible.
 
     Parameters
     ----------
@@ -165,7 +174,7 @@ def overlaps(count: int, dhat: float, spread: float) -> list[float]:
     dhat
         d̂ between neighbours.
     spread
-        ς as in `blurred_overlap`; 0 without noise.
+        ς of `blurred_overlap`; 0 without noise.
     """
     farthest = 1.0 + NEGLIGIBLE * spread
     reach = count - 1 if (count - 1) * dhat < farthest else int(farthest / dhat)
@@ -191,7 +200,7 @@ def _pair_sum(
     half = 0.0
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
-            # sorted by row, so all further sites are too far away
+            # The sites are sorted by row, so that all following sites are too far away.
             if other_row - row >= len(along_y):
                 break
             across = abs(other_column - column)

@@ -1,10 +1,10 @@
 """Shortfall of any set of sample positions in the uniform model.
 
-Two samples that are (Δx, Δy) apart share the occluders that overlap in both views.  The overlap is
-the product of two triangles, τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), where Δ = o h/H is the
+Two samples that are (Δx, Δy) apart share occluders.  The share of an occluder that both views have
+in common is τ = max(0, 1 - |Δx|/Δ) max(0, 1 - |Δy|/Δ), a product of two triangles. Δ = o h/H is the
 offset at which an occluder moves by its own size.  The shortfall of N samples is the mean of τ over
 all N² ordered pairs, K = ΣΣ τ / N² (Kurmi et al. 2019, appendix, for any positions instead of a
-grid).  Only pairs that are closer than Δ on both axes contribute, and only these are computed.
+grid).  τ is 0 unless a pair is closer than Δ along both axes, and only such pairs are computed.
 """
 
 from __future__ import annotations
@@ -26,23 +26,24 @@ if TYPE_CHECKING:
     from aosplan.grid.patterns import Sites
 
 PAIRS_AT_ONCE = 2_000_000
-"""Number of pairs of neighbours that are stored at once (24 bytes each)."""
+"""Largest number of pairs of neighbours that are stored at once (24 bytes each)."""
 
 
 def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float:
     """Shortfall 1 - V̂ of a pattern whose neighbouring columns are d̂ apart.
 
     The sum over the pairs of a rectangle is a product of sums along both axes.  For each removed
-    site the product of its two row sums is subtracted, and pairs of removed sites, which are then
-    subtracted twice, are added once.  For a spiral, the sum is over all pairs.
+    site, the pairs with this site are subtracted; their sum is also a product of two sums.  Pairs
+    of two removed sites are thereby subtracted twice, so that they are added once.  For a spiral,
+    the sum is over all pairs.
 
     Parameters
     ----------
     pattern
         The sites.
     dhat
-        d̂ between neighbouring columns, or between neighbouring sites of a spiral; between rows of
-        a lattice it is `pattern.row_pitch` times as large.
+        d̂ between neighbouring columns, or between neighbouring sites of a spiral.  Between rows of
+        a lattice, d̂ is `pattern.row_pitch` times as large.
     spread
         ς of `aosplan.models.position_noise.blurred_overlap`, if positions are uncertain.
     """
@@ -54,7 +55,8 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
         return blurred_shortfall(pattern, dhat, spread)
     samples = pattern.samples
     if isinstance(pattern, Spiral):
-        if dhat * pattern.nearest > 1.0 - 1e-15:  # d̂ may be rounded
+        # The tolerance is needed because d̂ may be rounded.
+        if dhat * pattern.nearest > 1.0 - 1e-15:
             return 1.0 / samples
         upward = sorted((y, x) for x, y in pattern.offsets())
         return _pair_sum(tuple(upward), dhat, dhat) / samples**2
@@ -64,7 +66,7 @@ def pattern_shortfall(pattern: Sites, dhat: float, spread: float = 0.0) -> float
     whole = line_shortfall(pattern.columns, dhat) * line_shortfall(pattern.rows, dhat_y)
     if not pattern.removed:
         return float(whole)
-    if len(pattern.removed) > samples:  # subtracting most of a rectangle would lose digits
+    if len(pattern.removed) > samples:  # Subtracting most sites of a rectangle would lose digits.
         return _pair_sum(tuple(sorted(pattern.sites())), dhat_y, dhat) / samples**2
     total = whole * (pattern.rows * pattern.columns) ** 2
     lost = math.fsum(
@@ -99,11 +101,14 @@ def _pair_sum(sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: flo
 def _shares(
     sites: tuple[tuple[float, float], ...], dhat_y: float, dhat_x: float
 ) -> Iterator[float]:
-    """τ of the pairs of a sorted set of sites, each pair once, if it is not 0."""
+    """The values of τ that are not 0, for all pairs of a sorted set of sites.  Each pair is
+    included once.
+    """
     for index, (row, column) in enumerate(sites):
         for other_row, other_column in sites[index + 1 :]:
             y = 1.0 - (other_row - row) * dhat_y
-            if y <= 0.0:  # sorted by row, so all further sites are too far away
+            # The sites are sorted by row, so that all following sites are too far away.
+            if y <= 0.0:
                 break
             x = 1.0 - abs(other_column - column) * dhat_x
             if x > 0.0:
@@ -118,7 +123,7 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
     positions
         Shape (N, 2): positions along the two axes of the occluders [m].
     spacing
-        Δ = o h/H, offset [m] at which an occluder moves by its own size; above 0.
+        Δ = o h/H, offset [m] at which an occluder moves by its own size, greater than 0.
 
     Returns
     -------
@@ -148,13 +153,15 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
         return 1.0
     from scipy.spatial import cKDTree
 
-    # Coordinates relative to the mean of the positions, because large ones would lose digits.
+    # Coordinates are relative to the mean of the positions, because large coordinates would lose
+    # digits.
     with np.errstate(over="ignore"):
         points = (points - points.mean(axis=0)) / spacing
     points = np.clip(points, -1e300, 1e300)
     tree = cKDTree(points)
     neighbours = tree.query_ball_point(points, 1.0, p=np.inf, return_length=True)
-    # In the order of the tree, neighbours in space are close in memory, so a block is compact.
+    # In the order of the tree, neighbours in space are close in memory. The positions of a block
+    # are therefore close together.
     order = np.asarray(tree.indices)
     pending = np.cumsum(neighbours[order])
     total = 0.0
@@ -186,8 +193,8 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
     mask
         Shape (rows, columns); true for each lattice point that is a sample.
     dhat_x, dhat_y
-        d̂ between neighbouring columns and between neighbouring rows, above 0; by default both are
-        `dhat_x`.
+        d̂ between neighbouring columns and between neighbouring rows, greater than 0.  By default,
+        `dhat_y` equals `dhat_x`.
 
     Returns
     -------
@@ -203,7 +210,7 @@ def lattice_shortfall(mask: ArrayLike, dhat_x: float, dhat_y: float | None = Non
     count = int(np.count_nonzero(chosen))
     if count == 0 or not (dhat_x > 0.0 and dhat_y > 0.0):
         return math.nan
-    # for d̂ > 1 there is no overlap, as for d̂ = 1
+    # For d̂ > 1 the overlap is 0, as for d̂ = 1.
     dhat_x, dhat_y = min(dhat_x, 1.0), min(dhat_y, 1.0)
     reach_y = _reach(chosen.shape[0], dhat_y)
     reach_x = _reach(chosen.shape[1], dhat_x)

@@ -1,7 +1,8 @@
-"""Lines without end: an integral of the last N photos, which moves along with the drone.
+"""Integrals of the last N photos on a long line.
 
-The camera takes a photo after each baseline b, that is every b/v seconds at speed v.  If this is
-less than its shortest interval τ, photos are v τ apart instead.
+The integral moves along with the drone.  The camera takes one photo per baseline b, that is every
+b/v seconds at the speed v.  If b/v is less than the shortest interval τ of the camera, the distance
+between photos is v τ instead.
 """
 
 from __future__ import annotations
@@ -33,10 +34,11 @@ class LineIntegral(NamedTuple):
 
 
 class Continuous(NamedTuple):
-    """Integrals along a line, for numbers of photos at the plan's speed, and for speeds.
+    """Integrals along a line: for several numbers of photos at the speed of the plan, and for
+    several speeds.
 
-    `fastest_mps` is b/τ, the highest speed at which photos are one baseline apart.  It is None if
-    the camera's shortest interval is not known.
+    `fastest_mps` is b/τ, the highest speed at which photos are one baseline apart.  `fastest_mps`
+    is None if the camera's shortest interval is not known.
     """
 
     by_samples: tuple[LineIntegral, ...]
@@ -61,7 +63,7 @@ def continuous_of(
     shortest_interval_s: float | None = None,
     photos: int | None = None,
 ) -> Continuous:
-    """Integrals along a line without end.
+    """Integrals along a line of any length.
 
     Parameters
     ----------
@@ -74,7 +76,7 @@ def continuous_of(
     shortest_interval_s
         τ of the camera, if it is known.
     photos
-        Number of photos on the whole line; longer integrals are left out.
+        Number of photos on the whole line.  Integrals of more photos are left out.
     """
 
     def integral(count: int, speed: float) -> LineIntegral:

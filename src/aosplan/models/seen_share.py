@@ -1,19 +1,20 @@
-"""The seen share of a target: its distribution over places and directions.
+"""The distribution of the seen share of a target over its places and directions.
 
-s is the mean over the photos of the share of the target that a photo sees.  Its mean is the
-transparency T.  Its variance is the mean of Q - T² over the pairs of photos and the pairs of points
-of the target (`aosplan.models.window_pairs`).  The distribution is close to a beta distribution
-with an atom at zero, which represents the places without any clear ray.
+The seen share s is the share of the target that a photo sees, averaged over the photos.  The mean
+of s is the transparency T.  The variance of s is the mean of Q - T² over the pairs of photos and
+the pairs of points of the target (`aosplan.models.window_pairs`).  The distribution is close to a
+beta distribution with an atom at zero.  The atom represents the places at which no photo sees any
+part of the target.
 
 - *One slice*: the atom is E[p^K], where K is the number of different occluder cells that the rays
-  of the target meet.  The mean is over phases of the cells and directions of the target.
-- *Several slices*: the atom is the value of the beta distribution function at 1/(N n), where n is
-  the number of cells of `CELL_M` in the target.
+  of the target meet.  The expectation E is over phases of the cells and directions of the target.
+- *Several slices*: the atom is the value of the beta distribution function at 1/(N n).  Here N is
+  the number of photos, and n is the number of square cells with the side `CELL_M` in the target.
 
 The atom does not change the mean and the variance of the whole distribution.  P(s >= x) mostly
 agrees with simulated slices to within 0.02 (`benchmarks/detection.py`).
 
-The measured model counts the shares instead (`SeenShare.counted`).
+The measured model does not use the beta distribution.  It counts the shares (`SeenShare.counted`).
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SHARES = (0.01, 0.1, 0.25, 0.5)
-"""Seen shares for which the probability of at least this share is reported."""
+"""Seen shares s for which the probability of a seen share of at least s is reported."""
 
 UNSEEN = 0.01
-"""Seen share below which a target counts as nearly unseen."""
+"""Seen share below which almost nothing of a target is seen."""
 
 CELL_M = 0.1
 """Side of a cell of the target, for the atom of several slices."""
@@ -48,7 +49,7 @@ PHASES = 64
 """Number of phases and directions over which the atom of one slice is averaged."""
 
 NODES = 320
-"""Number of shares that represent the distribution in sums."""
+"""Number of nodes that represent the distribution in sums."""
 
 
 class SeenShare(NamedTuple):
@@ -59,7 +60,7 @@ class SeenShare(NamedTuple):
     mean, variance
         Mean and variance of s.
     nodes, weights
-        Shares and their probabilities; expected values are sums over them.
+        Shares and their probabilities.  Expected values are sums over these nodes.
     atom
         Probability that nothing is seen, which is the weight of the first node.
     alpha, beta
@@ -85,23 +86,25 @@ class SeenShare(NamedTuple):
         mean, variance
             Mean and variance of s; 0 < mean < 1.
         atom
-            P(s = 0), or None for the value of the beta distribution function at one look.
+            P(s = 0), or None for the value of the beta distribution function at 1/`looks`.
         looks
             Number of photos times number of cells of the target.
         """
         from scipy.special import betainc
 
-        # The variance is largest if the share is 0 or 1; values below rounding do not matter.
+        # The upper limit is the variance of a share that is always 0 or 1. The lower limit is below
+        # rounding errors.
         variance = min(max(variance, 1e-12), (1.0 - 1e-9) * mean * (1.0 - mean))
         alpha, beta = _shape(mean, variance)
         if atom is None:
             atom = float(betainc(alpha, beta, min(1.0 / looks, 1.0)))
-        # The distribution without the atom has to reproduce both moments with a positive variance.
+        # The atom is limited so that the distribution without the atom has a positive variance.
+        # Together they have the given mean and variance.
         square = variance + mean * mean
         atom = min(max(atom, 0.0), max(1.0 - mean * mean / square * (1.0 + 1e-6), 0.0))
         rest_mean = mean / (1.0 - atom)
         alpha, beta = _shape(rest_mean, max(square / (1.0 - atom) - rest_mean**2, 1e-12))
-        # Nodes are densest at both ends, where the density may be infinite.
+        # The nodes are densest at both ends, because the density may be infinite there.
         edges = np.sin(0.5 * math.pi * np.linspace(0.0, 1.0, NODES)) ** 2
         below = betainc(alpha, beta, edges)
         moment = rest_mean * betainc(alpha + 1.0, beta, edges)
@@ -120,10 +123,13 @@ class SeenShare(NamedTuple):
 
     @classmethod
     def counted(cls, shares: Floats) -> SeenShare:
-        """The distribution of counted shares of any shape, all equally likely."""
+        """The distribution of counted shares, which are all equally likely.  The array may have any
+        shape.
+        """
         found = np.sort(shares.ravel())
         edges = np.linspace(0, len(found), NODES + 1).round().astype(np.intp)
-        # Quantiles of equal weight; each node is the mean of its part.
+        # The sorted shares are divided into parts of equal weight. Each node is the mean of its
+        # part.
         sums = np.concatenate([[0.0], np.cumsum(found)])
         count = np.diff(edges)
         used = count > 0
@@ -197,7 +203,7 @@ def atom_of_slice(
     ratio = layer.height_m / altitude_m
     size = layer.occluder_size_m
     points = points_of(target, min(0.2 * size, 0.25 * target.width_m)) * (1.0 - ratio * rigid)
-    # Equal offsets give the same view of the cells, so each is used once.
+    # Equal offsets give the same view of the cells, so each offset is used once.
     offsets = np.unique(np.round(sites_m * ratio, 6), axis=0)
     rng = np.random.default_rng(1)
     found = 0.0
@@ -217,7 +223,9 @@ def atom(
     *,
     rigid: bool = True,
 ) -> float | None:
-    """The atom of one slice; None for several slices, for which the beta distribution gives it."""
+    """The atom if there is one slice.  For several slices it is None, because the atom follows from
+    the beta distribution.
+    """
     if len(layers) > 1:
         return None
     return atom_of_slice(layers[0], altitude_m, sites_m, target, rigid=rigid)

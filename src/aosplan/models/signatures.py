@@ -1,8 +1,8 @@
-"""Targets and signatures by name, as plain values, so that a plan without a target loads nothing.
+"""Named targets and signatures, as plain values that are quick to load.
 
-A signature describes the radiance of a target and of the canopy, in units of the standard deviation
-between occluders, σ_c.  No published values are known.  All values are assumed, each with a range
-in which it is expected to be.
+A signature describes the radiances of a target and of the canopy, in units of σ_c, the standard
+deviation between occluders.  No published values are known.  All values are assumed.  Each has a
+range in which the true value is expected to be.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ SIGNATURES = {
     "thermal-noon": Signature(1.0, 2.0, 0.4),
     "colour": Signature(2.0, 1.0, 0.4),
 }
-"""Assumed signatures. The values are in the middle of `RANGES`, or in the upper half for noon and
-colour.
+"""Assumed signatures.  The values are in the middle of the ranges in `RANGES`.  For noon and
+colour, they are in the upper half.
 """
 
 RANGES = {
@@ -48,4 +48,4 @@ RANGES = {
     "thermal-noon": "C -2 to 2, M 2, crown share 0.3 to 0.5",
     "colour": "C 1 to 3, M -1 or 1, crown share 0.3 to 0.5",
 }
-"""Ranges in which the values of a signature are expected to be, which are also assumed."""
+"""Ranges in which the values of a signature are expected to be.  These ranges are also assumed."""

@@ -1,14 +1,14 @@
-"""The target on the ground as a window, and the kernels for the statistics of the window.
+"""The target on the ground, and the kernels for the statistics of a window of its size.
 
 A target is a rectangle of w x l with a random direction.  The detector takes the mean of the
 integral image over such a window and subtracts the mean of a box around it.  Second moments of both
-means are integrals of a covariance R(δ) over the offset δ of two points.  The weight is the
-covariogram of the two areas that the points are in (Matheron's random sets; Adler 1981):
+means are integrals of a covariance R(δ) over the offset δ of two points.  The weight w_AB is the
+covariogram of the areas A and B of the two points (Matheron's random sets; Adler 1981):
 
     Cov(mean over A, mean over B) = ∫ w_AB(δ) R(δ) dδ,   w_AB(δ) = |A ∩ (B - δ)| / (|A| |B|).
 
 For two equal rectangles, w_AB is a product of two triangles along the sides of the rectangle.
-`kernels` averages it over all directions of the target, on a lattice of offsets.
+`kernels` computes the mean of w_AB over all directions of the target, on a lattice of offsets.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ NARROWEST_STEP_M = 0.015
 
 
 class Target(NamedTuple):
-    """Width and length of a target [m]; the width is the shorter side."""
+    """Width and length of a target [m].  The width is the shorter side."""
 
     width_m: float
     length_m: float
@@ -55,7 +55,9 @@ class Target(NamedTuple):
 
     @property
     def box_m(self) -> float:
-        """Side of the detector's box: `BOX_M`, or more for targets that would fill it."""
+        """Side of the detector's box.  It is `BOX_M`, or more for targets that are large compared
+        with this box.
+        """
         return max(BOX_M, 2.0 * self.diagonal_m)
 
     @property
@@ -67,11 +69,11 @@ class Target(NamedTuple):
     def matched(self) -> float:
         """Share of the target that the window covers, at the best direction and the best pixel.
 
-        A window that is rotated by θ misses |θ| l/4 / w of a long target, and the mean of |θ| is a
-        quarter of the angle between two directions.  A window that is shifted by a along a side s
-        misses a/s.  The mean of a is a quarter of a pixel, but only half of it is used.  According
-        to simulations, the detector regains the rest, because it uses the highest output in the
-        neighbourhood.
+        If the window is rotated by θ relative to a long target, it misses the share |θ| l/4 / w of
+        it.  The mean of |θ| is a quarter of the angle between two directions.  If the window is
+        shifted by a along a side of length s, it misses the share a/s.  The mean of a is a quarter
+        of a pixel, but only half of this mean is used here.  According to simulations, the detector
+        regains the other half, because it uses the highest output in the neighbourhood.
         """
         missed = 0.25 * TURN * 0.25 * self.length_m / self.width_m
         missed += 0.125 * PIXEL_M * (1.0 / self.width_m + 1.0 / self.length_m)
@@ -79,17 +81,17 @@ class Target(NamedTuple):
 
 
 class Kernels(NamedTuple):
-    """Weights of offsets on two lattices; the sum of the weights of each kernel is 1.
+    """Weights of offsets on two lattices.  The sum of the weights of each kernel is 1.
 
     Attributes
     ----------
     fine_m, coarse_m
         Offsets along each axis [m], symmetric about 0.
     window
-        Shape (4, n, n), on the fine lattice.  The kernels are for the window with itself; with
-        itself shifted by `step_m` along its length; shifted along its width; rotated by `turn`.
-    box
-        Shape (2, m, m), on the coarse lattice: window with box, and box with itself.
+        Shape (4, n, n), on the fine lattice.  The kernels are for the window and a second window,
+        which is equal to the first, shifted by `step_m` along its length, shifted by `step_m` along
+        its width, or rotated by `turn`. box Shape (2, m, m), on the coarse lattice.  The kernels
+        are for window and box, and for the box and itself.
     step_m, turn
         The shift and the rotation [rad] in `window`.
     """
@@ -112,8 +114,8 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
         The target, whose size is that of the window.
     resolution_m
         Length over which covariances change: the size of the occluders, projected on the ground.
-        The fine lattice has the smallest steps at its centre, where the covariance is largest, and
-        resolves the target's width everywhere.
+        The fine lattice has the smallest steps at its centre, because the covariance is largest
+        there.  Its steps are smaller than the width of the target everywhere.
     """
     step = 0.15 * target.width_m
     fine, widths = _sinh_axis(
@@ -139,8 +141,8 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
             window[2] += 0.5 * length * _triangle(across + 2.0 * sign * step, target.width_m)
     window *= np.outer(widths, widths)
     window[:3] /= window[:3].sum(axis=(1, 2), keepdims=True)
-    # Rotated windows have no short formula, so points of both windows are paired, with and without
-    # the rotation.
+    # There is no short formula for rotated windows. Points of both windows are paired instead, with
+    # and without the rotation.
     turned = _paired(target, fine, 0.5 * TURN) - _paired(target, fine, 0.0)
     window[3] = window[0] + turned
     boxes = _boxes(target, coarse) * np.outer(coarse_widths, coarse_widths)
@@ -149,7 +151,9 @@ def kernels(target: Target, resolution_m: float) -> Kernels:
 
 
 def _sinh_axis(reach: float, closest: float, widest: float) -> tuple[Floats, Floats]:
-    """Nodes s sinh(c k) up to a reach, and their widths, which grow from `closest` to `widest`."""
+    """Nodes s sinh(c k) up to a reach, and their widths.  The widths increase from `closest` to
+    `widest`.
+    """
     ratio = max(widest / closest, 1.2)
     scale = reach / math.sqrt(ratio * ratio - 1.0)
     count = math.ceil(math.acosh(ratio) * scale / closest)
@@ -164,7 +168,9 @@ def _triangle(offset: Floats, side: float) -> Floats:
 
 
 def points_of(target: Target, pitch_m: float) -> Floats:
-    """Points evenly distributed over a target whose length is along x, shape (n, 2)."""
+    """Points that are evenly distributed over a target, shape (n, 2).  The length of the target is
+    along x.
+    """
     counts = [max(round(side / pitch_m), 2) for side in (target.length_m, target.width_m)]
     along, across = (
         ((np.arange(count) + 0.5) / count - 0.5) * side
@@ -179,7 +185,9 @@ def rotation(angle: float) -> Floats:
 
 
 def _paired(target: Target, axis: Floats, turn: float) -> Floats:
-    """Distribution of the offset between points of a window and of the same window rotated."""
+    """Distribution of the offset between points of a window and points of the same window after a
+    rotation.
+    """
     points = points_of(target, target.width_m / 5.0)
     apart = (points[:, None] @ rotation(turn) - points[None]).reshape(-1, 2)
     last = len(axis) - 1
@@ -200,11 +208,11 @@ def _paired(target: Target, axis: Floats, turn: float) -> Floats:
 
 
 def _boxes(target: Target, axis: Floats) -> Floats:
-    """Weights of window with box, and of box with itself; the box is parallel to the axes."""
+    """Weights for window and box, and for the box and itself.  The box is parallel to the axes."""
     side, edge = target.box_m, target.box_m / 26.0
     both = _triangle(axis, side)
-    # The box is shifted relative to each point of the window; the weights are means over the
-    # points.
+    # For each point of the window, the box is shifted relative to the point. The weights are means
+    # over these points.
     points = points_of(target, target.width_m / 3.0)
     mixed = np.zeros((len(axis), len(axis)))
     for angle in (np.arange(DIRECTIONS) + 0.5) * TURN:

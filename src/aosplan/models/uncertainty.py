@@ -1,40 +1,24 @@
 """Standard errors of a prediction, with the contributions that they include and omit.
 
-A plot is one sample of a forest, and has few trees.  The standard errors are the expected
-difference from the prediction for another plot of the same size in the same forest.  They also
-include the errors of the opacity and of the plot's edges.  `Uncertainty.parts` has each
-contribution; `OMITTED` lists what is never included.
+A plot is one sample of a forest, and it has few trees.  The standard errors describe the difference
+from the mean prediction of such plots.  They also include the errors of the opacity and of the
+plot's edges.  `Uncertainty.parts` has each contribution; `OMITTED` lists what is never included.
 
-**The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets.  To first
-order, each of them is itself a mean over targets, of their *influence* z(t).  Let s² be the
-variance of z within the plot, and A the integral of its correlation (its *integral range*).  The
-plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n
-(Matheron).  z is relative to the mean of the plot itself, which reduces the covariance at every lag
-in A by the variance of this mean.  This variance is therefore added again.
+**The plot, telecentric.**  p̄, V and V̂ are smooth functions of means over targets. To first order, each of them is the mean over targets of an *influence* z(t). Let s² be the variance of z within the plot, and A the integral of the correlation of z (the *integral range*). The plot then corresponds to n = plot area/A independent targets, and the variance of the mean is s²/n (Matheron). Because z is measured relative to the mean of the plot itself, the covariance at every lag is too small by the variance of this mean. This variance is therefore added again.
 
-**The plot, in perspective.**  The rays from all targets to one camera converge, so an aperture sees
-only part of the canopy; from another place it would see another part.  The variance is the sum of
-two terms: the variance of the mean over apertures at four places of the plot, computed as above,
-and the variance between these four.  As the differences between halves and quarters of real plots
-are larger still, the standard error is multiplied by `PERSPECTIVE`.
+**The plot, in perspective.**  The rays from all targets to one camera converge, so that an aperture sees only part of the canopy. At another place, the same aperture would see another part. The variance is therefore the sum of two terms, for apertures at four places of the plot. The first is the variance of the mean over these apertures, computed as above. The second is the variance between these apertures. The differences between halves and quarters of real plots are even larger. The standard error is therefore multiplied by `PERSPECTIVE`.
 
 Differences between halves and quarters of two real plots and of generated stands are within one
 standard error in about 70 % of the cases, and within two in about 95 %
 (`benchmarks/uncertainty.py`).
 
-**Opacity.**  The share of light that a cell blocks also has an error.  If it is computed from
-pulses, the energy of a return is not known: the first return of a pulse has at most all of the
-energy, and so has the last.  The true prediction can be anywhere between the predictions for these
-two bounds, so one more standard error is their difference divided by √12.  If each voxel with a
-point counts as opaque, the result depends on the size of the voxels.  Half of the difference to
-voxels of twice the size is then the standard error, because a user may choose sizes within about
-one octave.
+**Opacity.**  The share of light that a cell blocks also has an error. If the opacity is computed from pulses, the energy of each return is not known. There are two bounds: the first return of a pulse has all the energy, or the last return has all of it. The true prediction can be anywhere between the predictions for these bounds. The standard error is therefore their difference divided by √12. If each voxel with a point is treated as opaque, the result depends on the size of the voxels. The standard error is then half of the difference to the prediction with voxels of twice the size, because a user may choose sizes within about one octave.
 
 **Clumps.**  Pulses do not resolve clumps that are smaller than the distance between pulses.  For
 generated stands with known leaves, V and V̂ are therefore too high by the values in `CLUMPS`
 (`benchmarks/opacity.py`).  These biases are treated as standard errors.
 
-**Models with statistics** of a point cloud: the model is made from each quarter of the plot.  The
+**Models with statistics** of a point cloud: a model is made from each quarter of the plot.  The
 standard deviation of the four predictions for the same sites is twice the standard error of their
 mean.
 """
@@ -56,19 +40,27 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 UNIFORM = 1.0 / math.sqrt(12.0)
-"""Standard deviation of a value anywhere between two bounds, divided by their distance."""
+"""Standard deviation of a value that is uniformly distributed between two bounds, divided by the
+distance of the bounds.
+"""
 
 OCTAVE = 0.5
-"""Standard error from the size of voxels, divided by the difference to voxels of twice the size."""
+"""Standard error because of the size of voxels, divided by the difference to the prediction with
+voxels of twice the size.
+"""
 
 PERSPECTIVE = 1.2
-"""Factor of the standard errors in perspective, fitted to halves and quarters of real plots."""
+"""Factor by which standard errors in perspective are multiplied, fitted to halves and quarters of
+real plots.
+"""
 
 CLUMPS = ((400.0, (0.004, 0.010, 0.050)), (math.inf, (0.003, 0.003, 0.020)))
-"""Pulses per square metre; the errors of p, V and V̂ by unresolved clumps at lower densities."""
+"""Density of pulses per square metre, and the errors of p, V and V̂ because of unresolved clumps at
+lower densities.
+"""
 
 SMALLEST_QUARTER = 8
-"""Smallest number of cells along the sides of a quarter for which a prediction is made."""
+"""Smallest number of cells along each side of a quarter for which a prediction is made."""
 
 OMITTED = (
     "differences between this forest and another one",
@@ -82,7 +74,7 @@ OMITTED_BY_STATISTICS = "the error of the model: occluders are taken as independ
 
 
 class ErrorPart(NamedTuple):
-    """One contribution to standard errors; `normalized` is None if V̂ is not defined.
+    """One contribution to standard errors.  `normalized` is None if V̂ is not defined.
 
     `source` is ``plot``, ``opacity``, ``clumps`` or ``edges``.
     """
@@ -94,10 +86,10 @@ class ErrorPart(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Standard errors of a prediction, and the method that gave them.
+    """Standard errors of a prediction, and the method by which they were computed.
 
-    `normalized` is None if V̂ is not defined, which is if everything or nothing is hidden.  The
-    squares of `parts` add up to the squares of the standard errors.
+    `normalized` is None if V̂ is not defined, because everything or nothing is hidden.  The squares
+    of `parts` add up to the squares of the standard errors.
     """
 
     density: float
@@ -114,14 +106,15 @@ class Uncertainty(NamedTuple):
 
 
 def of_targets(hidden: Floats, cell: int = 1) -> Uncertainty:
-    """Standard errors from the share of views that each target of a periodic plot is hidden from.
+    """Standard errors from the share of the views that do not see each target of a periodic plot.
 
     Parameters
     ----------
     hidden
         Shape (rows, columns): share of the views that do not see a target, 0 to 1.
     cell
-        Number of targets along a side that are averaged before the correlation is computed.
+        Side of a cell in targets.  The targets of a cell are averaged before the correlation is
+        computed.
     """
     return _of_plot(*_of_fields(hidden, hidden * hidden, cell), "integral range")
 
@@ -132,7 +125,8 @@ def of_apertures(hidden: Sequence[Floats], cell: int = 1) -> Uncertainty:
     Parameters
     ----------
     hidden
-        For each aperture, shares as in `of_targets`.  A target has the same index in all of them.
+        For each aperture, an array of shares as in `of_targets`.  A target has the same index in
+        all arrays.
     cell
         As in `of_targets`.
     """
@@ -161,13 +155,17 @@ def _of_plot(density: float, expected: float, normalized: float | None, method: 
 
 
 def _statistics(p: float, square: float) -> tuple[float, float, float | None]:
-    """p̄, V and V̂ from two means over targets: of the hidden share, and of its square."""
+    """p̄, V and V̂ from two means over targets: the mean of the hidden share, and the mean of its
+    square.
+    """
     spread = p * (1.0 - p)
     return p, 1.0 - square, 1.0 - (square - p * p) / spread if spread > 0.0 else None
 
 
 def _of_fields(hidden: Floats, squares: Floats, cell: int) -> tuple[float, float, float | None]:
-    """Standard errors of p̄, V and V̂ from the hidden share of each target, and from its square."""
+    """Standard errors of p̄, V and V̂, from the hidden share of each target and from the square of
+    this share.
+    """
     p, square = float(hidden.mean()), float(squares.mean())
     t = 1.0 - p
     of_density = hidden - p
@@ -190,9 +188,10 @@ def with_doubt(
     errors
         Standard errors so far.
     one, other
-        Predictions for two bounds, for instance of the opacity; the true value is between them.
+        Predictions for two bounds, for instance of the opacity.  The true value is between these
+        predictions.
     share
-        Standard error as a share of their difference.
+        Standard error divided by the difference of the two predictions.
     source
         Name of the part.
     """
@@ -208,7 +207,9 @@ def with_doubt(
 
 
 def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
-    """Add an independent part to standard errors; if V̂ was not defined, it remains so."""
+    """Add an independent part to standard errors.  If V̂ was not defined, it remains not
+    defined.
+    """
     normalized = errors.normalized
     if normalized is None:
         part = part._replace(normalized=None)
@@ -224,7 +225,9 @@ def with_part(errors: Uncertainty, part: ErrorPart) -> Uncertainty:
 
 
 def of_clumps(pulses_per_m2: float) -> ErrorPart:
-    """The part of the clumps that pulses of a given density do not resolve."""
+    """The part of the standard errors because of clumps that pulses of a given density do not
+    resolve.
+    """
     errors = next(errors for most, errors in CLUMPS if pulses_per_m2 < most)
     return ErrorPart("clumps", *errors)
 
@@ -239,13 +242,14 @@ def _standard_error(influence: Floats, cell: int) -> float:
     if variance <= 1e-30:
         return 0.0
     area, lags = correlation_range(cells)
-    # Subtracting the plot's mean, of variance v, reduces each covariance by v: v = s² A + lags v.
+    # Subtracting the mean of the plot, which has the variance v, reduces each covariance by v. The
+    # equation for v is v = s² A + lags v.
     share = min(lags / cells.size, 0.9)
     return math.sqrt(variance * area / cells.size / (1.0 - share))
 
 
 def of_parts(predictions: Sequence[Prediction]) -> Uncertainty:
-    """Standard errors of a whole from predictions for its equal parts."""
+    """Standard errors of the prediction for a whole plot, from predictions for its equal parts."""
     import numpy as np
 
     def error(values: list[float]) -> float:
@@ -262,9 +266,9 @@ def of_parts(predictions: Sequence[Prediction]) -> Uncertainty:
 
 
 def quarters(volume: VoxelVolume) -> Iterator[VoxelVolume]:
-    """The four quarters of a plot, without odd last rows and columns.
+    """The four quarters of a plot.  A last odd row or column is left out.
 
-    There are none if a quarter would have fewer than `SMALLEST_QUARTER` cells along a side.
+    The result is empty if a quarter would have fewer than `SMALLEST_QUARTER` cells along a side.
     """
     from dataclasses import replace
 

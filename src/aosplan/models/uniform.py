@@ -1,12 +1,12 @@
 """The uniform model: one volume with occluders of one kind (Kurmi, Schedl and Bimber, 2019).
 
-The paper uses d̂ at a single height, that of the occluder that determines the coverage rule.  At
-the baseline of this rule, neighbouring samples are independent and V̂ = 1 - 1/N.  At smaller
-baselines the occluders at most heights still have d̂ close to 1, and a single d̂ would predict a
-much too small V̂.  For example, 49 samples that are 1 m apart at 50 m have V̂ = 0.957 in simulated
-volumes of the default scene, but 0.816 with the d̂ of the rule.  Below the rule's baseline, the
-volume is therefore treated as slices that are one occluder thick (`aosplan.models.layered`), which
-predict 0.965.
+The paper uses d̂ at a single height: the height of the occluder that determines the coverage rule.
+At the baseline of this rule, neighbouring samples are independent, and V̂ = 1 - 1/N.  At smaller
+baselines, the occluders at most heights still have d̂ close to 1.  A single d̂ would predict a V̂
+that is much too small.  For example, 49 samples that are 1 m apart at 50 m have V̂ = 0.957 in
+simulated volumes of the default scene, but 0.816 with the d̂ of the rule.  Below the baseline of
+the rule, the volume is therefore treated as slices that are one occluder thick
+(`aosplan.models.layered`).  In this example they predict 0.965.
 """
 
 from __future__ import annotations
@@ -34,14 +34,15 @@ if TYPE_CHECKING:
 class UniformModel(NamedTuple):
     """Integrated density, and the baseline at which neighbouring samples become independent.
 
-    - `unit_baseline_m`: the baseline with d̂ = 1.  In the paper's rule it is the smallest baseline
-      at which the wanted share of the occluders has d̂ >= 1
+    - `unit_baseline_m`: the baseline with d̂ = 1.  By the coverage rule of the paper, it is the
+      smallest baseline at which the required share of the occluders has d̂ >= 1
       (`aosplan.camera.disparity.coverage_baseline`).
     - `hold_error_m`: standard deviation of the positions around their sites, per axis
       (`aosplan.models.position_noise`).
-    - `rays`: other rays than ``nadir`` need `altitude_m` (`aosplan.models.oblique_rays`).
-    - `slices`: function that returns the volume as a layered model; None to use one d̂ at every
-      baseline.
+    - `rays`: the kind of rays (`aosplan.models.oblique_rays`).  All kinds except ``nadir`` need
+      `altitude_m`.
+    - `slices`: function that returns the volume as a layered model.  None: a single d̂ is used at
+      every baseline.
     """
 
     density: float
@@ -68,7 +69,9 @@ class UniformModel(NamedTuple):
 
     @property
     def independent_baseline_m(self) -> float:
-        """Baseline from which K = 1/N; with noise, up to rounding errors."""
+        """Smallest baseline at which K = 1/N.  With position noise, this holds within rounding
+        errors.
+        """
         if self.hold_error_m == 0.0:
             return self.unit_baseline_m
         from aosplan.models.position_noise import NEGLIGIBLE
@@ -77,7 +80,7 @@ class UniformModel(NamedTuple):
 
     @property
     def sharp_baseline_m(self) -> float:
-        """Baseline from which K = 1/N without noise."""
+        """Smallest baseline at which K = 1/N without position noise."""
         return self.unit_baseline_m
 
     @property
@@ -87,17 +90,20 @@ class UniformModel(NamedTuple):
 
     @property
     def rises_with_baseline(self) -> bool:
-        """False for oblique rays, which meet more occluders if the aperture is wider.
+        """Whether rays are nadir rays.  Slanted rays meet more occluders if the aperture is wider.
 
-        With nadir rays V̂ never decreases with the baseline, also with noise: the convolution of a
-        symmetric function that decreases on both sides with a Gaussian has the same property
-        (Wintner).  The overlap of each pair therefore decreases with its distance.
+        With nadir rays, V̂ never decreases if the baseline increases, even with position noise.
+        The reason is a theorem of Wintner: if a symmetric function decreases on both sides, its
+        convolution with a Gaussian does so too.  The expected overlap of a pair of samples
+        therefore decreases with their distance.
         """
         return self.rays == "nadir"
 
     @property
     def rule_baseline_m(self) -> float | None:
-        """The paper's optimal baseline; a larger one is only useful against position noise."""
+        """The optimal baseline of the paper.  A larger baseline is useful only against position
+        noise.
+        """
         return self.unit_baseline_m
 
     def predict(self, pattern: Sites, baseline_m: float) -> Prediction:
@@ -110,13 +116,15 @@ class UniformModel(NamedTuple):
         shortfall = pattern_shortfall(pattern, dhat, self._spread)
         if self.slices is not None and self.hold_error_m > 0.0 and pattern.samples > 1:
             # Position noise reduces V̂ more with one d̂ for all heights than with slices. The
-            # smaller shortfall is used; otherwise, V̂ would drop where the model changes from
-            # slices to one d̂.
+            # smaller shortfall is used. Otherwise, V̂ would drop at the baseline at which the model
+            # changes from slices to one d̂.
             shortfall = min(shortfall, self.slices().predict(pattern, baseline_m).shortfall)
         return Prediction(self.density, self.transparency, shortfall)
 
     def counts_slices(self, pattern: Sites, baseline_m: float) -> bool:
-        """Whether the volume is treated as slices, which it is below the baseline of the rule."""
+        """Whether the volume is treated as slices, because the baseline is below that of the
+        coverage rule.
+        """
         below = baseline_m * pattern.nearest < self.unit_baseline_m * (1.0 - 1e-12)
         return self.slices is not None and pattern.samples > 1 and below
 
@@ -132,7 +140,8 @@ class UniformModel(NamedTuple):
 
         points = np.asarray(positions_m, dtype=np.float64)
         shortfall = positions_shortfall(points, self.unit_baseline_m)
-        apart = shortfall * len(points) <= 1.0 + 1e-9  # no two are closer than the rule's baseline
+        # no two samples are closer than the baseline of the coverage rule
+        apart = shortfall * len(points) <= 1.0 + 1e-9
         if self.slices is not None and not apart:
             return self._with_own_digits(self.slices().predict_positions(points))
         if self.rays != "nadir":
@@ -140,7 +149,9 @@ class UniformModel(NamedTuple):
         return Prediction(self.density, self.transparency, shortfall)
 
     def hidden_at(self, positions_m: ArrayLike) -> Floats:
-        """p of samples at known positions, shape (N,); slanted rays meet more occluders."""
+        """p of samples at known positions, shape (N,).  It differs between samples, because slanted
+        rays meet more occluders.
+        """
         from aosplan.models.oblique_rays import hidden_shares
 
         log_t = math.log(self.transparency)
@@ -157,7 +168,9 @@ class UniformModel(NamedTuple):
         return overlap
 
     def at_best(self, pattern: Sites, baseline_m: float) -> Prediction:
-        """The same as `predict`; for slices, their fast bound."""
+        """The same as `predict`.  If the volume is treated as slices, it is the fast bound of the
+        layered model.
+        """
         if self.slices is not None and self.counts_slices(pattern, baseline_m):
             return self._with_own_digits(self.slices().at_best(pattern, baseline_m))
         return self.predict(pattern, baseline_m)

@@ -1,25 +1,25 @@
 """Second moments of pairs of photos over a target's window, through independent slices.
 
-Two rays to points that are δ apart on the ground, from cameras that are Δ apart, pass slice j at
-height H_j at a distance of
+Consider two rays to points that are δ apart on the ground, from cameras that are Δ apart at the
+altitude h.  In slice j, at the height H_j, the offset of the two rays is
 
     δ (1 - H_j/h) + Δ H_j/h.
 
-They share an occluder of size o_j with probability τ_j, the product of the triangles of this offset
-along both axes.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
+The rays share an occluder of size o_j with probability τ_j, which is the product of the triangles
+of this offset along both axes.  With q_j = 1 - D_j, as in `aosplan.models.layered`:
 
 - both are clear with probability Q(δ, Δ) = Π_j (q_j² + D_j q_j τ_j);
-- both first meet the same occluder with probability
-  C(δ, Δ) = Σ_j [Π_above (q² + D q τ)] D_j τ_j;
-- both see the same texture of the ground: G = Q ρ_g(δ).
+- the first occluder of both rays is the same one with probability C(δ, Δ) = Σ_j [Π_above (q² + D q
+  τ)] D_j τ_j;
+- the covariance of the ground texture that both rays see is G = Q ρ_g(δ).
 
 `WindowPairs` integrates Q - T², C and G over δ with each kernel of `aosplan.models.target_window`.
-These integrals depend only on Δ, so the moments of any pattern are sums over its pairs.
-`WindowPairs.tabulate` makes a table over Δ for searches.
+The integrals depend only on Δ.  The moments of any pattern are therefore sums over its pairs.  For
+searches, `WindowPairs.tabulate` makes a table over Δ.
 
-The logarithms of the factors are polynomials of τ, and τ is a product of a function of x and a
-function of y.  Sums over slices are therefore matrix products.  For C, slices are grouped into
-about `BLOCKS` blocks, within which all slices are treated as equal.
+The logarithms of the factors are approximated by polynomials of τ, and τ is a product of a function
+of x and a function of y.  Sums over slices are therefore matrix products.  For C, slices are
+grouped into about `BLOCKS` blocks, and all slices of a block are treated as equal.
 """
 
 from __future__ import annotations
@@ -42,10 +42,12 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 BLOCKS = 8
-"""Number of groups of slices, after each of which the share of remaining rays is updated."""
+"""Approximate number of blocks of slices.  The share of the rays that remain is updated after each
+block.
+"""
 
 MOST_SLICES = 160
-"""Largest number of slices; thinner slices are merged."""
+"""Largest number of slices.  If there are more, neighbouring slices are merged."""
 
 SERIES = 6
 """Largest number of terms of the series for the logarithm."""
@@ -54,7 +56,7 @@ SMALLEST_TERM = 1e-6
 """Terms of the series below this value are neglected."""
 
 LARGEST_ODDS = 0.35
-"""Largest D/q for which the series is used; the factors of denser slices are computed directly."""
+"""Largest D/q for which the series is used.  The factors of denser slices are computed directly."""
 
 FAR_M = 1e9
 """A distance between cameras that is beyond the reach of all slices."""
@@ -75,7 +77,8 @@ class _Block(NamedTuple):
 class Pairs(NamedTuple):
     """Integrals for camera offsets, shape (..., 3, kernels), with rows for Q - T², C and G.
 
-    `window` is for the four window kernels, `box` for the two box kernels.
+    `window` has the integrals with the four window kernels, and `box` those with the two box
+    kernels.
     """
 
     window: Floats
@@ -90,12 +93,13 @@ class WindowPairs:
     layers
         Slices, with heights above the ground on which the target lies.
     altitude_m
-        Altitude of the cameras above that ground; it has to be above every slice.
+        Altitude of the cameras above this ground.  It has to be above every slice.
     target
         Size of the target.
     rigid
-        Whether rays to the target meet in the camera (factor 1 - H/h), as in reality.  Otherwise
-        they are parallel, as in the telecentric views of `aosplan.scenes.occlusion`.
+        Whether the rays from all points of the target meet in the camera (factor 1 - H/h), as in
+        reality.  Otherwise these rays are parallel, as in the telecentric views of
+        `aosplan.scenes.occlusion`.
     """
 
     def __init__(
@@ -114,7 +118,8 @@ class WindowPairs:
         self.heights_m = np.array([layer.height_m for layer in down])
         sizes = np.array([layer.occluder_size_m for layer in down])
         seen = sizes / (1.0 - self.heights_m * self._scale)
-        # Size on the ground below which the occluders make up a tenth of the total density.
+        # The 10 % quantile of the sizes of occluders, projected on the ground and weighted by
+        # density.
         order = np.argsort(seen)
         upto = np.cumsum(density[order]) / density.sum()
         self.kernels = kernels(target, round(float(seen[order][np.searchsorted(upto, 0.1)]), 2))
@@ -133,15 +138,15 @@ class WindowPairs:
         return Pairs(np.array([each[0] for each in found]), np.array([each[1] for each in found]))
 
     def tabulate(self) -> None:
-        """Compute a table, from which all later offsets are interpolated.
+        """Compute a table, from which the integrals for all later offsets are interpolated.
 
-        It is worthwhile for more than about `TABLE`² distinct offsets, as in a search over
-        baselines.
+        The table saves time if more than about `TABLE`² distinct offsets are needed, as in a search
+        over baselines.
         """
         if self._table is not None:
             return
         nodes = self._nodes().tolist()
-        # The integrals are means over directions, so x and y can be exchanged.
+        # The integrals are means over directions, so that x and y can be exchanged.
         found = [[self._integrals(max(x, y), min(x, y)) for x in nodes] for y in nodes]
         window = np.array([[each[0] for each in row] for row in found])
         box = np.array([[each[1] for each in row] for row in found])
@@ -149,7 +154,7 @@ class WindowPairs:
 
     @property
     def far(self) -> Pairs:
-        """Integrals for cameras so far apart that they have only the ground in common."""
+        """Integrals for cameras that are so far apart that their rays share no occluders."""
         return Pairs(*self._integrals(FAR_M, FAR_M))
 
     @property
@@ -170,7 +175,8 @@ class WindowPairs:
         from scipy.interpolate import RegularGridInterpolator
 
         assert self._table is not None
-        # Interpolation over the index of the nodes, in which the integrals are smooth.
+        # The interpolation is over the index of the nodes, because the integrals are smooth
+        # functions of this index.
         places = [
             np.minimum(np.arcsinh(each / self._width_m) / self._bend, TABLE - 1.0)
             for each in (y_m, x_m)
@@ -215,7 +221,7 @@ class WindowPairs:
             passed = _log_pair(block, along_x, along_y)
             count = len(block.density)
             first = np.exp(log_clear) * shared
-            if count > 1:  # each of the equal slices is seen through those above it
+            if count > 1:  # Each slice of a block is seen through the equal slices above it.
                 one = np.minimum(passed / count, -1e-12)
                 first *= np.expm1(count * one) / (count * np.expm1(one))
             same += first
@@ -244,7 +250,7 @@ def _log_pair(block: _Block, along_x: Floats, along_y: Floats) -> Floats:
 
 
 def _blocks(layers: Sequence[Layer]) -> list[_Block]:
-    """Slices from the top down, merged into blocks; each dense slice is a block of its own."""
+    """Slices from the top down, merged into blocks.  Each dense slice is a separate block."""
     size = max(math.ceil(len(layers) / BLOCKS), 1)
     groups: list[list[Layer]] = []
     for layer in layers:
@@ -274,7 +280,9 @@ def _gaussian(offset: Floats, length: float) -> Floats:
 
 
 def merged(layers: Sequence[Layer], most: int) -> tuple[Layer, ...]:
-    """Slices that are not empty; neighbours are merged if there are more than the limit."""
+    """The slices that are not empty.  If there are more than `most`, neighbouring slices are
+    merged.
+    """
     from aosplan.scenes.scene import Layer
 
     filled = [layer for layer in layers if layer.density > 0.0]
