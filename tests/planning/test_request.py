@@ -1,13 +1,10 @@
-"""PlanRequest: rules between options, files overridden by options, and only deliberate errors."""
+"""PlanRequest: rules between options, and files overridden by options."""
 
-import json
 import math
 import re
 from dataclasses import fields
 
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
 
 from aosplan.errors import RequestError
 from aosplan.planning.options import DEFAULTS
@@ -22,17 +19,11 @@ FOV = {"fov": 60, "image_width": 640, "image_height": 512}
 
 
 def refusal(**values):
-    with pytest.raises(RequestError) as caught:
-        PlanRequest(**values)
-    return caught.value
-
-
-def outcome(make, *arguments, **values):
-    """The result, or an error of aosplan; any other exception is raised."""
     try:
-        return make(*arguments, **values)
+        PlanRequest(**values)
     except RequestError as error:
         return error
+    pytest.fail(f"a request of {', '.join(values)} is accepted")
 
 
 def test_options_and_fields_are_the_same_names_in_the_same_order():
@@ -83,36 +74,29 @@ def test_requests_are_frozen():
         PlanRequest(altitude=40).altitude = 50
 
 
-@pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
-def test_every_option_refuses_a_table(option):
-    error = refusal(**({"altitude": 40} | {option.name: {"a": 1}}))
-    assert option.name in error.message
-
-
-@pytest.mark.parametrize("option", OPTIONS, ids=lambda option: option.name)
-def test_every_option_refuses_empty_text(option):
-    error = refusal(**({"altitude": 40} | {option.name: ""}))
-    assert option.name in error.message
-
-
-@pytest.mark.parametrize(
-    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
-)
-@pytest.mark.parametrize("value", [True, False])
-def test_no_number_may_be_a_boolean(option, value):
-    error = refusal(**({"altitude": 40} | {option.name: value}))
-    assert error.message.startswith(option.name)
+@pytest.mark.parametrize("value", [{"a": 1}, ""], ids=["table", "empty text"])
+def test_every_option_refuses_a_table_and_empty_text(value):
+    wrong = {
+        option.name: error.message
+        for option in OPTIONS
+        if option.name not in (error := refusal(**{"altitude": 40, option.name: value})).message
+    }
+    assert wrong == {}
 
 
 @pytest.mark.parametrize(
-    "option", [o for o in OPTIONS if o.kind not in ("text", "flag")], ids=lambda option: option.name
+    "value",
+    [True, False, math.nan, math.inf, "nan", "-inf", pytest.param(10**400, id="401 digits")],
 )
-@pytest.mark.parametrize(
-    "value", [math.nan, math.inf, "nan", "-inf", pytest.param(10**400, id="401 digits")]
-)
-def test_no_number_may_be_infinite_or_too_long(option, value):
-    error = refusal(**({"altitude": 40} | {option.name: value}))
-    assert error.message.startswith(option.name)
+def test_no_number_may_be_a_boolean_infinite_or_too_long(value):
+    numbers = [option.name for option in OPTIONS if option.kind not in ("text", "flag")]
+    assert len(numbers) > 50
+    wrong = {
+        name: error.message
+        for name in numbers
+        if not (error := refusal(**{"altitude": 40, name: value})).message.startswith(name)
+    }
+    assert wrong == {}
 
 
 @pytest.mark.parametrize("heading", [1e-15, -1e-130, "1e-12"])
@@ -291,8 +275,11 @@ def test_a_target_with_more_digits_than_a_float_keeps_them(text):
     ("samples", "most", "fits"), [(50, 50, True), (51, 50, False), (1, 1, True), (2, 1, False)]
 )
 def test_samples_stay_within_their_own_bound(samples, most, fits):
-    result = outcome(PlanRequest, altitude=40, samples=samples, max_samples=most)
-    assert isinstance(result, PlanRequest) == fits
+    values = {"altitude": 40, "samples": samples, "max_samples": most}
+    if fits:
+        assert PlanRequest(**values).samples == samples
+    else:
+        assert "--max-samples" in refusal(**values).message
 
 
 def test_lanes_have_their_defaults_only_where_they_are_flown():
@@ -421,95 +408,6 @@ def test_grid_lanes_in_a_file_can_be_overridden_by_another_grid():
     # Another grid also replaces the lane options in the file.
     file = PlanRequest(altitude=40, grid="lanes").document()
     assert request_from(file, overrides={"grid": "trimmed"}).grid == "trimmed"
-
-
-# Random values
-
-
-values = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.floats(),
-    st.text(max_size=30),
-    st.sampled_from(["98%", "98", "0.98", "40ft", "1e400", "_", "lanes", "line", "layered", "0"]),
-    st.lists(st.floats(), max_size=3),
-    st.dictionaries(st.text(max_size=3), st.integers(), max_size=2),
-)
-
-sensible = {
-    "altitude": st.floats(0.1, 500),
-    "gsd": st.floats(0.001, 1),
-    "target_size": st.floats(0.1, 10),
-    "target_pixels": st.floats(1, 100),
-    "focal_height": st.floats(0, 50),
-    "vhat": st.one_of(st.floats(0, 0.9999), st.sampled_from(["98%", "0.9999999999999999999"])),
-    "visibility": st.floats(0, 0.9999),
-    "scene": st.sampled_from(["paper-forest", "savanna", "x.toml"]),
-    "density": st.floats(0, 1),
-    "integrated_density": st.floats(0, 1),
-    "occluder_size": st.floats(0.01, 5),
-    "volume_height": st.floats(0.1, 50),
-    "volume_base": st.floats(0, 10),
-    "camera": st.just("dji-m3t-thermal"),
-    "fov": st.floats(1, 179),
-    "image_width": st.integers(1, 9000),
-    "image_height": st.integers(1, 9000),
-    "grid": st.sampled_from(["trimmed", "lanes", "line"]),
-    "lanes": st.integers(1, 9),
-    "samples": st.integers(1, 100),
-    "max_samples": st.integers(1, 100),
-    "origin": st.tuples(st.floats(-90, 90), st.floats(-180, 180)),
-    "heading": st.floats(-720, 720),
-}
-
-junk = st.dictionaries(st.sampled_from(list(BY_NAME)), values, max_size=6)
-
-
-def check_error(error):
-    assert error.message
-    assert error.message.isprintable()
-    assert error.hint.isprintable()
-
-
-@given(values=junk)
-def test_any_values_make_a_request_or_one_line(values):
-    result = outcome(PlanRequest, **({"altitude": 40} | values))
-    if isinstance(result, RequestError):
-        check_error(result)
-    else:
-        json.dumps(result.document(), allow_nan=False)
-
-
-@given(values=junk, names=st.dictionaries(st.text(max_size=12), values, max_size=2))
-@example(values={}, names={"a\nb": 1})
-def test_any_table_makes_a_request_or_an_error(values, names):
-    result = outcome(request_from, values | names, where="r.toml")
-    assert isinstance(result, (RequestError, PlanRequest))
-
-
-@given(values=st.fixed_dictionaries({}, optional=sensible))
-def test_the_document_of_a_request_makes_the_same_request(values):
-    result = outcome(PlanRequest, **values)
-    if isinstance(result, RequestError):
-        check_error(result)
-        return
-    document = json.loads(json.dumps(result.document(), allow_nan=False))
-    assert request_from(document) == result
-
-
-@given(values=st.fixed_dictionaries({}, optional=sensible))
-def test_a_request_is_the_same_from_flags_and_from_a_file(values):
-    flags = {
-        name: ",".join(map(repr, value)) if isinstance(value, tuple) else str(value)
-        for name, value in values.items()
-    }
-    file = outcome(request_from, values)
-    typed = outcome(request_from, {}, overrides=flags)
-    if isinstance(file, RequestError):
-        assert isinstance(typed, RequestError)
-    else:
-        assert typed == file
 
 
 def test_help_shows_the_defaults_that_a_request_takes():
