@@ -2,8 +2,8 @@
 
 - `aosplan.areas.boundary_file`: boundaries in GeoJSON, KML and KMZ files.
 - `aosplan.areas.area`: an area on a local plane.
-- `aosplan.areas.coverage`: the coverage rule: the ground that enough photos see.
-- `aosplan.areas.cell_runs`: sets of cells as runs along rows.
+- `aosplan.areas.coverage`: the coverage rule, which decides which ground enough photos see.
+- `aosplan.areas.cell_runs`: sets of cells, stored as runs along rows.
 - `aosplan.areas.survey`: the sites that cover an area.
 - `aosplan.areas.tour`: the order of the sites.
 - `aosplan.areas.no_fly`: paths around no-fly zones.

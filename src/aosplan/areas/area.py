@@ -1,10 +1,10 @@
-"""Areas: boundaries on earth, converted to valid polygons in local metres.
+"""Areas: conversion of boundaries on earth to valid polygons in a local frame in metres.
 
 The local frame is an azimuthal equidistant projection around the centre of the area
 (`aosplan.geodesy`).  Within `FARTHEST_M` of the centre, the relative error of lengths between
 neighbours is at most r²/(6 R²) = 1.6e-6.  The edges of a boundary are straight in longitude and
-latitude, the short way around the earth.  In metres they are curved, so long edges are divided
-until the error is at most `BEND_M`.
+latitude, along the short way around the earth.  In metres they are curved.  Long edges are
+therefore divided until the error is at most `BEND_M`.
 """
 
 from __future__ import annotations
@@ -27,61 +27,66 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FARTHEST_M = 20_000.0
-"""Greatest distance of a point of an area from its centre."""
+"""Greatest distance between a point of an area and its centre."""
 
 BEND_M = 0.01
-"""Largest deviation of edges from straight lines in longitude and latitude."""
+"""Largest deviation of the edges in metres from straight lines in longitude and latitude."""
 
 MOST_VERTICES = 20_000
 """Largest number of vertices of a boundary that is not simplified."""
 
 TOLERANCES_M = (0.1, 0.3, 1.0, 3.0, 10.0)
-"""Tolerances of the simplification, tried in this order until there are few enough vertices."""
+"""Tolerances of the simplification.  They are tried in this order until the number of vertices is
+small enough.
+"""
 
 EARTH_RADIUS_M = 6.371e6
 
 NEARBY_M = 5.0 * FARTHEST_M
-"""Zones and clear parts that are farther away from the area may be a mistake."""
+"""If the distance between the area and zones or clear parts is larger, latitude and longitude may
+be swapped.
+"""
 
 MARGIN_M = 0.1
 """Distance from no-fly zones in addition to the buffer, because formats round coordinates."""
 
 THINNEST_M = 0.001
-"""A thinner polygon is treated as having no area."""
+"""A polygon that is thinner than this is treated as having no area."""
 
 SLIVER_M = 0.5
 SLIVER_SHARE = 0.001
-"""A part of an area is a sliver if it is also narrow and at most this share of the area."""
+"""A part of an area is a sliver if it is narrow and its share of the area is at most this."""
 
 MOST_MENDED = 1000
 """Largest number of crossings of a boundary with itself that is repaired."""
 
 MOST_CROSSINGS = 200_000
-"""Largest number of crossings of boundaries with each other; each needs about 1 kB of memory."""
+"""Largest number of crossings of boundaries with each other.  Each crossing needs about 1 kB of
+memory.
+"""
 
 _ARC_SEGMENTS = 8
 _ARC_RATIO = 1.01 / math.cos(0.75 * math.pi / (2 * _ARC_SEGMENTS))
-"""Factor by which a buffer of GEOS has to be larger so that it contains the exact one.
+"""Factor for the distance of a buffer of GEOS, so that the buffer contains the exact buffer.
 
-The arcs of GEOS are chords, each for at most one and a half times the angle of a segment.  Corners
-of the boundary may be cut off by up to 1 % of the distance.
+GEOS replaces arcs by chords.  The angle of a chord is at most one and a half times the angle of a
+segment.  Corners of the boundary may be cut off by up to 1 % of the distance.
 """
 
 
 quiet = np.errstate(divide="ignore", invalid="ignore")
-"""GEOS leaves floating-point flags set, for which NumPy would print warnings."""
+"""Suppresses the warnings that NumPy would print because GEOS leaves floating-point flags set."""
 
 
 class Area(NamedTuple):
-    """The area to cover and where not to fly, in metres east and north of `origin`.
+    """The area to cover and the no-fly zones, in metres east and north of `origin`.
 
     Attributes
     ----------
     origin
         Latitude and longitude of the centre of the area's bounds.
     whole
-        The area, as a shapely geometry like all shapes here.
-    canopy
+        The area.  All shapes are shapely geometries. canopy
         Part of the area that has to be seen from N sites.
     clear
         Part of the area that has to be seen from one site.
@@ -104,7 +109,7 @@ class Area(NamedTuple):
 
     @property
     def radius_m(self) -> float:
-        """Distance of the farthest vertex from the origin."""
+        """Distance between the origin and the farthest vertex."""
         return float(np.hypot(*shapely.get_coordinates(self.whole).T).max())
 
     @property
@@ -127,16 +132,13 @@ def read_area(
     Parameters
     ----------
     path
-        GeoJSON, KML or KMZ file with polygons, of which the union is used.
-    around_m
-        If given, the area is everything within this distance of a point of the file, instead of
-        the polygons.
-    clear
-        File with parts that have no canopy; only their intersection with the area is used.
+        GeoJSON, KML or KMZ file with polygons.  The area is their union. around_m If given, the
+        area is all ground within this distance of the points in the file, and the polygons are not
+        used. clear File with parts without canopy.  Only their intersection with the area is used.
     no_fly
         File with zones that neither sites nor legs may touch.
     buffer_m
-        Distance to keep from the zones.
+        Distance that the drone keeps from the zones.
 
     Raises
     ------
@@ -187,7 +189,9 @@ def _check_overlay(whole: Any, shape: Any, path: str) -> None:
 
 
 def grown(shape: Any, distance_m: float) -> Any:
-    """A shape extended by a distance: never less than the exact buffer, and up to 3 % more."""
+    """A shape that is extended by a distance.  The extension is at least the exact distance and at
+    most 3 % more.
+    """
     if distance_m == 0.0 or shape.is_empty:
         return shape
     return _widened(shape, distance_m)
@@ -207,8 +211,8 @@ def polygons_of(shape: Any) -> Any:
 def long_side_deg(shape: Any) -> float:
     """Direction of the longer side of the smallest rectangle around a shape.
 
-    In degrees clockwise from north, at least 0 and below 180, rounded to 0.01.  Parallel to it, the
-    number of flight lines is smallest.
+    The direction is in degrees clockwise from north, at least 0 and below 180, rounded to 0.01.
+    With flight lines in this direction, the number of lines is smallest.
     """
     corners = shapely.get_coordinates(shapely.oriented_envelope(shape))
     sides = np.diff(corners[:3], axis=0)
@@ -227,7 +231,7 @@ def _ignored(outline: Outline) -> list[Message]:
 
 
 def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
-    """The polygons of an area without slivers, which result from inaccurate drawing."""
+    """The polygons of an area without slivers.  Slivers result from inaccurate drawing."""
     parts = shapely.get_parts(shape)
     area_m2 = shapely.area(parts)
     thin = 2.0 * area_m2 < SLIVER_M * shapely.length(parts)
@@ -244,12 +248,12 @@ def _without_slivers(shape: Any, outline: Outline) -> tuple[Any, list[Message]]:
 def _elsewhere(
     outline: Outline, shape: Any, what: str, whole: Any, origin: tuple[float, float]
 ) -> Message:
-    """The warning that a file's shape does not overlap the area.
+    """The warning that the shape in a file does not overlap the area.
 
     Raises
     ------
     RequestError
-        If the shape is far away, but would not be if latitude and longitude were swapped.
+        If the shape is far away, but would be near if latitude and longitude were swapped.
     """
     apart = float(shapely.distance(shape, whole))
     swapped = np.concatenate([ring[:, ::-1] for rings in outline.polygons for ring in rings])
@@ -303,7 +307,8 @@ def _local(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np
 
 def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.float64]:
     """A ring in metres, with its edges divided so that the error is at most `BEND_M`."""
-    steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0  # the short way around
+    # Longitudes change along the short way around the earth.
+    steps = (np.diff(ring[:, 0]) + 180.0) % 360.0 - 180.0
     degrees = np.column_stack([ring[0, 0] + np.append(0.0, np.cumsum(steps)), ring[:, 1]])
     for _ in range(6):
         points = _local(degrees, origin)
@@ -323,7 +328,7 @@ def _bent(ring: NDArray[np.float64], origin: tuple[float, float]) -> NDArray[np.
 
 
 def _united(outline: Outline, origin: tuple[float, float]) -> Any:
-    """The union of a boundary's polygons in metres; each of them has to be valid."""
+    """The union of a boundary's polygons in metres.  Each of the polygons has to be valid."""
     polygons = []
     for rings, place in zip(outline.polygons, outline.places, strict=True):
         shell, *holes = (_bent(ring, origin) for ring in rings)
@@ -347,9 +352,11 @@ def _united(outline: Outline, origin: tuple[float, float]) -> Any:
 
 
 def _sound(polygon: Any) -> Any:
-    """A repaired polygon if the given one is not valid; None if the repair would change its area.
+    """The polygon if it is valid, otherwise a repaired polygon; None if the repair would change its
+    area.
 
-    The projection may make rings that touch cross by a tiny amount, which does not change the area.
+    If rings touch, they may cross by a tiny distance after the projection.  Repairing this does not
+    change the area.
     """
     if cross_often([polygon], MOST_MENDED):
         return None
@@ -358,7 +365,7 @@ def _sound(polygon: Any) -> Any:
 
 
 def _reason(polygon: Any, origin: tuple[float, float]) -> str:
-    """Why a polygon is not valid, and where on earth."""
+    """The reason why a polygon is not valid, and the place on earth."""
     words, _, place = str(shapely.is_valid_reason(polygon)).partition("[")
     words = words.strip().lower()
     if "self-intersection" in words:
@@ -371,12 +378,12 @@ def _reason(polygon: Any, origin: tuple[float, float]) -> str:
 
 
 def _simplified(shape: Any, *, outward: bool) -> tuple[Any, float]:
-    """A shape with few vertices that contains the given one, or is inside it; the distance it
-    moved.
+    """A simplified shape, and the distance by which the boundary moved.
 
-    A ring that was simplified by Douglas and Peucker can be deformed continuously into the given
-    ring within the tolerance around its new edges.  A point farther away from these edges is
-    therefore inside both rings or outside both, even if the simplified rings cross each other.
+    The simplified shape contains the given shape, or is inside it.  A ring that was simplified by
+    the algorithm of Douglas and Peucker can be deformed continuously into the given ring, within
+    the tolerance around its new edges.  A point that is farther away from these edges is therefore
+    inside both rings or outside both.  This is true even if the simplified rings cross each other.
     """
     if shapely.get_num_coordinates(shape) <= MOST_VERTICES:
         return shape, 0.0

@@ -1,4 +1,4 @@
-"""Areas around points: discs of one radius, as polygons that contain them."""
+"""Areas around points.  Each area is a polygon that contains a disc around the point."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from aosplan.messages import Message
 
 CORNERS = 32
-"""Corners of the polygon around a disc; its area is 0.3 % larger than that of the disc."""
+"""Number of corners of the polygon around a disc.  Its area is 0.3 % larger than the area of the
+disc.
+"""
 
 MOST_POINTS = 1000
 
@@ -33,7 +35,7 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
     Parameters
     ----------
     path
-        GeoJSON, KML or KMZ file with points.  Lines and polygons in it are ignored.
+        GeoJSON, KML or KMZ file with points.  Lines and polygons in the file are ignored.
     radius_m
         Radius of the disc around each point that belongs to the area.
 
@@ -56,7 +58,7 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
     if found.polygons:
         ignored["Polygon"] += len(found.polygons)
     angle = 2.0 * math.pi * np.arange(CORNERS + 1) / CORNERS
-    angle[-1] = 0.0  # the ring is closed
+    angle[-1] = 0.0  # The last angle equals the first, so that the ring is closed.
     corner_m = radius_m / math.cos(math.pi / CORNERS)
     east_m, north_m = (corner_m * np.sin(angle)).tolist(), (corner_m * np.cos(angle)).tolist()
     polygons = []
@@ -69,10 +71,10 @@ def read_surroundings(path: str, radius_m: float) -> Outline:
 
 
 def _place_of(point: Point, path: str, notices: list[Message]) -> tuple[float, float]:
-    """Longitude and latitude [deg] of a point, checked."""
+    """Longitude and latitude [deg] of a point, after a check."""
     place, position = f"'{path}': {point.place}", point.position
     if isinstance(position, list) and all(isinstance(part, str) for part in position):
-        try:  # KML has text
+        try:  # The coordinates of KML are text.
             position = [float(part) for part in position]
         except ValueError:
             position = point.position

@@ -1,8 +1,9 @@
-"""Boundaries on earth from GeoJSON, KML, KMZ and other vector files, read with limits.
+"""Reading of boundaries from GeoJSON, KML, KMZ and other vector files, with limits on size and
+depth.
 
-The content and not the name determines the type of a file.  Polygons and points are read; lines are
-only counted and reported.  Heights are ignored.  XML document types, and therefore entities,
-are refused.  Of a KMZ archive only one member is read, up to a size limit.
+The content of a file determines its type; the name does not.  Polygons and points are read.  Lines
+are only counted and reported.  Heights are ignored.  XML document types, and therefore entities,
+are refused.  Only one member of a KMZ archive is read, up to a size limit.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ BROKEN = (
     zlib.error,
     lzma.LZMAError,
     struct.error,
-    RuntimeError,  # encrypted members, or an unknown compression
+    RuntimeError,  # raised for encrypted members and unknown compression
     EOFError,
     LookupError,
     OSError,
@@ -51,14 +52,18 @@ MOST_DIRECTORY_BYTES = 1_000_000
 """Largest size of a KMZ archive's directory."""
 
 ALMOST_CLOSED_DEG = 1e-6
-"""A ring whose ends are closer than this (0.1 m) is closed, because programs round coordinates."""
+"""If the ends of a ring are closer than this (0.1 m), the ring is treated as closed, because
+programs round coordinates.
+"""
 
 DEEPEST = 60
 """Greatest number of nested elements in a KML file."""
 
 
 class Point(NamedTuple):
-    """A point of a file: its place in the file, its unchecked position, and its reference system."""
+    """A point of a file: its place in the file, its position without checks, and its reference
+    system.
+    """
 
     place: str
     position: Any
@@ -66,11 +71,11 @@ class Point(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """Polygons of a file; each is a list with an outer ring and the rings of its holes.
+    """Polygons of a file.  Each polygon is a list with an outer ring and the rings of its holes.
 
-    A ring has shape (n, 2) with longitude and latitude [deg]; the last position equals the first.
-    `places` has the place of each polygon in the file, for messages.  `ignored` counts objects
-    without an area by their kind.  `points` has the points among them as they were read, without
+    A ring has the shape (n, 2) with longitude and latitude [deg].  Its last position equals its
+    first.  `places` has the place of each polygon in the file, for messages.  `ignored` has the
+    numbers of objects without an area, by their kind.  `points` has the points of the file without
     checks.  `notices` are warnings about the file.
     """
 
@@ -88,8 +93,8 @@ def read_outline(path: str) -> Outline:
     Raises
     ------
     RequestError
-        If the file is of another type, or has no polygon, or if a polygon is not closed, has too
-        few positions, or has coordinates that are not longitude and latitude; the message names
+        If the file is of another type or has no polygon.  Also if a polygon is not closed, has too
+        few positions, or has coordinates that are not longitude and latitude.  The message gives
         the place.
     """
     outline = read_shapes(path)
@@ -105,12 +110,12 @@ def read_outline(path: str) -> Outline:
 
 
 def read_shapes(path: str) -> Outline:
-    """Read the polygons and points of a file, which may have none.
+    """Read the polygons and points of a file.  The file need not have any.
 
     Raises
     ------
     RequestError
-        As in `read_outline`, except that polygons may be missing.
+        In the same cases as `read_outline`, except that polygons may be missing.
     """
     outline = Outline(path, [], [], Counter(), [], [])
     if path != "-" and is_vector_file(path, read_start(path, 2000)):
@@ -124,7 +129,7 @@ def _read_document(content: bytes, outline: Outline) -> None:
     path = outline.path
     if content[:2] == b"PK":
         content = archive_member(content, path, _document_name)
-    encoding = None  # expat uses the encoding that the document declares
+    encoding = None  # With None, expat uses the encoding that the document declares.
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         content, encoding = text_of(content, path).encode(), "utf-8"
     content = content.removeprefix(b"\xef\xbb\xbf").lstrip()
@@ -155,7 +160,7 @@ def _read_vectors(path: str, outline: Outline) -> None:
 
 
 def listed(counts: Counter[str]) -> str:
-    """Kinds of objects with their counts, as text."""
+    """The kinds of objects and their numbers as text."""
     return ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
 
 
@@ -184,10 +189,10 @@ def _read_geojson(table: dict[str, Any], outline: Outline) -> None:
 
 
 def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
-    """The coordinate reference system of an object: its own, or that of the object that contains
-    it.
+    """The coordinate reference system of an object: that in the object, or that of the object
+    around it.
 
-    GeoJSON of 2008 states it as a member ``crs``, which any object may have.
+    In GeoJSON of 2008, any object may have a member ``crs``.
     """
     crs = node.get("crs")
     if crs is None or crs == {}:
@@ -213,7 +218,8 @@ def _stated_crs(node: dict[str, Any], above: str, place: str, path: str) -> str:
 
 
 def _polygons(node: Any, place: str, crs: str, outline: Outline) -> Iterator[tuple[str, Any, str]]:
-    """Coordinates of every polygon of a GeoJSON object, with place and coordinate reference system.
+    """Coordinates of every polygon of a GeoJSON object, with its place and coordinate reference
+    system.
 
     Points are added to the outline.
     """
@@ -293,7 +299,7 @@ def check_globe(ring: NDArray[np.float64], place: str) -> None:
     Raises
     ------
     RequestError
-        If a position is not on earth; the message names the first one.
+        If a position is not on earth.  The message names the first such position.
     """
     finite = np.isfinite(ring).all(axis=1)
     inside = finite & (np.abs(ring[:, 0]) <= 180.0) & (np.abs(ring[:, 1]) <= 90.0)
@@ -304,12 +310,12 @@ def check_globe(ring: NDArray[np.float64], place: str) -> None:
 
 
 def checked_ring(ring: NDArray[np.float64], place: str) -> NDArray[np.float64]:
-    """Check a ring of longitudes and latitudes; a ring that is almost closed becomes closed.
+    """Check a ring of longitudes and latitudes.  If it is almost closed, it is closed.
 
     Raises
     ------
     RequestError
-        If it is not closed, has fewer than four positions, or has invalid coordinates.
+        If the ring is not closed, has fewer than four positions, or has invalid coordinates.
     """
     if len(ring) == 0:
         raise RequestError(f"{place} is empty")
@@ -368,7 +374,8 @@ class _KmlReader:
         parser.CharacterDataHandler = self._characters
         try:
             parser.Parse(content, True)
-        except (expat.ExpatError, LookupError, ValueError) as error:  # also for unknown encodings
+        # Unknown encodings raise these errors too.
+        except (expat.ExpatError, LookupError, ValueError) as error:
             raise RequestError(f"'{self.outline.path}' is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:
@@ -437,12 +444,13 @@ class _KmlReader:
 
 
 def archive_member(content: bytes, path: str, choose: Callable[[list[str], str], str]) -> bytes:
-    """Read one member of a KMZ archive; `choose` selects it from the names of all members.
+    """Read one member of a KMZ archive.  `choose` selects this member from the names of all
+    members.
 
     Raises
     ------
     RequestError
-        If the archive is damaged, has too many members, or the member is too large.
+        If the archive is damaged or has too many members, or if the member is too large.
     """
     end = content.rfind(b"PK\x05\x06")
     if end < 0 or len(content) < end + 22:
@@ -476,7 +484,7 @@ def _document_name(names: list[str], path: str) -> str:
             f"'{path}' is an archive without a KML document",
             "if it contains files of another format, unpack it",
         )
-    # The root document is at the top level; documents in folders are referenced by it.
+    # The root document is at the top level. It refers to the documents in folders.
     top = [name for name in documents if "/" not in name and "\\" not in name]
     usual = [name for name in top if name.lower() == "doc.kml"]
     chosen = usual or top or documents

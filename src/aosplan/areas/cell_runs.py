@@ -1,7 +1,7 @@
-"""Sets of lattice cells as runs of whole numbers.
+"""Sets of lattice cells, stored as runs of whole numbers.
 
-A cell (row, column) has the number row · stride + column.  Neighbours in a row have consecutive
-numbers, so an area of a million cells consists of a few thousand runs.
+The cell (row, column) has the number row · stride + column.  Neighbours in a row have consecutive
+numbers.  An area of a million cells therefore needs only a few thousand runs.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ if TYPE_CHECKING:
 
 
 class CellRuns(NamedTuple):
-    """Runs of whole numbers from `start` to `stop` - 1, sorted, with a gap between any two of them."""
+    """Runs of whole numbers from `start` to `stop` - 1.  They are sorted, and there is a gap
+    between any two runs.
+    """
 
     start: Whole
     stop: Whole
 
     @property
     def size(self) -> int:
-        """Total count of numbers in the runs."""
+        """Number of whole numbers in all runs."""
         return int((self.stop - self.start).sum())
 
     def numbers(self) -> Whole:
@@ -36,7 +38,9 @@ class CellRuns(NamedTuple):
         return offsets + np.arange(len(offsets))
 
     def dilated(self, runs: Iterable[tuple[int, int]]) -> CellRuns:
-        """All sums of a number of this set and a number of the given runs (first, last)."""
+        """All sums of a number in this set and a number in the given runs.  A run is a pair (first,
+        last).
+        """
         pairs = [(self.start + first, self.stop + last) for first, last in runs]
         return united(
             np.concatenate([start for start, _ in pairs]),
@@ -44,7 +48,7 @@ class CellRuns(NamedTuple):
         )
 
     def without(self, other: CellRuns) -> CellRuns:
-        """The numbers of this set that are not in the other."""
+        """The numbers of this set that are not in the other set."""
         bounds = np.unique(np.concatenate([*self, *other]))
         if len(bounds) < 2:
             return self

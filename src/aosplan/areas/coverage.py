@@ -1,23 +1,22 @@
-"""The coverage rule: the sites of a lattice that an area needs, and what they cover.
+"""The coverage rule: the sites of a lattice that an area needs, and the ground that they cover.
 
-A *window* is the grid of a plan: R rows and C columns of sites, N of which are used.  Repeated
-without end it is a lattice with pitch p_x along the heading and p_y across it.  **A point is
-covered if the rectangle of C p_x by R p_y around it, including its border, contains at least N
-sites.**  This rectangle is the aperture plus one pitch.  It is the smallest rectangle that contains
-C x R lattice sites for every position of the point.  Along each axis, the sites are within half the
-rectangle's side of the point.  The point is therefore in all their images if the footprint is at
-least as large as the rectangle.
+A *window* is the grid of a plan: R rows and C columns of sites, N of which are used.  A window that
+is repeated in all directions gives a lattice, with the pitch p_x along the heading and p_y across
+it.  **A point is covered if the rectangle of C p_x by R p_y around it, including its border,
+contains at least N sites.**  This rectangle is the aperture plus one pitch.  It is the smallest rectangle that contains C x R lattice sites for every position of the point. Along each axis, the distance between these sites and the point is at most half the rectangle's side.  The point is therefore in all their images
+if the footprint is at least as large as the rectangle.
 
-The lattice divides the ground into cells of p_x by p_y.  Each cell is around the centre of one
-placement of the window, and the placement nearest to a point is inside the point's rectangle.  An
-area needs the sites of every placement whose cell it overlaps, and no others.  Each point then sees
-exactly the planned pattern, including the removed sites of trimmed grids, at most half a pitch off
-its centre.  If sites are dropped later, the remaining coverage is *counted* cell by cell: the C x R
-sites around a cell are the same for all its points.
+The lattice divides the ground into cells of p_x by p_y.  A *placement* is one position of the
+window on the lattice.  Each cell surrounds the centre of one placement.  The placement nearest to a
+point is inside the point's rectangle.  An area needs the sites of those placements whose cells it
+overlaps.  Each point then sees exactly the planned pattern, including the gaps of trimmed grids,
+and is at most half a pitch away from the centre of the pattern.  If sites are dropped later, the
+remaining coverage is *counted* cell by cell, because all points of a cell have the same C x R sites
+around them.
 
-Clear ground needs one site whose image contains it.  Sites that are flown for neighbouring canopy
-count.  For the rest, sites are chosen greedily, strip by strip, by the cells that their image
-contains completely.
+Clear ground needs one site whose image contains it.  This may be a site that is flown for
+neighbouring canopy.  For the remaining clear ground, sites are chosen greedily, strip by strip, by
+the cells that their images contain completely.
 
 Distances of less than `SLACK` pitches are treated as zero.
 """
@@ -45,13 +44,15 @@ MOST_CELLS = 2**60
 """Largest number of cells of a lattice, so that their numbers fit in 64 bits."""
 
 SLACK = 1e-9
-"""Tolerance as a share of the pitch: a cell that an area overlaps by less does not count."""
+"""Tolerance as a share of the pitch.  If an area overlaps a cell by less than this, the cell is not
+counted.
+"""
 
 
 class RequiredGrid(NamedTuple):
-    """The grid that every point has to see, in sites and metres.
+    """The grid that every point has to see.
 
-    `used` has one tuple (row, first column, last column) for each run of used sites in a row.
+    `used` has a tuple (row, first column, last column) for each run of used sites in a row.
     """
 
     rows: int
@@ -79,9 +80,9 @@ def window_of(pattern: Pattern, pitch_m: tuple[float, float]) -> RequiredGrid:
 
 
 class CellLattice(NamedTuple):
-    """Positions of the cells, which have the number row · stride + column.
+    """Positions of the cells of a lattice.  A cell has the number row · stride + column.
 
-    x is along the heading and y to its right.  `corner_m` is the corner of cell (0, 0) with the
+    x is along the heading and y to its right.  `corner_m` is the corner of the cell (0, 0) with the
     smallest x and y.
     """
 
@@ -120,8 +121,8 @@ class CellLattice(NamedTuple):
 def centred_lattice(shape: Any, whole: Any, window: RequiredGrid, margin: int) -> CellLattice:
     """A lattice of placement cells that is centred on a shape.
 
-    Its rows are long enough for all of `whole`, which contains the shape, plus `margin` columns on
-    both sides.
+    `whole` contains the shape.  The rows of the lattice are as long as `whole` plus `margin`
+    columns on both sides.
 
     Raises
     ------
@@ -150,10 +151,10 @@ def centred_lattice(shape: Any, whole: Any, window: RequiredGrid, margin: int) -
 def overlapped_cells(shape: Any, lattice: CellLattice) -> CellRuns:
     """Cells that a shape overlaps.
 
-    These are the cells that the border passes through, and the cells between the intersections of
-    the border with the centre line of each row.  A cell without a border in it is completely inside
-    or outside.  The time is proportional to the number of edges plus the number of rows that they
-    cross.
+    These are the cells that the border passes through and, in each row, the cells between the
+    intersections of the border with the centre line of the row.  All other cells are completely
+    outside.  The computing time is proportional to the number of edges plus the number of rows that
+    they cross.
     """
     rings = shapely.get_rings(shapely.get_parts(shape))
     points, ring = shapely.get_coordinates(rings, return_index=True)
@@ -180,8 +181,8 @@ def overlapped_cells(shape: Any, lattice: CellLattice) -> CellRuns:
 
 
 def _repeated(first: Whole, stop: Whole) -> tuple[Whole, Whole]:
-    """Each index, repeated for each whole number from its `first` to its `stop` - 1, and the
-    numbers.
+    """All pairs of an index and a whole number from its `first` to its `stop` - 1, as two
+    arrays.
     """
     count = np.maximum(stop - first, 0)
     index = np.repeat(np.arange(len(count)), count)
@@ -189,11 +190,13 @@ def _repeated(first: Whole, stop: Whole) -> tuple[Whole, Whole]:
 
 
 def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
-    """x of edges at a given y, or of their nearest end if they do not reach it."""
+    """x of edges at a given y.  If an edge does not reach this y, it is the x of its nearest
+    end.
+    """
     rise = upper[:, 1] - lower[:, 1]
     share = (y - lower[:, 1]) / np.where(rise > 0.0, rise, 1.0)
     share = np.where(rise > 0.0, np.clip(share, 0.0, 1.0), y > lower[:, 1])
-    # A weighted mean, which is exact at both ends.
+    # A weighted mean is used, because it is exact at both ends.
     x: NDArray[np.float64] = (1.0 - share) * lower[:, 0] + share * upper[:, 0]
     return x
 
@@ -201,7 +204,9 @@ def _x_at(lower: Points, upper: Points, y: NDArray[Any]) -> NDArray[np.float64]:
 def _cells(
     row: Whole, left: NDArray[np.float64], right: NDArray[np.float64], stride: int
 ) -> tuple[Whole, Whole]:
-    """Runs of the cells of rows that intervals of x overlap; touching a border is not an overlap."""
+    """Runs of the cells in rows that intervals of x overlap.  An interval that only touches a cell
+    does not overlap it.
+    """
     first = np.floor(left + SLACK).astype(np.int64)
     stop = np.ceil(right - SLACK).astype(np.int64)
     kept = stop > first
@@ -209,7 +214,9 @@ def _cells(
 
 
 def sites_for(placements: CellRuns, window: RequiredGrid, stride: int) -> CellRuns:
-    """The sites of every placement of a window; a placement has the number of its first site."""
+    """The sites of all given placements of a window.  A placement has the number of its first
+    site.
+    """
     return placements.dilated(
         (row * stride + first, row * stride + last) for row, first, last in window.used
     )
@@ -225,7 +232,9 @@ def site_counts(sites: Whole, placements: Whole, window: RequiredGrid, stride: i
 
 
 def image_cells(footprint_m: tuple[float, float], pitch_m: tuple[float, float]) -> tuple[int, int]:
-    """Number of columns and of rows of cells around a site that its image contains; both are odd."""
+    """Number of columns and number of rows of cells around a site that its image contains.  Both
+    are odd.
+    """
     columns, rows = (
         2 * math.floor(0.5 * (size / pitch - 1.0) + SLACK) + 1
         for size, pitch in zip(footprint_m, pitch_m, strict=True)

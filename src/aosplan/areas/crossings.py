@@ -1,7 +1,8 @@
-"""Crossings of boundaries, counted up to a limit, because the cost of an overlay depends on them.
+"""Counting of the crossings of boundaries, up to a limit.
 
 A boundary of n edges may cross itself n²/2 times, and an overlay creates a vertex at every
-crossing. An overlay of 12 kB of GeoJSON can take minutes, and one of 80 kB can need gigabytes.
+crossing.  An overlay of 12 kB of GeoJSON can take minutes, and an overlay of 80 kB can need
+gigabytes of memory.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def cross_often(shapes: Sequence[Any], most: int) -> bool:
     shapes
         Polygons or collections of polygons (shapely).
     most
-        The limit of the number of crossings.
+        Limit of the number of crossings.
     """
     edges = np.concatenate([_edges(shape) for shape in shapes])
     if len(edges) * (len(edges) - 1) // 2 <= most:
@@ -45,7 +46,7 @@ def cross_often(shapes: Sequence[Any], most: int) -> bool:
     for start in range(0, len(edges), at_once):
         one, other = tree.query(tree.geometries[start : start + at_once])
         one += start
-        later = other > one  # each pair once
+        later = other > one  # This includes each pair once.
         one, other = one[later], other[later]
         crossings += int(np.count_nonzero(_cross(edges[one], edges[other])))
         pairs += len(one)
@@ -63,7 +64,7 @@ def _edges(shape: Any) -> Floats:
 
 
 def _cross(one: Floats, other: Floats) -> NDArray[np.bool_]:
-    """Whether the two edges of each pair cross; edges that only touch do not."""
+    """Whether the two edges of each pair cross.  Edges that only touch do not cross."""
     return _apart(one, other) & _apart(other, one)
 
 

@@ -1,6 +1,6 @@
-"""Size of an area along a heading and across it, and lower bounds of the sites of a grid over it.
+"""Size of an area along and across a heading, and lower bounds of the number of sites over it.
 
-With these bounds, a search can skip grids that take too long without computing their sites.
+With these bounds, a search can skip grids that take too long to fly, without computing their sites.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from aosplan.areas.area import Area
 
 SLACK = 1e-6
-"""Share by which bounds are lowered, because coordinates are rounded."""
+"""Share by which the bounds are lowered, because coordinates are rounded."""
 
 
 class Extent(NamedTuple):
@@ -24,10 +24,8 @@ class Extent(NamedTuple):
     Attributes
     ----------
     area_m2
-        Its area.
-    along_m, across_m
-        Length of the projection of the area on the heading, and on the direction across it,
-        without the gaps between its parts.
+        Its area. along_m, across_m Length of the projection of the area on the heading, and on the
+        direction across the heading.  Gaps between its parts are not included.
     """
 
     area_m2: float
@@ -57,13 +55,15 @@ def extent_of(area: Area, heading_deg: float) -> Extent:
 def least_lattice(
     extent: Extent, rows: int, columns: int, pitch_m: tuple[float, float]
 ) -> tuple[int, int]:
-    """Lower bounds of the number of sites, and of lines of sites, of a grid repeated over an area.
+    """Lower bounds of the number of sites and of the number of lines, for a grid repeated over an
+    area.
 
     By the rule of `aosplan.areas.coverage`, every point of the area is in the cell of one placement
-    of the grid.  The cells of the sites contain the Minkowski sum of the area and a rectangle,
-    which is ``columns - 1`` pitches long along the heading and ``rows - 1`` pitches wide across
-    it.  The area of this sum is at least the area, plus the rectangle's length times the extent
-    across, plus the rectangle's width times the extended extent along.
+    of the grid.  The cells of the sites therefore contain the Minkowski sum of the area and a
+    rectangle.  The rectangle is ``columns - 1`` pitches long along the heading and ``rows - 1``
+    pitches wide across it.  The area of the Minkowski sum is at least the sum of three terms: the
+    area; the length of the rectangle times `across_m`; and the width of the rectangle times the sum
+    of `along_m` and its length.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def least_lattice(
     Returns
     -------
     sites, lines
-        Both at least 1.
+        Both are at least 1.
     """
     x, y = pitch_m
     longer, wider = (columns - 1) * x, (rows - 1) * y
@@ -93,7 +93,9 @@ def distance_m(area: Area, east_m: float, north_m: float) -> float:
 
 
 def _length_m(projections: list[Any]) -> float:
-    """Length of the union of intervals, each from the smallest to the largest of some numbers."""
+    """Length of the union of intervals.  Each interval is from the smallest to the largest number
+    in one array.
+    """
     total, reached = 0.0, -math.inf
     for low, high in sorted((float(np.min(each)), float(np.max(each))) for each in projections):
         total += max(high - max(low, reached), 0.0)

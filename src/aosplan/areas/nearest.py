@@ -1,6 +1,7 @@
-"""Nearest points: found by comparing all of them, or by a tree if there are many.
+"""Search for nearest points.
 
-Importing SciPy's tree takes longer than the rest of a plan over a small area.
+Few points are all compared; for many points, a tree is used.  Importing SciPy's tree takes longer
+than the rest of a plan over a small area.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PLACES_AT_ONCE = 256
 
 
 class Nearest:
-    """A set of points, to find those that are nearest to a place.
+    """A set of points, in which the points nearest to a place can be found.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ class Nearest:
         places
             Shape (m, 2) [m].
         count
-            Number of points to find; at most the number of all points.
+            Number of points to find, at most the number of all points.
         """
         if self._tree is not None:
             found = np.asarray(self._tree.query(places, count)[1], np.intp)
@@ -61,7 +62,7 @@ class Nearest:
         distances = off[..., 0] * off[..., 0] + off[..., 1] * off[..., 1]
         if count < len(self.points):
             near = np.argpartition(distances, count - 1, axis=1)[:, :count]
-            near.sort(axis=1)  # equally distant points are in order of their index
+            near.sort(axis=1)  # Points at equal distances are ordered by their index.
         else:
             near = np.broadcast_to(np.arange(count), distances.shape)
         order = np.argsort(np.take_along_axis(distances, near, axis=1), axis=1, kind="stable")

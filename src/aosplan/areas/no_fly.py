@@ -1,7 +1,7 @@
-"""Shortest paths around no-fly zones, along the corners of slightly larger zones.
+"""Shortest paths around no-fly zones.
 
-Sites and legs keep a distance of at least `MARGIN_M` / 2 from a zone, because formats round
-coordinates.
+The paths turn at corners of slightly larger zones.  Sites and legs keep a distance of at least
+`MARGIN_M` / 2 from a zone, because mission files contain rounded coordinates.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     Points = NDArray[np.float64]
 
 MOST_CORNERS = 5_000
-"""Largest number of corners of all zones; each detour examines all corners."""
+"""Largest number of corners of all zones.  Each detour examines all corners."""
 
 
 class NoFlyZones:
@@ -36,7 +36,7 @@ class NoFlyZones:
     Raises
     ------
     RequestError
-        If they have more than `MOST_CORNERS` corners.
+        If the zones have more than `MOST_CORNERS` corners.
     """
 
     def __init__(self, keep_out: Any) -> None:
@@ -52,7 +52,7 @@ class NoFlyZones:
         self._ways: dict[tuple[float, ...], list[tuple[float, float]] | None] = {}
 
     def __bool__(self) -> bool:
-        """Whether there is any zone."""
+        """Whether there is at least one zone."""
         return not self._wall.is_empty
 
     def inside(self, points: Points) -> NDArray[np.bool_]:
@@ -76,8 +76,9 @@ class NoFlyZones:
         return crossing
 
     def enclosures(self, points: Points) -> NDArray[np.int64]:
-        """Index of the enclosed region that each point is in, which no path leaves; -1: not
-        enclosed.
+        """Index of the enclosed region that contains each point; -1 if the point is not enclosed.
+
+        No path leaves an enclosed region.
         """
         rings = [
             shapely.Polygon(hole)
@@ -85,18 +86,19 @@ class NoFlyZones:
             for hole in part.interiors
         ]
         found = np.full(len(points), -1, np.int64)
-        # If regions are nested, the smallest one counts: larger ones are processed first.
+        # Larger regions are processed first, so that a point in nested regions gets the index of
+        # the smallest one.
         for index, ring in enumerate(sorted(rings, key=lambda ring: -ring.area)):
             shapely.prepare(ring)
             found[shapely.intersects_xy(ring, points[:, 0], points[:, 1])] = index
         return found
 
     def around(self, start: Points, stop: Points) -> list[tuple[float, float]] | None:
-        """Corners of the shortest path between two points at which it turns; None if there is no
+        """The corners at which the shortest path between two points turns; None if there is no
         path.
 
-        The search is A* over the corners.  Whether two corners see each other is computed when
-        needed.
+        The search is A* over the corners.  Whether the leg between two corners is free is computed
+        only when it is needed.
         """
         key = (*start.tolist(), *stop.tolist())
         if key not in self._ways:
@@ -104,7 +106,7 @@ class NoFlyZones:
         return self._ways[key]
 
     def length_m(self, start: Points, stop: Points) -> float:
-        """Length of the shortest path between two points; inf if there is none."""
+        """Length of the shortest path between two points; inf if there is no path."""
         way = self.around(start, stop)
         if way is None:
             return math.inf
@@ -117,7 +119,9 @@ class NoFlyZones:
         to_stop = ~self.cross(self.corners, np.broadcast_to(stop, (count, 2)))
         best = {count + 1: 0.0}
         before: dict[int, int] = {}
-        waiting = [(0.0, count + 1)]  # indices: corners 0 … count - 1, stop count, start count + 1
+        # The corners have the indices 0 … count - 1, the end has the index count, and the start
+        # has count + 1.
+        waiting = [(0.0, count + 1)]
         while waiting:
             _, node = heapq.heappop(waiting)
             if node == count:
@@ -151,7 +155,9 @@ class NoFlyZones:
 
 
 def _corners(shape: Any) -> Points:
-    """The convex corners of a shape, at which a shortest path around it may turn, shape (n, 2)."""
+    """The convex corners of a shape, shape (n, 2).  A shortest path around it turns only at such
+    corners.
+    """
     found = [np.empty((0, 2))]
     for part in shapely.get_parts(shape):
         for index, ring in enumerate((part.exterior, *part.interiors)):

@@ -17,14 +17,18 @@ if TYPE_CHECKING:
     from pyproj import Transformer
 
 PROJECTED_WITHIN_M = 5.0
-"""Largest datum uncertainty of a projected system that is read; that of NAD 83 is 4 m."""
+"""Largest uncertainty of the datum with which a projected system is accepted.  For NAD 83, it is 4
+m.
+"""
 
 DEGREES_WITHIN_M = 1.0
-"""Largest datum uncertainty of a system in degrees that is read, such as ETRS89."""
+"""Largest uncertainty of the datum with which a system in degrees, such as ETRS89, is accepted."""
 
 
 class Reprojection(NamedTuple):
-    """Conversion from the coordinates of a file to longitude and latitude, with its description."""
+    """Conversion from the coordinates of a file to longitude and latitude, and a description of the
+    conversion.
+    """
 
     transformer: Transformer
     is_projected: bool
@@ -38,8 +42,8 @@ class Reprojection(NamedTuple):
         Raises
         ------
         RequestError
-            If the points look like degrees although the system is in metres, or are outside of its
-            domain.
+            If the points look like degrees although the system is in metres, or if they are outside
+            of the domain of the system.
         """
         if self.is_projected and len(points) and (np.abs(points) <= (180.0, 90.0)).all():
             raise RequestError(
@@ -47,7 +51,8 @@ class Reprojection(NamedTuple):
                 "degrees",
                 "give the coordinate reference system of the coordinates",
             )
-        # Lists, because older versions of pyproj take an array with one value for a number.
+        # Lists are passed, because older versions of pyproj treat an array with one value as a
+        # number.
         found = np.column_stack(self.transformer.transform(*points.T.tolist()))
         if not np.isfinite(found).all():
             raise RequestError(f"{place}: the coordinates do not fit {self.name}")
@@ -56,17 +61,19 @@ class Reprojection(NamedTuple):
 
 
 def is_wgs84(name: str) -> bool:
-    """Whether a name is that of longitude and latitude on WGS 84."""
+    """Whether a name denotes longitude and latitude on WGS 84."""
     return name.endswith(("CRS84", "CRS:84", ":4326")) or name == "WGS 84"
 
 
 def change_of(crs: str, path: str, notices: list[Message]) -> Reprojection | None:
-    """The conversion of coordinates in a stated system, if there is one; its notice is added once.
+    """The conversion of coordinates in a stated system; None if no conversion is needed.
+
+    The notice about a conversion is added once.
 
     Raises
     ------
     RequestError
-        As from `reprojection`.
+        In the same cases as `reprojection`.
     """
     change = reprojection(crs, path) if crs else None
     if change is not None and change.notice not in notices:
@@ -76,7 +83,8 @@ def change_of(crs: str, path: str, notices: list[Message]) -> Reprojection | Non
 
 @cache
 def reprojection(name: str, path: str) -> Reprojection | None:
-    """The conversion of a file's coordinates to degrees on WGS 84; None if they already are.
+    """The conversion of a file's coordinates to degrees on WGS 84; None if they are already in this
+    system.
 
     Parameters
     ----------
@@ -98,7 +106,7 @@ def reprojection(name: str, path: str) -> Reprojection | None:
 
     hint = "ogr2ogr -t_srs EPSG:4326 area.geojson FILE"
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about grids that are not installed
+        warnings.simplefilter("ignore")  # The warnings are about grids that are not installed.
         try:
             crs = CRS.from_user_input(name)
         except CRSError:
@@ -127,7 +135,8 @@ def reprojection(name: str, path: str) -> Reprojection | None:
 def _accuracy_m(transformer: Transformer) -> float:
     """Accuracy of a transformation [m]; negative if it is not known.
 
-    A conversion keeps the datum and is exact.  PROJ 9.8 no longer states this accuracy.
+    A conversion that keeps the datum is exact.  For such conversions, PROJ 9.8 no longer states an
+    accuracy.
     """
     steps = transformer.operations or ()
     if steps and all(step.type_name == "Conversion" for step in steps):

@@ -1,4 +1,4 @@
-"""Surveys: the waypoints over an area for the grid of a plan, and what they cover."""
+"""Surveys: the waypoints over an area for the grid of a plan, and the ground that they cover."""
 
 from __future__ import annotations
 
@@ -50,25 +50,24 @@ class Survey(NamedTuple):
     origin
         Latitude and longitude of the origin of the coordinates.
     area_m2, clear_m2, no_fly_m2
-        Size of the area, of its part that one photo is enough for, and of its part in no-fly zones.
-    covered_share
-        Share of the area that is covered by the rule of `aosplan.areas.coverage`, counted.
+        Size of the area, of its part for which one photo is enough, and of its part in no-fly
+        zones. covered_share Share of the cells of the area that are covered by the rule of
+        `aosplan.areas.coverage`.
     fewest_looks
         Smallest number of sites in the rectangle around any point below canopy; None without
         canopy.
     sites, sites_in_rectangle
-        Number of sites flown; number of sites of the whole rectangle around the area.
+        Number of sites that are flown, and number of sites of the whole rectangle around the area.
     sites_in_no_fly, sites_enclosed
         Number of sites that were dropped because they are in a no-fly zone or enclosed by one.
     rectangle_m, pitch_m
-        Rectangle of the coverage rule around a point, and pitch of the sites, both along and
-        across the heading.
-    length_m
-        Length of the path from the first site to the last, around zones.
+        Size of the rectangle of the coverage rule, and pitch of the sites, both along and across
+        the heading. length_m Length of the path from the first site to the last, including detours
+        around zones.
     axis
         Whether lines are flown along the heading or across it.
     shortest_m
-        Lower bound of the length for any order of the sites.
+        Lower bound of `length_m` for any order of the sites.
     simplified_m, projection_error
         As in `aosplan.areas.area`.
     notices
@@ -130,14 +129,14 @@ def survey_of(
     footprint_m
         Size of an image on the focal plane, along and across the heading.
     max_sites
-        Largest number of sites; more are refused before they are computed.
+        Largest number of sites.  A plan with more sites is refused before the sites are computed.
     timing
         Flight settings, which determine the order of the sites.
 
     Raises
     ------
     InfeasibleError
-        If images are too small for the rule, or if no-fly zones leave no site.
+        If images are too small for the coverage rule, or if all sites are in no-fly zones.
     RequestError
         If the area needs more sites than `max_sites`.
     """
@@ -146,7 +145,7 @@ def survey_of(
     hidden = not canopy.is_empty and baseline_m > 0.0
     if hidden:
         window = _window(pattern, baseline_m, footprint_m)
-    else:  # one photo is enough everywhere
+    else:  # One photo is enough for the whole area.
         window = window_of(Pattern(1, 1), footprint_m)
         canopy, clear = whole, shapely.Polygon()
     _check_size(canopy, window.pitch_m, window.samples, max_sites)
@@ -210,7 +209,7 @@ def survey_of(
 
 
 class _Turn:
-    """Convert between (east, north) and (x along the heading, y to its right)."""
+    """Conversion between (east, north) and (x along the heading, y to its right)."""
 
     def __init__(self, heading_deg: float) -> None:
         self.axis = heading_axis(heading_deg)
@@ -230,7 +229,9 @@ class _Turn:
 
 
 def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float]) -> RequiredGrid:
-    """The window of a pattern; it is refused if the footprint is smaller than its rectangle."""
+    """The window of a pattern.  It is refused if the footprint is smaller than the rectangle of the
+    coverage rule.
+    """
     window = window_of(pattern, (baseline_m, baseline_m * pattern.row_pitch))
     x, y = window.size_m
     if x > footprint_m[0] * (1.0 + 1e-9) or y > footprint_m[1] * (1.0 + 1e-9):
@@ -249,7 +250,10 @@ def _window(pattern: Pattern, baseline_m: float, footprint_m: tuple[float, float
 
 
 def _check_size(shape: Any, cell_m: tuple[float, float], samples: int, max_sites: int) -> None:
-    """Refuse an area that needs too many sites, from lengths and areas alone."""
+    """Refuse an area that needs too many sites.
+
+    The number of sites is estimated from lengths and areas, before any site is computed.
+    """
     x_pitch, y_pitch = cell_m
     least = shape.area / (x_pitch * y_pitch)
     for part in shapely.get_parts(shape):
@@ -275,7 +279,9 @@ def _refuse_more(sites: int, max_sites: int, about: str) -> None:
 
 
 def _allowed(wanted: Whole, at_sites: CellLattice, zones: NoFlyZones) -> tuple[Whole, int, int]:
-    """Sites that may be flown; number of sites in zones; number of sites enclosed by zones."""
+    """The sites that may be flown, the number of sites in zones, and the number of sites enclosed
+    by zones.
+    """
     if not zones:
         return wanted, 0, 0
     points = at_sites.middles(wanted)
@@ -292,7 +298,9 @@ def _allowed(wanted: Whole, at_sites: CellLattice, zones: NoFlyZones) -> tuple[W
 
 
 def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
-    """The path through points around zones, and for each of its points whether a photo is taken."""
+    """The path through points and around zones.  For each point of the path, it is returned whether
+    a photo is taken there.
+    """
     if not zones:
         return points, [True] * len(points)
     way: list[Points] = [points[:1]]
@@ -301,7 +309,8 @@ def routed(points: Points, zones: NoFlyZones) -> tuple[Points, list[bool]]:
     done = 1
     for leg in crossing.tolist():
         turns = zones.around(points[leg], points[leg + 1])
-        assert turns is not None  # enclosed sites were dropped before
+        # Enclosed sites have been dropped before, so that there is a path.
+        assert turns is not None
         way += [points[done : leg + 1], np.array(turns).reshape(-1, 2)]
         photo += [True] * (leg + 1 - done) + [False] * len(turns)
         done = leg + 1
@@ -318,7 +327,9 @@ def _covered(
     lattices: tuple[CellLattice, CellLattice],
     image: tuple[int, int],
 ) -> tuple[float, int]:
-    """Share of the area that the sites cover, and smallest number of looks below canopy, counted."""
+    """Share of the area that the sites cover, and smallest number of sites around any point below
+    canopy.
+    """
     canopy, clear = shapes
     stride = lattices[0].stride
     placements = cells[0].numbers()
@@ -337,7 +348,7 @@ def _covered(
 
 
 def _losses(survey: Survey, samples: int) -> list[Message]:
-    """Warnings about the coverage that no-fly zones cost."""
+    """Warnings about ground that is not covered because of no-fly zones."""
     if survey.covered_share == 1.0:
         return []
     lost = (1.0 - survey.covered_share) * survey.area_m2

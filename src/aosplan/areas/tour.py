@@ -1,10 +1,12 @@
-"""The order of sites: parallel lines along the better axis, connected and improved.
+"""The order in which sites are flown: parallel lines along the better axis, which are connected and
+improved.
 
-The sites of a lattice form *lines*: runs of neighbours along one axis that no zone interrupts.
-Each line is flown from one end to the other, and the next line is the one with the nearest end.  If
-every row is a single line, this is the boustrophedon.  Both axes are tried, and the faster one is
-used.  For up to `MOST_IMPROVED` sites, the order is then improved by 2-opt and Or-opt moves.  The
-minimum spanning tree is a lower bound of the length of every order.
+The sites of a lattice form *lines*.  A line is a run of neighbours along one axis that no zone
+interrupts.  Each line is flown from one end to the other.  The next line is the line with the
+nearest end.  If every row is a single line, the result is a boustrophedon.  Both axes are tried,
+and the faster one is used.  If there are at most `MOST_IMPROVED` sites, the order is then improved
+by 2-opt and Or-opt moves.  The length of the minimum spanning tree is a lower bound of the length
+of every order.
 """
 
 from __future__ import annotations
@@ -35,7 +37,7 @@ NEIGHBOURS = 8
 """Number of nearest sites that a move considers as the next site."""
 
 LONGEST_PIECE = 3
-"""Largest number of sites that an Or-opt move takes to another position."""
+"""Largest number of sites that an Or-opt move puts at another position of the tour."""
 
 
 class Tour(NamedTuple):
@@ -58,14 +60,13 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: No
         Shape (n, 2): positions of the sites [m].
     timing
         How the drone flies.  If it flies through its sites, lines along the heading are not
-        interrupted.
-    zones
-        No-fly zones in the same coordinates; no site is in one.
+        interrupted. zones No-fly zones in the same coordinates.  No site is in a zone.
 
     Returns
     -------
     Tour
-        The faster of lines along the heading and across it, improved if there are few sites.
+        The faster order: lines along the heading or lines across it.  The order is improved if
+        there are few sites.
     """
     rows, columns = np.divmod(cells, stride)
     found = []
@@ -83,12 +84,14 @@ def tour_of(cells: Whole, stride: int, points: Points, timing: Timing, zones: No
 def total(
     points: Points, measure: Callable[[float], float], zones: NoFlyZones | None = None
 ) -> float:
-    """Sum over the legs through points, around zones, of `measure` applied to their lengths."""
+    """Sum of `measure` over the lengths of the legs from point to point, including detours around
+    zones.
+    """
     lengths = np.hypot(*np.diff(points, axis=0).T)
     if zones:
         for leg in np.flatnonzero(zones.cross(points[:-1], points[1:])):
             lengths[leg] = zones.length_m(points[leg], points[leg + 1])
-    # The legs of a lattice have few different lengths, each of which is measured once.
+    # The legs of a lattice have few different lengths. `measure` is called once for each length.
     _, group, counts = np.unique(np.round(lengths, 9), return_inverse=True, return_counts=True)
     means = np.bincount(group, lengths) / counts if len(lengths) else lengths
     return math.fsum(
@@ -97,8 +100,8 @@ def total(
 
 
 def shortest_m(cells: Whole, stride: int, points: Points) -> float:
-    """Lower bound of the length of any order of the sites: the length of their minimum spanning
-    tree.
+    """Lower bound of the path length for any order of the sites: the length of their minimum
+    spanning tree.
 
     The edges of the tree connect neighbours of the lattice, or sites at the border of the set.  A
     Delaunay triangulation contains all edges between border sites that are needed.
@@ -118,7 +121,7 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         lengths = np.hypot(*(points[one] - points[other]).T)
         least = float(lengths.min())
         short = lengths <= least * (1.0 + 1e-9)
-        # No two sites of a lattice are closer together than its nearest neighbours.
+        # The smallest distance between two sites of a lattice is that of direct neighbours.
         if _are_joined(one[short], other[short], len(cells)):
             return least * (len(cells) - 1)
     outer = np.flatnonzero(border)
@@ -127,8 +130,8 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
         stop.append(outer[other])
     one, other = np.concatenate(start), np.concatenate(stop)
     lengths = np.hypot(*(points[one] - points[other]).T)
-    # Most edges of a lattice have the smallest length; any of these that connect belong to some
-    # tree.
+    # Most edges of a lattice have the smallest length. Edges of this length that connect two pieces
+    # can always be part of a minimum spanning tree.
     least = float(lengths.min())
     short = lengths <= least * (1.0 + 1e-9)
     from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
@@ -141,7 +144,9 @@ def shortest_m(cells: Whole, stride: int, points: Points) -> float:
 
 
 def _are_joined(one: Whole, other: Whole, size: int) -> bool:
-    """Whether edges connect all nodes, like SciPy's connected components, but without its import."""
+    """Whether edges connect all nodes.  SciPy's connected components would take longer to
+    import.
+    """
     above = list(range(size))
 
     def root(node: int) -> int:
@@ -160,12 +165,14 @@ def _are_joined(one: Whole, other: Whole, size: int) -> bool:
 
 
 def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], size: int) -> Any:
-    """The graph of the kept edges; of several edges between two nodes, the shortest."""
+    """The graph of the kept edges.  If there are several edges between two nodes, it has the
+    shortest one.
+    """
     low, high = np.minimum(one, other)[kept], np.maximum(one, other)[kept]
     order = np.lexsort((lengths[kept], high, low))
     low, high, length = low[order], high[order], lengths[kept][order]
     first = np.append(True, (low[1:] != low[:-1]) | (high[1:] != high[:-1]))[: len(low)]
-    # older SciPy takes int32 only
+    # Older versions of SciPy accept only int32.
     places = low[first].astype(np.int32), high[first].astype(np.int32)
     from scipy.sparse import coo_array
 
@@ -173,8 +180,8 @@ def _graph(lengths: Points, one: Whole, other: Whole, kept: NDArray[np.bool_], s
 
 
 def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Ends of the edges of a Delaunay triangulation, or of the segments if all points are on a
-    line.
+    """Ends of the edges of a Delaunay triangulation.  If all points are on a line, ends of the
+    segments between them.
     """
     middle = points.mean(axis=0)
     spread = np.linalg.svd(points - middle, full_matrices=False)
@@ -193,7 +200,7 @@ def _triangulated(points: Points) -> list[tuple[NDArray[np.int64], NDArray[np.in
 
 
 def _by_lines(line: Whole, place: Whole, points: Points, zones: NoFlyZones) -> NDArray[np.intp]:
-    """Sites line by line, each from one end to the other, with the nearest end next."""
+    """Sites in the order of lines.  Each line is followed by the line with the nearest end."""
     order = np.lexsort((place, line))
     apart = (np.diff(line[order]) != 0) | (np.diff(place[order]) != 1)
     if zones:
@@ -235,7 +242,9 @@ def _linked(ends: Points, zones: NoFlyZones) -> list[tuple[int, bool]]:
 def _nearest(
     here: Points, tree: Nearest, names: NDArray[np.intp], left: NDArray[np.bool_], zones: NoFlyZones
 ) -> int:
-    """The nearest remaining end; among the nearest few, one with a free path is preferred."""
+    """The nearest remaining end of a line.  Among the nearest few, an end with a free path is
+    preferred.
+    """
     wanted = 16
     while True:
         found = tree.to(here[None], min(wanted, len(names)))[0]
@@ -254,7 +263,10 @@ def _nearest(
 
 
 class _Circle:
-    """A tour closed by an artificial site at distance 0, its costs, and moves that improve it."""
+    """A tour, its costs, and moves that improve it.
+
+    An artificial site closes the tour; its distance to every site is 0.
+    """
 
     def __init__(
         self,
@@ -275,7 +287,9 @@ class _Circle:
         self.known: dict[tuple[int, int], float] = {}
 
     def cost(self, one: int, other: int) -> float:
-        """Time from one site to another, around zones; 0 to or from the artificial site."""
+        """Time from one site to another, including detours around zones; 0 to or from the
+        artificial site.
+        """
         if self.nowhere in (one, other):
             return 0.0
         if self.zones:
@@ -297,7 +311,9 @@ class _Circle:
         return self.tour[self.place[site] - 1]
 
     def reverse(self, first: int, last: int) -> None:
-        """Reverse the part from one site to another, or the rest of the tour, which is equivalent."""
+        """Reverse the part of the tour from one site to another.  Reversing the rest of the tour
+        instead is equivalent.
+        """
         size = len(self.tour)
         i, j = self.place[first], self.place[last]
         inner = (j - i) % size + 1
@@ -310,7 +326,9 @@ class _Circle:
             i, j = (i + 1) % size, (j - 1) % size
 
     def two_opt(self, site: int, near: list[int]) -> list[int]:
-        """Replace two legs, one at `site`, by two faster ones; return the sites whose legs changed."""
+        """Replace two legs, one of them at `site`, by two faster legs.  Returns the sites whose
+        legs have changed.
+        """
         for step in (self.after, self.before):
             following = step(site)
             old = self.cost(site, following)
@@ -331,8 +349,8 @@ class _Circle:
         return []
 
     def or_opt(self, site: int, near: list[int]) -> list[int]:
-        """Move up to three sites from `site` on to a faster position; return the sites with new
-        legs.
+        """Move up to three sites, beginning with `site`, to a faster position.  Returns the sites
+        whose legs have changed.
         """
         for step, back in ((self.after, self.before), (self.before, self.after)):
             last = site
@@ -385,7 +403,7 @@ class _Circle:
 def _improved(
     order: NDArray[np.intp], points: Points, leg_s: Callable[[float], float], zones: NoFlyZones
 ) -> NDArray[np.intp]:
-    """A tour after 2-opt and Or-opt moves among near neighbours, until no move improves it."""
+    """A tour that no 2-opt or Or-opt move among near neighbours can improve."""
     circle = _Circle(order, points, leg_s, zones)
     found = Nearest(points).to(points, min(NEIGHBOURS + 1, len(points)))
     near = [[other for other in row if other != site] for site, row in enumerate(found.tolist())]

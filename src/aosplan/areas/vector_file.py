@@ -1,6 +1,6 @@
-"""Boundaries from GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo files, read by pyogrio.
+"""Reading of boundaries from GeoPackage, shapefile, GPX, FlatGeobuf and MapInfo files with pyogrio.
 
-GPX files have no polygons; their closed tracks and routes are used as boundaries.
+GPX files have no polygons.  Their closed tracks and routes are used as boundaries.
 """
 
 from __future__ import annotations
@@ -25,14 +25,16 @@ if TYPE_CHECKING:
 EXTRA = "vector"
 MAGIC = (b"SQLite format 3\0", b"\x00\x00\x27\x0a", b"fgb\x03")
 SUFFIXES = (".gpkg", ".shp", ".gpx", ".fgb", ".tab", ".mif")
-"""Extensions of the files that GDAL may open.  Other formats may refer to further files or servers."""
+"""Extensions of the files that GDAL is allowed to open.  Other formats may refer to further files
+or servers.
+"""
 
 OPEN_SHARE = 0.1
-"""A track is closed if the distance of its ends is less than this share of its length."""
+"""A track is closed if the distance between its ends is less than this share of its length."""
 
 
 def is_vector_file(path: str, start: bytes) -> bool:
-    """Whether a file has to be read by pyogrio, judged by its first bytes or its extension."""
+    """Whether a file has to be read by pyogrio, according to its first bytes or its extension."""
     if start.startswith(MAGIC) or b"<gpx" in start[:2000]:
         return True
     return path.lower().endswith((".tab", ".mif"))
@@ -42,7 +44,7 @@ def read_vectors(path: str) -> Iterator[tuple[Rings | None, str, Message | None]
     """Yield the polygons of a file as rings of longitude and latitude, with their place and
     notices.
 
-    A geometry without an area yields None and its kind.
+    For a geometry without an area, None and the kind of the geometry are yielded.
 
     Raises
     ------

@@ -121,7 +121,7 @@ def positions_shortfall(positions: ArrayLike, spacing: float) -> float:
     Parameters
     ----------
     positions
-        Shape (N, 2): positions along the two axes of the occluders [m].
+        Shape (N, 2): coordinates [m] along the two axes of the occluders.
     spacing
         Δ = o h/H, offset [m] at which an occluder moves by its own size, greater than 0.
 

@@ -1,4 +1,4 @@
-"""The problem that the solver takes: target, bounds, kind of grid, and objective."""
+"""The problem for the solver: target, bounds, kind of grid, and objective."""
 
 from __future__ import annotations
 
@@ -19,13 +19,17 @@ if TYPE_CHECKING:
     OnTrial = Callable[["Problem", Sites, float], None]
 
 OBJECTIVES = ("samples", "aperture", "time", "visibility", "contrast", "detection")
-"""Objectives of a plan.  The last three are maximised.  The solver does not know detection."""
+"""Objectives of a plan.  The last three are maximised.  The objective ``detection`` is not passed
+to the solver.
+"""
 
 TOLERANCE = 1e-12
-"""Relative tolerance on the shortfall when samples are counted."""
+"""Relative tolerance on the shortfall when the number of samples is determined."""
 
 ROUNDING = 1e-15
-"""Relative tolerance on the shortfall if a baseline is solved for: the size of rounding errors."""
+"""Relative tolerance on the shortfall when the baseline is determined.  It is the size of rounding
+errors.
+"""
 
 
 def target_text(symbol: str, target: float) -> str:
@@ -39,7 +43,9 @@ def reached_text(symbol: str, reached: float) -> str:
 
 
 class Requirement(NamedTuple):
-    """A target for the normalised visibility V̂ or the visibility V, exactly as it was written."""
+    """A target for the normalised visibility V̂ or the visibility V, with the exact value that the
+    user wrote.
+    """
 
     quantity: str
     target: Fraction
@@ -55,7 +61,7 @@ class Requirement(NamedTuple):
 
     @property
     def asked(self) -> tuple[str, float]:
-        """Symbol and target, as `aosplan.solver.refusals` takes them."""
+        """Symbol and target: the first arguments of the functions in `aosplan.solver.refusals`."""
         return self.symbol, float(self.target)
 
     def __str__(self) -> str:
@@ -63,11 +69,13 @@ class Requirement(NamedTuple):
         return target_text(*self.asked)
 
     def is_met(self, prediction: Prediction, tolerance: float = TOLERANCE) -> bool:
-        """Whether a prediction reaches the target, to a relative tolerance of the shortfall."""
+        """Whether a prediction reaches the target, within a relative tolerance on the shortfall."""
         return self.excess(prediction, tolerance) <= 0.0
 
     def excess(self, prediction: Prediction, tolerance: float = TOLERANCE) -> float:
-        """How far a prediction is below the target; at most 0 if the target is met."""
+        """Difference between the target and a prediction, in terms of the shortfall.  It is at most
+        0 if the target is met.
+        """
         normalized = self.quantity == "normalized"
         error = prediction.shortfall if normalized else prediction.mean_squared_error
         return error - _left_by(self.target) * (1.0 + tolerance)
@@ -75,12 +83,14 @@ class Requirement(NamedTuple):
     def fewest_independent(self, model: VisibilityModel) -> int | None:
         """Number of samples that would meet the target if all were independent (K = 1/N).
 
-        This is a lower bound if K >= 1/N, which holds for every pattern of a model that rises with
-        the baseline; it is used only for these models.  For voxels and for oblique rays K may be a
-        little smaller, because views that hide different shares vary less than their mean does.
+        This is a lower bound of the number of samples if K >= 1/N.  K >= 1/N is true for models
+        whose visibility increases with the baseline, and the bound is used only for these.  For
+        voxels and for oblique rays, K may be slightly less than 1/N, because views may hide
+        different shares.
 
-        None if no number of samples meets the target.  With K = 1/N, `is_met` is 1/N <= 1 - V̂ or
-        p (p + T/N) <= 1 - V.  Both are solved in exact arithmetic.
+        The result is None if no number of samples meets the target.  With K = 1/N, the condition of
+        `is_met` is 1/N <= 1 - V̂ or p (p + T/N) <= 1 - V.  Both conditions are solved in exact
+        arithmetic.
         """
         allowed = (1 - self.target) * (1 + Fraction(TOLERANCE))
         if self.quantity == "normalized":
@@ -92,21 +102,20 @@ class Requirement(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _left_by(target: Fraction) -> float:
-    """The difference between the target and 1."""
+    """1 minus the target."""
     return float(1 - target)
 
 
 class CommonGround(NamedTuple):
-    """The ground that all samples have to see; it limits the size of the grid.
+    """The ground that all samples have to see.  It limits the size of the grid.
 
     Attributes
     ----------
     footprint_m
-        Ground that a photo shows, along and across the heading.
-    least_m
-        Size of the ground that all samples have to see: that of a target, or a pixel.
-    over_area
-        Whether the grid is repeated over an area; all samples then have to see a cell between sites.
+        Size of the ground that a photo shows, along and across the heading. least_m Size of the
+        ground that all samples have to see: the size of a target, or that of a pixel. over_area
+        Whether the grid is repeated over an area.  All samples then have to see a cell between
+        sites.
     """
 
     footprint_m: tuple[float, float]
@@ -129,7 +138,7 @@ class CommonGround(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds on the baseline, the samples and the extent, or fixed values."""
+    """Bounds on the baseline, the number of samples and the extent, or fixed values of these."""
 
     max_aperture_m: float | None = None
     max_samples: int | None = None
@@ -139,7 +148,7 @@ class Bounds(NamedTuple):
 
     @property
     def on_extent(self) -> bool:
-        """Whether anything bounds the extent of the grid."""
+        """Whether the extent of the grid has a bound."""
         return self.max_aperture_m is not None or self.ground is not None
 
 
@@ -166,17 +175,18 @@ class GridKind(NamedTuple):
         return pattern_for(self.name, samples, lanes=self.lanes, lane_pitch=self.lane_pitch)
 
     def index_of(self, samples: int) -> int:
-        """Index of the first frame that holds this many samples."""
+        """Index of the first frame that has at least this many samples."""
         return index_for(self.name, samples, lanes=self.lanes)
 
 
 class Problem(NamedTuple):
-    """Everything the solver needs: a model, a target, a kind of grid, bounds and an objective.
+    """The input of the solver: a model, a target, a kind of grid, bounds and an objective.
 
-    `surrogate` is a quick approximation of a model whose visibility may fall with the baseline.
-    `count_required` says whether the fewest samples at the baseline of the solution are counted, and
-    `seek_remedy` whether a remedy is computed for the hint of an error; both cost time.  A search
-    calls `on_trial` with the problem, a pattern and a baseline [m] before it evaluates them.
+    `surrogate` is a quick approximation of a model whose visibility may decrease if the baseline
+    increases.  If `count_required` is true, the smallest number of samples at the baseline of the
+    solution is computed.  If `seek_remedy` is true, a remedy is computed for the hint of an error.
+    Both take additional time.  A search calls `on_trial` with the problem, a pattern and a baseline
+    [m] before it evaluates them.
     """
 
     model: VisibilityModel
@@ -192,18 +202,21 @@ class Problem(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The problem in messages: its kind of grid, and its heading if it has one."""
+        """Name of the problem in messages: its kind of grid, and its heading if it has one."""
         heading = self.model.heading_deg
         return f"{self.grid.title} at {heading:g}°" if heading else self.grid.title
 
     def turned(self, heading_deg: float) -> Problem:
-        """The same problem at another heading; itself if the model has none."""
+        """The same problem at another heading.  If the model has no heading, it is the problem
+        itself.
+        """
         before = self.model.heading_deg
         if before is None or before == heading_deg:
             return self
         model = self.model.at_heading(heading_deg)
         surrogate = None if self.surrogate is None else self.surrogate.at_heading(heading_deg)
-        # The axes of the path turn, but the wind does not.
+        # The wind is given along the axes of the path, so that its components change if the axes
+        # turn.
         turn = math.radians(heading_deg - before)
         x, y = self.timing.wind
         wind = (x * math.cos(turn) + y * math.sin(turn), y * math.cos(turn) - x * math.sin(turn))
@@ -221,7 +234,8 @@ class Problem(NamedTuple):
     def widest_m(self, sites: Sites | AnyFrame) -> float:
         """Largest baseline to try for a pattern, or for the patterns of a frame.
 
-        A larger one does not improve the visibility, or it exceeds the bound on the aperture.
+        A larger baseline does not improve the visibility, or it exceeds a bound on the size of the
+        grid.
         """
         cap, side = self.widest_baseline_m / sites.nearest, sites.longer_side
         if self.bounds.ground is not None:
@@ -232,9 +246,9 @@ class Problem(NamedTuple):
     def widest_baseline_m(self) -> float:
         """Baseline beyond which the visibility does not improve.
 
-        With position noise, baselines that are larger still improve it, but at the price of a much
-        larger aperture.  They are tried only if the number of samples is fixed, or if aperture or time
-        is the objective.
+        With position noise, even larger baselines improve the visibility slightly, but need a much
+        larger aperture.  They are tried only if the number of samples is fixed, or if aperture or
+        time is the objective.
         """
         priced = self.objective in ("aperture", "time") or self.bounds.samples is not None
         return self.model.independent_baseline_m if priced else self.model.sharp_baseline_m

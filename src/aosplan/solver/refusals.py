@@ -1,7 +1,7 @@
 """Error messages for requests and targets that cannot be met.
 
-Single plans and the columns of a sweep share these texts.  `symbol` is V̂ or V, and `target` is the
-requested value.
+Single plans and sweeps use the same texts.  `symbol` is V̂ or V, and `target` is the requested
+value.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ LIFT_GROUND = (
     "fly higher, use a wider camera, give a lower target, or remove this "
     "limit with --allow-no-common-ground"
 )
-"""Hint for grids that are too small because all samples have to see common ground."""
+"""Hint for a grid that cannot be large enough, because all samples have to see common ground."""
 
 
 def best_text(symbol: str, reached: float, samples: int, baseline_m: float) -> str:
-    """The best plan within some bounds."""
+    """Text that describes the best plan within some bounds."""
     return f"{reached_text(symbol, reached)} with {samples} samples {baseline_m:.4g} m apart"
 
 
 def beyond_scene(symbol: str, target: float, least: float, most: float) -> str:
-    """No number of samples reaches the target in this scene."""
+    """Error: no number of samples reaches the target in this scene."""
     return (
         f"{target_text(symbol, target)} is out of reach for this scene: one sample has "
         f"{least:.4g}, infinitely many have {most:.4g}"
@@ -32,7 +32,7 @@ def beyond_scene(symbol: str, target: float, least: float, most: float) -> str:
 def beyond_samples(
     symbol: str, target: float, samples: int, reached: float, widest_m: float
 ) -> str:
-    """The given number of samples does not reach the target at any baseline."""
+    """Error: the given number of samples does not reach the target at any baseline."""
     return (
         f"{target_text(symbol, target)} is out of reach with --samples {samples}: at most "
         f"{reached_text(symbol, reached)}, {widest_m:.4g} m apart"
@@ -40,7 +40,7 @@ def beyond_samples(
 
 
 def beyond_max_samples(symbol: str, target: float, needed: int, most: int, best: str) -> str:
-    """The target needs more samples than the bound allows."""
+    """Error: the target needs more samples than the bound allows."""
     return (
         f"{target_text(symbol, target)} needs at least {needed} samples, more than --max-samples "
         f"{most}: at most {best}"
@@ -56,7 +56,7 @@ def beyond_bounds(
     *,
     on_ground: bool = False,
 ) -> str:
-    """No pattern within the bounds reaches the target."""
+    """Error: no pattern within the bounds reaches the target."""
     bounds = []
     if max_aperture_m is not None:
         bounds.append(f"--max-aperture {max_aperture_m:g}")
@@ -71,7 +71,9 @@ def beyond_bounds(
 def beyond_baseline(
     symbol: str, target: float, baseline_m: float, samples: int | None, *, bounded: bool
 ) -> str:
-    """The given baseline takes more samples than the bound, or one plan, allows."""
+    """Error: at the given baseline, the target needs more samples than the bound allows, or than a
+    plan may have.
+    """
     needed = samples or f"more than {MOST_SITES}"
     allowed = "allowed" if bounded else "one plan may have"
     return (
@@ -83,7 +85,7 @@ def beyond_baseline(
 def beyond_ground(
     symbol: str, target: float, baseline_m: float, samples: int, widest_m: float
 ) -> str:
-    """The samples at the given baseline leave no ground that all of them see."""
+    """Error: at the given baseline, the samples have no common ground that all of them see."""
     return (
         f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples, and no "
         f"ground is seen by all of them unless the baseline is below {widest_m:.4g} m"
@@ -98,7 +100,7 @@ def beyond_aperture(
     extent_m: float,
     max_aperture_m: float,
 ) -> str:
-    """The samples at the given baseline are wider than the bound on the aperture."""
+    """Error: at the given baseline, the extent of the samples exceeds the bound on the aperture."""
     return (
         f"{target_text(symbol, target)} at --baseline {baseline_m:g} needs {samples} samples over "
         f"{extent_m:.4g} m, more than --max-aperture {max_aperture_m:g}"
@@ -106,17 +108,23 @@ def beyond_aperture(
 
 
 def samples_beyond_bound(samples: int, most: int) -> str:
-    """The given number of samples is more than the bound on it."""
+    """Error: the given number of samples exceeds the bound on the number of samples."""
     return f"--samples {samples} is more than --max-samples {most}"
 
 
 def within_canopy(altitude_m: float, top_m: float, *, given: bool) -> str:
-    """The altitude, given or solved from the resolution, is not above the canopy."""
+    """Error: the altitude is not above the canopy.
+
+    `given` tells whether the altitude was given.  Otherwise it was computed from the resolution.
+    """
     return f"{_altitude_text(altitude_m, given=given)} is not above {_canopy_text(top_m)}"
 
 
 def below_clearance(altitude_m: float, top_m: float, clearance_m: float, *, given: bool) -> str:
-    """The altitude, given or solved from the resolution, is less than the clearance above the canopy."""
+    """Error: the distance between the altitude and the canopy is less than the clearance.
+
+    `given` tells whether the altitude was given.  Otherwise it was computed from the resolution.
+    """
     return (
         f"{_altitude_text(altitude_m, given=given)} is less than --clearance {clearance_m:g} m "
         f"above {_canopy_text(top_m)}"
@@ -124,7 +132,7 @@ def below_clearance(altitude_m: float, top_m: float, clearance_m: float, *, give
 
 
 def opaque_scene(name: str) -> str:
-    """No ray reaches the ground of the scene."""
+    """Error: no ray reaches the ground of the scene."""
     return (
         f"scene '{name}' has integrated density 1: no ray reaches the ground, so "
         "photos cannot show the ground"

@@ -1,4 +1,4 @@
-"""Solutions with the limits that determined them, and values as messages show them."""
+"""Solutions with the limits that determined them, and the text of values in messages."""
 
 from __future__ import annotations
 
@@ -151,7 +151,9 @@ def _limits(
 def out_of_scan(
     problem: Problem, reached: tuple[Sites, float, Prediction] | None, most: int
 ) -> InfeasibleError:
-    """The error for a target that no searched grid meets; it names the best value and its grid."""
+    """The error for a target that no searched grid meets.  The message gives the best value and its
+    grid.
+    """
     requirement, widest = problem.requirement, problem.widest_aperture_m
     if reached is None:
         return InfeasibleError(
@@ -170,13 +172,13 @@ def out_of_scan(
 
 
 def value_text(problem: Problem, prediction: Prediction) -> str:
-    """The predicted value of the target's quantity."""
+    """Text of the predicted value of the target's quantity."""
     requirement = problem.requirement
     return reached_text(requirement.symbol, requirement.value_of(prediction))
 
 
 class Solution(NamedTuple):
-    """A pattern and its baseline, with their prediction and the limits that determined them."""
+    """A pattern and its baseline, with the prediction and the limits that determined them."""
 
     pattern: Sites
     baseline_m: float

@@ -1,12 +1,12 @@
-"""Solving: one problem, or the best of several kinds of grid or several headings.
+"""Solution of one problem, or of the best of several kinds of grid or several headings.
 
-`solve` hands a problem to the solver that suits its model and objective: `solve_monotone` or
-`solve_by_scan`.  These two decide the number of samples.
+`solve` passes a problem to the solver that suits its model and objective: `solve_monotone` or
+`solve_by_scan`.  These solvers determine the number of samples.
 
-Each kind of grid is solved by itself, and the objective then selects the best of these solutions.
-Between solutions that are equal within the slack of the objective, the one with fewer samples is
-selected, and then the one with less flight time.  A grid without ground that all samples see is
-selected only if every kind has such a grid.
+The problem is solved for each kind of grid.  The objective then selects the best of these
+solutions.  If several solutions are equal within the slack of the objective, the solution with the
+fewest samples is selected, and then the one with the shortest flight time.  A solution whose
+samples do not have any ground in common is selected only if this is true of all solutions.
 """
 
 from __future__ import annotations
@@ -34,20 +34,25 @@ LANES = (2, 3, 4, 5)
 """Numbers of lanes that are compared."""
 
 LANE_PITCHES = (1.5, 2.0, 3.0, 4.0, 6.0)
-"""Pitches of lanes, and of the turns of a spiral, that are compared."""
+"""Pitches of lanes, and of the turns of spirals, that are compared."""
 
 HEADING_STEP_DEG = 5.0
-"""Step of the headings that a surrogate compares, within half a circle: a grid that is turned by 180
-degrees is the same grid."""
+"""Step of the headings that a surrogate compares.  The headings are within half a circle, because
+turning a grid by 180 degrees does not change it.
+"""
 
 HEADINGS_JUDGED, HEADINGS_APART_DEG = 3, 15.0
-"""Number of headings that the model then compares, and the least difference between two of them."""
+"""Number of headings that the model compares after the surrogate, and smallest difference between
+two of these headings.
+"""
 
 FIRST_HEADINGS_DEG = (0.0, 90.0, 45.0, 135.0)
-"""Headings at which a search for the best heading begins; the next one if no grid meets the target."""
+"""Headings at which a search for the best heading begins.  If no grid meets the target at a
+heading, the next one is tried.
+"""
 
 HEADING_MATTERS = 0.03
-"""Least gain of normalised visibility for a notice that another heading is better."""
+"""Smallest gain of normalised visibility for which a notice about a better heading is given."""
 
 MEASURES = {
     "samples": "number of samples",
@@ -67,7 +72,7 @@ class Alternative(NamedTuple):
 
     @property
     def measure(self) -> float:
-        """Value of the objective; the last two objectives are maximised."""
+        """Value of the objective.  The last two objectives in `MEASURES` are maximised."""
         pattern, baseline, prediction = self.solution[:3]
         return {
             "samples": lambda: float(pattern.samples),
@@ -84,11 +89,13 @@ class Alternative(NamedTuple):
         return path.time_s(self.solution.baseline_m, self.problem.timing)
 
     def has_ground(self, footprint_m: tuple[float, float], *, over_area: bool = False) -> bool:
-        """Whether all samples see some common ground; over an area, a whole cell between sites."""
+        """Whether all samples see some common ground.  Over an area, this ground has to be a whole
+        cell between sites.
+        """
         pattern, baseline = self.solution[:2]
         cell = pattern.pitch if over_area else (0.0, 0.0)
         sides = zip(pattern.extent, cell, footprint_m, strict=True)
-        if over_area:  # as `aosplan.areas.survey` has it
+        if over_area:  # The rule is that of `aosplan.areas.survey`.
             return all(
                 (side + more) * baseline <= size * (1.0 + 1e-9) for side, more, size in sides
             )
@@ -102,7 +109,7 @@ def kinds(
     *,
     spirals: bool = True,
 ) -> tuple[GridKind, ...]:
-    """The kinds of grid to compare; each option is a value, or ``best`` for all its values.
+    """The kinds of grid to compare.  Each option is a value, or ``best`` for all its values.
 
     Spirals are compared only if `spirals` is true.
     """
@@ -124,18 +131,18 @@ def kinds(
 
 
 def solve(problem: Problem) -> Solution:
-    """The baseline and the number of samples that are best for a problem.
+    """Find the best baseline and the best number of samples for a problem.
 
     Raises
     ------
     InfeasibleError
-        If nothing within the bounds meets the target; the message says what is reachable.
-    RequestError
-        If the answer has more sites than one plan may have.
+        If no grid within the bounds meets the target.  The message gives the best value that is
+        possible.  RequestError If the solution has more sites than a plan may have.
     """
     rises, ground = problem.model.rises_with_baseline, problem.bounds.ground
     if rises and ground is not None and problem.objective == "samples":
-        # If the footprint does not limit the solution, solving without it needs no search of frames.
+        # The problem is first solved without the footprint. If the footprint does not limit this
+        # solution, no search of frames is needed.
         with suppress(InfeasibleError):
             free = problem.bounds._replace(ground=None)
             found = _solve(problem._replace(bounds=free, seek_remedy=False))
@@ -158,21 +165,20 @@ def solve_best(
     footprint_m: tuple[float, float] = (math.inf, math.inf),
     over_area: bool = False,
 ) -> Alternative:
-    """Solve problems that differ in their kind of grid or heading; the best by their objective.
+    """Solve problems that differ in their kind of grid or heading, and return the best solution by
+    their objective.
 
     Parameters
     ----------
     problems
-        At least one.
-    footprint_m
-        Ground that a photo shows along and across the heading.
-    over_area
-        Whether the grid is repeated over an area; all samples then have to see a whole cell.
+        The problems, at least one. footprint_m Size of the ground that a photo shows, along and
+        across the heading. over_area Whether the grid is repeated over an area.  All samples then
+        have to see a whole cell.
 
     Raises
     ------
     InfeasibleError
-        If none of them has a solution; the message is that of the first.
+        If no problem has a solution.  The message is that of the first problem.
     """
     found: list[Alternative] = []
     failed: list[InfeasibleError] = []
@@ -197,7 +203,9 @@ def solve_best(
 
 
 def _no_worse(problem: Problem, found: Sequence[Alternative]) -> Problem:
-    """The problem without solutions that have more samples than the best one so far."""
+    """The problem, restricted to solutions that do not have more samples than the best solution so
+    far.
+    """
     if problem.objective != "samples" or not found or problem.bounds.samples is not None:
         return problem
     fewest = min(choice.solution.pattern.samples for choice in found)
@@ -226,7 +234,7 @@ def _best(found: Sequence[Alternative]) -> Alternative:
 
 
 def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Problem]) -> Solution:
-    """The best solution, with a limit that names the alternatives it was compared with."""
+    """The best solution, with a limit that names the alternatives in the comparison."""
     objective = best.problem.objective
     hopeless = [p.name for p in problems if p.name not in (best.problem.name, *notes)]
     message = f"{best.problem.name} is the best by {MEASURES[objective]}, {best.measure:.4g}"
@@ -235,7 +243,7 @@ def _with_reason(best: Alternative, notes: dict[str, str], problems: Sequence[Pr
     if hopeless:
         message += f"; {_some(hopeless)} cannot be better"
     limit = Limit("choice", best.measure, best.measure, message)
-    # Bounds that the comparison itself has added are not limits for the user.
+    # Bounds that the comparison has added are not reported to the user as limits.
     limits = solution_limits(best.problem, best.solution)
     return best.solution._replace(limits=(*limits, limit))
 
@@ -252,9 +260,10 @@ def _none_of(problems: Sequence[Problem], failed: Sequence[InfeasibleError]) -> 
 
 
 def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[float, float]]:
-    """The best headings [deg] for a solution by the surrogate, each with its V̂, the best first.
+    """The best headings [deg] for a solution, each with its V̂, according to the surrogate.  The
+    best heading is the first.
 
-    They are within half a circle and at least `HEADINGS_APART_DEG` apart.
+    The headings are within half a circle and at least `HEADINGS_APART_DEG` apart.
     """
     count = round(180.0 / HEADING_STEP_DEG)
     rated = sorted(
@@ -275,7 +284,9 @@ def headings_worth_a_look(problem: Problem, solution: Solution) -> list[tuple[fl
 
 
 def other_heading(chosen: Alternative) -> str:
-    """Text of a notice that another heading is better, if a correlogram is there to compare them."""
+    """Text of a notice that another heading is better; None if there is no correlogram to compare
+    headings.
+    """
     problem, solution = chosen
     pattern, baseline = solution[:2]
     surrogate = problem.surrogate or problem.model
@@ -297,11 +308,12 @@ def solve_best_heading(
     footprint_m: tuple[float, float] = (math.inf, math.inf),
     over_area: bool = False,
 ) -> Alternative:
-    """The best of the problems at the best heading.
+    """Solve problems at several headings, and return the best solution.
 
-    The problems are solved at the first of `FIRST_HEADINGS_DEG` that has a solution.  The surrogate
-    then compares all headings for the best solution, the model solves its kind of grid at the best
-    of them, and the objective selects one.
+    First, the problems are solved at the first heading of `FIRST_HEADINGS_DEG` that has a solution.
+    Second, the surrogate compares all headings for the best of these solutions.  Third, its kind of
+    grid is solved with the model at the best headings, and the objective selects one of these
+    solutions.
     """
     best = partial(solve_best, footprint_m=footprint_m, over_area=over_area)
     first = _first_heading(problems, best)
@@ -316,7 +328,7 @@ def solve_best_heading(
 def _first_heading(
     problems: Sequence[Problem], best: Callable[[Sequence[Problem]], Alternative]
 ) -> Alternative:
-    """The best of the problems at the first heading at which any has a solution."""
+    """The best solution at the first heading at which any of the problems has a solution."""
     failed: list[InfeasibleError] = []
     for heading in FIRST_HEADINGS_DEG:
         try:

@@ -1,31 +1,35 @@
-"""The search for models whose V̂ need not rise with the baseline, and for the best visibility.
+"""The search for models whose V̂ may decrease if the baseline increases, and for the best
+visibility.
 
-All patterns are evaluated at the baselines of one **scan**, so that they share their views.  Each
-baseline is `SCAN_RATIO` times the one below, from `SCAN_STEPS` steps below the widest baseline that
-a pattern may have up to the widest itself.  Between the first baseline of the scan that meets the
-target and the one below it, the smallest baseline that meets the target is found by bisection.
+All patterns are evaluated at the baselines of one **scan**, so that they share their views.  The
+baselines form a geometric sequence with the ratio `SCAN_RATIO`.  For each pattern, the scan has
+`SCAN_STEPS` baselines below the largest baseline of the pattern, and this largest baseline.  If a
+baseline of the scan meets the target and the next smaller one does not, bisection between the two
+gives the smallest baseline that meets the target.
 
-**What is guaranteed.**  Of all patterns of a kind with up to `SEARCHED_SAMPLES` samples (or
-`--max-samples`), none has a lower cost at a baseline of the scan than the answer has:
+**Guarantee.** All patterns of a kind with up to `SEARCHED_SAMPLES` samples (or `--max-samples`) are compared at the baselines of the scan. Depending on the objective, no pattern that meets the target has
 
-- not fewer samples, and not a shorter flight;
-- not a smaller extent, of the densest patterns (the answer is then the fewest samples within 1 %
-  of the least extent);
-- no visibility or contrast that is higher by more than half the slack than the best found, of the
-  densest patterns (the answer is the fewest samples within the slack of the best found, which the
-  solution states).
+- fewer samples, or a shorter flight;
+- a smaller extent, among the densest patterns.  The result is the pattern with the fewest samples
+  within 1 % of the smallest extent;
+- a visibility or contrast that exceeds the best one found by more than half the slack, among the
+  densest patterns.  The result is the pattern with the fewest samples within the slack of the best
+  one.  The solution also gives the best one.
 
-The densest patterns are those with the most samples in one rectangle.  Of lines, lanes and spirals
-they are all patterns with up to `THINNED_FROM` samples, and then the largest of each family; a
-family has the sample counts of one rectangle of the trimmed grid.  Candidates are evaluated in the
-order of the lowest cost that they could have, so the first candidate that holds is the best.
+The densest patterns are those with the most samples in one rectangle.  For lines, lanes and
+spirals, they are all patterns with up to `THINNED_FROM` samples, and above this number the largest
+pattern of each family.  A family has the sample counts of one rectangle of the trimmed grid.
 
-**A surrogate** of the model (`Problem.surrogate`), which is quick but not exact, saves most
-evaluations of the model.  A candidate is skipped if it would not meet the target even with a
-shortfall and a density that are lower by a margin.  The margins are `CAUTION` times the largest
-error of the surrogate that the search has seen, and at least `LEAST_MARGINS`.  Whenever they have
-grown, the search begins again with the new margins.  Without a surrogate the model evaluates all
-candidates, and the guarantee has no condition.  Every number of the answer comes from the model.
+Candidates are evaluated in the order of a lower bound of their cost.  The first candidate that
+meets the target is therefore the best.
+
+**A surrogate** (`Problem.surrogate`) is a quick approximation of the model.  It saves most
+evaluations of the model.  A candidate is skipped if it would not meet the target even if its
+shortfall and density were lower by a margin.  The margins are `CAUTION` times the largest error of
+the surrogate that the search has seen, and at least `LEAST_MARGINS`.  If the margins have increased
+during a search, the search begins again with the new margins.  With a surrogate, the guarantee
+depends on these margins.  Without a surrogate, the model evaluates all candidates, and the
+guarantee has no condition.  All numbers of the result come from the model.
 """
 
 from __future__ import annotations
@@ -55,36 +59,45 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 THINNED_FROM = 64
-"""Samples up to which every pattern is evaluated for the least extent and the best value."""
+"""Largest number of samples up to which every pattern is evaluated for the smallest extent and the
+best value.
+"""
 
 SCAN_RATIO, SCAN_STEPS = 8.0 / 7.0, 30
-"""A scan's baselines begin at about one fiftieth of the widest."""
+"""Ratio between consecutive baselines of a scan, and number of its steps.  The smallest baseline is
+about one fiftieth of the largest.
+"""
 
 REFINEMENTS = 8
-"""Halvings of a scan's step."""
+"""Number of times that a step of a scan is halved by bisection."""
 
 LEAST_MARGINS = 0.03, 0.005, 0.003
-"""Shares of the shortfall 1 - V̂, of the transparency 1 - p, and of what is maximised, by which a
-surrogate may be off."""
+"""Smallest margins for the relative errors of a surrogate: in the shortfall 1 - V̂, in the
+transparency 1 - p, and in the quantity that is maximised.
+"""
 
 PROBES, PROBE_STEPS = (4, 9, 16), 5
-"""Samples of the patterns at which a surrogate is measured at first, and steps of the scan between.
+"""Numbers of samples for which the errors of a surrogate are measured first, and steps of the scan
+between the baselines.
 
-Correlograms are off by the most where samples are few: of generated stands, by 1 to 6 % of the
-shortfall at 4 to 16 samples, and by 0 to 3 % at 49."""
+The errors of correlograms are largest for few samples.  For generated stands, they are 1 to 6 % of
+the shortfall at 4 to 16 samples, and 0 to 3 % at 49 samples.
+"""
 
 CAUTION = 1.5
-"""Factor of the margins over the largest error of the surrogate that was seen."""
+"""The margins divided by the largest error of the surrogate that was measured."""
 
 VISIBILITY_SLACK = 0.005
-"""Slack below the best visibility for the fewest samples, if it is 0.5 or more."""
+"""Slack for visibilities of 0.5 or more: plans whose visibility is at least the best one minus the
+slack are treated as equally good.
+"""
 
 RELATIVE_SLACK = 0.01
-"""The same slack for lower visibilities and for contrast, as a share of the best value."""
+"""The slack for lower visibilities and for contrast, as a share of the best value."""
 
 
 def near_best(objective: str, best: float) -> float:
-    """The least visibility or contrast within the slack of the best."""
+    """The smallest visibility or contrast that is within the slack of the best one."""
     enough = best * (1.0 - RELATIVE_SLACK)
     return enough if objective == "contrast" else max(enough, best - VISIBILITY_SLACK)
 
@@ -97,17 +110,18 @@ class Candidate(NamedTuple):
 
     @property
     def extent_m(self) -> float:
-        """Its longer side."""
+        """The longer side of the pattern."""
         return self.pattern.longer_side * self.baseline_m
 
 
 def solve_by_scan(problem: Problem) -> Solution:
-    """Baseline and number of samples for a model whose visibility may fall with either.
+    """Find baseline and number of samples for a model whose visibility may decrease if either of
+    them increases.
 
     Raises
     ------
     InfeasibleError
-        If no grid meets the target; the message says what is reachable.
+        If no grid meets the target.  The message gives the best value that is possible.
     """
     bounds = problem.bounds
     scan = Scan(problem)
@@ -132,7 +146,9 @@ def solve_by_scan(problem: Problem) -> Solution:
 
 
 class Scan:
-    """Predictions of the model for patterns at baselines, and bounds on them by the surrogate."""
+    """Predictions of the model for patterns at baselines, and bounds of these predictions from the
+    surrogate.
+    """
 
     def __init__(self, problem: Problem, errors: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.problem = problem
@@ -143,7 +159,9 @@ class Scan:
         self._by_surrogate: dict[Candidate, Prediction] = {}
 
     def until_margins_hold(self, look: Callable[[Scan], Found]) -> Found:
-        """The result of a search, which is repeated until its margins are wide enough."""
+        """The result of a search.  The search is repeated until its margins cover the errors of the
+        surrogate.
+        """
         if self.problem.surrogate is not None and not any(self.errors):
             self._probe()
         while True:
@@ -153,11 +171,13 @@ class Scan:
                 return found
 
     def _wanted_margins(self) -> tuple[float, ...]:
-        """The margins for the largest errors of the surrogate so far."""
+        """The margins that the largest errors of the surrogate so far require."""
         return tuple(map(max, LEAST_MARGINS, (CAUTION * error for error in self.errors)))
 
     def _probe(self) -> None:
-        """Measure the surrogate at a few patterns and baselines, far from each other."""
+        """Measure the errors of the surrogate for a few patterns and baselines that are far from
+        each other.
+        """
         densest = [
             densest
             for densest, _ in takewhile(
@@ -170,7 +190,7 @@ class Scan:
                     self.predict(Candidate(pattern, baseline))
 
     def predict(self, candidate: Candidate) -> Prediction:
-        """Prediction of the model; the error of the surrogate is updated with it."""
+        """Prediction of the model.  The largest errors of the surrogate are updated."""
         known = self._known.get(candidate)
         if known is None:
             self._tell(candidate)
@@ -188,7 +208,9 @@ class Scan:
         return known
 
     def optimistic(self, candidate: Candidate) -> Prediction:
-        """The best prediction that the model may give, by the surrogate and its margins."""
+        """The best prediction that the model may give, according to the surrogate and its
+        margins.
+        """
         if self.problem.surrogate is None or candidate in self._known:
             return self.predict(candidate)
         shortfall, transparency, _ = self._margins
@@ -198,7 +220,9 @@ class Scan:
         return Prediction(1.0 - clear, clear, least)
 
     def value(self, prediction: Prediction) -> float:
-        """The value that is maximised: the objective, or the quantity of the target."""
+        """Value of the quantity that is maximised: the objective, or else the quantity of the
+        target.
+        """
         if self.problem.objective == "contrast":
             return prediction.contrast
         if self.problem.objective == "visibility":
@@ -206,24 +230,26 @@ class Scan:
         return self.problem.requirement.value_of(prediction)
 
     def near(self, value: float) -> float:
-        """The least value within the slack of the best."""
+        """The smallest value that is within the slack of a best value."""
         return near_best(self.problem.objective, value)
 
     def optimistic_value(self, candidate: Candidate) -> float:
-        """The highest value that the model may give, by the surrogate and its margins."""
+        """The highest value that the model may give, according to the surrogate and its margins."""
         if self.problem.surrogate is None or candidate in self._known:
             return self.value(self.predict(candidate))
         return self.value(self._guess(candidate)) / max(1.0 - self._margins[2], 0.5)
 
     def meets(self, candidate: Candidate) -> bool:
-        """Whether a candidate meets the target; the model is evaluated only if it may."""
+        """Whether a candidate meets the target.  The model is evaluated only if the surrogate does
+        not exclude it.
+        """
         requirement = self.problem.requirement
         return requirement.is_met(self.optimistic(candidate)) and requirement.is_met(
             self.predict(candidate)
         )
 
     def may_meet(self, candidate: Candidate) -> bool:
-        """Whether a candidate may meet the target."""
+        """Whether a candidate may meet the target, according to the surrogate and its margins."""
         return self.problem.requirement.is_met(self.optimistic(candidate))
 
     def _guess(self, candidate: Candidate) -> Prediction:
@@ -241,11 +267,12 @@ class Scan:
     def families(
         self, *, thinned: bool = False, thinned_from: int = THINNED_FROM
     ) -> Iterator[tuple[Sites, Iterable[Sites]]]:
-        """The patterns that may be planned, by families: the densest of each, and all of it.
+        """The patterns that may be planned, as families.  Each item is the densest pattern and all
+        patterns of a family.
 
-        The patterns of one frame have one size and are a family.  If each sample count has its own
-        size, each is a family by itself.  With `thinned`, the counts above `thinned_from` samples are
-        grouped as those of the frames of the trimmed grid.
+        The patterns of one frame have the same size and form a family.  For a kind of grid whose
+        size differs for each sample count, each pattern is a separate family.  With `thinned`,
+        sample counts above `thinned_from` form families as in the trimmed grid.
         """
         bounds, grid = self.problem.bounds, self.problem.grid
         if bounds.samples is not None:
@@ -265,7 +292,7 @@ class Scan:
             first = frame.most + 1
 
     def baselines_m(self, sites: Sites | AnyFrame) -> list[float]:
-        """The baselines of the scan for a pattern, in rising order."""
+        """The baselines of the scan for a pattern, in increasing order."""
         problem = self.problem
         fixed, widest = problem.bounds.baseline_m, problem.widest_m(sites)
         if fixed is not None:
@@ -294,7 +321,9 @@ class Scan:
         return Candidate(pattern, baseline)
 
     def smallest(self, pattern: Sites, halvings: int = REFINEMENTS) -> Candidate | None:
-        """A pattern at its smallest baseline that meets the target, by the scan."""
+        """A pattern at the smallest baseline that meets the target, found by the scan and
+        bisection.
+        """
         lower = 0.0
         for baseline in self.baselines_m(pattern):
             if self.meets(Candidate(pattern, baseline)):
@@ -304,7 +333,7 @@ class Scan:
 
 
 def _fewest(scan: Scan) -> Candidate | None:
-    """The fewest samples that meet the target, at their smallest baseline."""
+    """The candidate with the fewest samples that meets the target, at its smallest baseline."""
     for densest, patterns in scan.families():
         steps = scan.baselines_m(densest)
         if not steps or any(scan.may_meet(Candidate(densest, b)) for b in steps):
@@ -322,7 +351,7 @@ def _least_time(scan: Scan) -> Candidate | None:
 
 
 def _least_aperture(scan: Scan) -> Candidate | None:
-    """The fewest samples within 1 % of the least extent."""
+    """The candidate with the fewest samples whose extent is within 1 % of the smallest extent."""
     densest = ((densest, densest) for densest, _ in scan.families(thinned=True))
     least = _least(scan, densest, lambda at: at.extent_m)
     if least is None:
@@ -353,21 +382,22 @@ def _fits(scan: Scan, pattern: Sites, extent_m: float, test: Callable[[Candidate
 
 
 def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> Candidate | None:
-    """The candidate of least cost that meets the target, found best first.
+    """The candidate with the lowest cost that meets the target, found by a best-first search.
 
-    Each pattern has a series of lower bounds on its cost, one for each baseline at which it may
-    meet the target; the pattern with the least bound is advanced by one baseline.  A candidate
-    whose cost is no more than every remaining bound is the best.
+    Each pattern has an increasing sequence of lower bounds of its cost, one for each baseline at
+    which it may meet the target.  In each step, the pattern with the lowest bound is advanced by
+    one baseline.  If the cost of a candidate is not larger than any remaining bound, it is the best
+    candidate.
 
     Parameters
     ----------
     scan
         The scan.
     patterns
-        Each pattern behind the densest pattern of its frame.  No pattern of a frame is tried at a
-        baseline below the smallest at which the densest one may meet the target.
-    cost
-        What is minimised; it rises with the baseline.
+        Pairs of the densest pattern of a frame and a pattern of this frame.  Let b be the smallest
+        baseline at which the densest pattern may meet the target.  The other patterns of the frame
+        are not tried at baselines below b. cost The quantity to minimise.  It increases with the
+        baseline.
     """
     fixed_m = scan.problem.bounds.baseline_m
 
@@ -379,7 +409,7 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
         return next((b for b in steps if scan.may_meet(Candidate(densest, b))), hopeless)
 
     def bounds(densest: Sites, pattern: Sites) -> Iterator[tuple[float, Candidate | None]]:
-        """Yield ever higher lower bounds on the cost of a pattern, and at last its candidate."""
+        """Yield increasing lower bounds of the cost of a pattern, and finally its candidate."""
         below_m = 0.0 if fixed_m is None else fixed_m
         steps = scan.baselines_m(pattern)
         if steps:
@@ -394,7 +424,7 @@ def _least(scan: Scan, patterns: Iterator[tuple[Sites, Sites]], cost: Cost) -> C
                     return
             below_m = baseline_m if fixed_m is None else fixed_m
 
-    order = count()  # breaks ties
+    order = count()  # The count orders entries of the heap that are otherwise equal.
     waiting: list[tuple[float, int, int, Candidate | None, Bounds]] = []
 
     def wait(samples: int, following: Bounds) -> None:
@@ -432,7 +462,9 @@ def _highest(scan: Scan) -> Candidate | None:
 
 
 def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
-    """The fewest samples whose visibility or contrast is within the slack of the best, and the best."""
+    """Two candidates: the one with the fewest samples whose visibility or contrast is within the
+    slack of the best, and the best.
+    """
     best = _highest(scan)
     if best is None:
         return None, None
@@ -453,7 +485,9 @@ def _best(scan: Scan) -> tuple[Candidate | None, Candidate | None]:
 
 
 def _fewest_at(scan: Scan, baseline_m: float) -> int | None:
-    """Fewest samples that meet the target at one baseline; None if no searched number does."""
+    """Smallest number of samples that meets the target at one baseline; None if no searched number
+    does.
+    """
     problem = scan.problem
     if problem.model.rises_with_baseline:
         from aosplan.solver.solve_monotone import fewest_at

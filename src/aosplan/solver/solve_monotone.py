@@ -1,9 +1,9 @@
-"""The solver for models whose V̂ rises with the baseline b and with the number of samples N.
+"""The solver for models whose V̂ increases with the baseline b and with the number of samples N.
 
-For a pattern of one shape, V̂ rises with b, so every pattern that can meet the target has a smallest
-baseline.  At a fixed b, V̂ rises with N from frame to frame of a kind of grid
-(`aosplan.grid.patterns`), and within each frame.  The solver uses both to skip patterns that cannot
-be the solution.
+For a given pattern, V̂ increases with b.  Every pattern that can meet the target therefore has a
+smallest baseline.  At a given b, V̂ increases with N from frame to frame of a kind of grid
+(`aosplan.grid.patterns`), and within each frame.  The solver uses both properties to skip patterns
+that cannot be the solution.
 """
 
 from __future__ import annotations
@@ -26,30 +26,35 @@ if TYPE_CHECKING:
 
 
 HOPELESS = 0.05
-"""Relative excess of the densest grid's shortfall for which a sparser grid may still meet the target."""
+"""If the shortfall of the densest grid exceeds the target by more than this share, no sparser grid
+meets the target.
+"""
 
 MANY_SAMPLES = 2000
-"""Samples above which the densest grid is evaluated first."""
+"""Number of samples above which the densest grid is evaluated first."""
 
 APERTURE_SLACK = 1.01
-"""Factor on the least aperture within which fewer samples are preferred."""
+"""Factor for the smallest aperture.  Among grids whose aperture is at most this factor larger, the
+grid with the fewest samples is preferred.
+"""
 
 SEARCHED_FRAMES = 2000
-"""Largest number of frames in a search: squares up to a million samples, lines up to 2000."""
+"""Largest number of frames in a search.  They are squares of up to about a million samples, or
+lines of up to 2000 samples.
+"""
 
 SEARCHED_SAMPLES = 400
 """Largest number of samples for the objectives that improve with every sample."""
 
 
 def solve_monotone(problem: Problem) -> Solution:
-    """The baseline and the number of samples that are best, if V̂ rises with the baseline.
+    """Find the best baseline and number of samples if V̂ increases with the baseline.
 
     Raises
     ------
     InfeasibleError
-        If nothing within the bounds meets the target; the message says what is reachable.
-    RequestError
-        If the answer has more sites than one plan may have.
+        If no grid within the bounds meets the target.  The message gives the best value that is
+        possible.  RequestError If the solution has more sites than a plan may have.
     """
     bounds = problem.bounds
     if bounds.baseline_m is not None and bounds.samples is not None:
@@ -68,9 +73,11 @@ def solve_monotone(problem: Problem) -> Solution:
 
 
 def fewest_at(problem: Problem, baseline_m: float | None) -> int | None:
-    """Fewest samples that meet the target at one baseline; None if no number up to the limit does.
+    """Smallest number of samples that meets the target at one baseline; None if no number up to the
+    limit does.
 
-    V̂ of whole frames rises from frame to frame, and within a frame with every sample.
+    V̂ of whole frames increases from frame to frame.  Within a frame, V̂ increases with every
+    sample.
     """
     fewest = problem.requirement.fewest_independent(problem.model)
     if fewest is None:
@@ -156,7 +163,8 @@ def _fewest_samples(problem: Problem) -> Solution:
     if not _may_be_dense_enough(problem):
         raise _out_of_reach(problem)
     for frame in _candidate_frames(problem):
-        # The frame has the largest extent that is allowed, so its fewest samples are at one baseline.
+        # The frame has the largest extent that is allowed. The smallest number of its samples is
+        # therefore at a known baseline.
         baseline = problem.widest_m(frame)
         most = min(frame.most, _most_samples(problem))
         if problem.meets(frame.pattern(most), baseline):
@@ -166,15 +174,16 @@ def _fewest_samples(problem: Problem) -> Solution:
 
 
 def _may_be_dense_enough(problem: Problem) -> bool:
-    """Whether the largest number of samples comes near the target within the bounds.
+    """Whether the largest number of samples reaches, or almost reaches, the target within the
+    bounds.
 
-    Within one extent, denser grids have a higher visibility.  If the densest grid misses the target
-    by far, no other grid meets it.
+    For a given extent, denser grids have a higher visibility.  If the densest grid misses the
+    target by a large margin, no other grid meets it.
     """
     grid, most = problem.grid, _most_samples(problem)
     fewest = _fewest_independent(problem)
     if fewest < MANY_SAMPLES:
-        return True  # there are few frames, and their shapes differ
+        return True  # There are few frames, and their shapes differ.
     first = grid.index_of(fewest)
     last = min(grid.index_of(max(most, 1)), first + SEARCHED_FRAMES - 1)
     densest = grid.frame(max(first, last)).whole
@@ -190,9 +199,12 @@ def _least_aperture(problem: Problem) -> Solution:
 
 
 def _least_aperture_or_none(problem: Problem) -> Solution | None:
-    """The fewest samples within 1 % of the least extent; None if no grid meets the target."""
-    # Within a frame, more samples need a smaller baseline, so its densest pattern has the least
-    # extent.  One prediction at the least extent so far tells whether the frame can be better.
+    """The solution with the fewest samples within 1 % of the smallest extent; None if no grid meets
+    the target.
+    """
+    # Within a frame, more samples need a smaller baseline, so that the densest pattern has the
+    # smallest extent. A single prediction at the smallest extent so far shows whether the frame can
+    # be better.
     least = math.inf
     for frame in _candidate_frames(problem):
         densest = _densest(problem, frame)
@@ -201,7 +213,8 @@ def _least_aperture_or_none(problem: Problem) -> Solution | None:
             widest = min(widest, least / frame.longer_side)
         if problem.meets(densest, widest):
             baseline = problem.smallest_baseline_m(densest)
-            assert baseline is not None  # it meets the target at `widest`
+            # It meets the target at `widest`, so that there is a baseline.
+            assert baseline is not None
             least = min(least, baseline * frame.longer_side)
     if math.isinf(least):
         return None
@@ -225,7 +238,7 @@ def _densest(problem: Problem, frame: AnyFrame) -> Sites:
 
 def _least_time(problem: Problem) -> Solution:
     timing = problem.timing
-    # Without a least run-in, the time rises with the baseline and gives a bound.
+    # Without a shortest run-in, the time increases with the baseline and gives a lower bound.
     rising = timing._replace(least_run_in_m=0.0)
     calm = rising._replace(wind=(0.0, 0.0))
     if timing.fly_through and timing.transit.speed_mps > timing.speed_mps:
@@ -239,7 +252,8 @@ def _least_time(problem: Problem) -> Solution:
             if fewest * timing.hold_s >= best[0]:
                 break
             # No leg is shorter than the baseline, and the densest pattern of a frame needs the
-            # smallest one.  One prediction for it tells whether any pattern can be faster.
+            # smallest baseline. A single prediction for this pattern shows whether any pattern can
+            # be faster.
             shortest = Path.shortest(fewest, timing)
             allowed = _widest_within(shortest, calm, best[0], problem.widest_m(frame))
             if allowed is None or not problem.meets(frame.pattern(most), allowed):
@@ -248,7 +262,8 @@ def _least_time(problem: Problem) -> Solution:
             pattern = frame.pattern(samples)
             path = path_of(pattern, timing)
             if best is not None:
-                # One prediction at the largest baseline that is still faster avoids most searches.
+                # A single prediction at the largest baseline that is still faster makes most
+                # searches unnecessary.
                 allowed = _widest_within(path, rising, best[0], problem.widest_m(frame))
                 if allowed is None or not problem.meets(pattern, allowed):
                     continue
@@ -273,7 +288,9 @@ def _widest_within(path: Path, timing: Timing, time_s: float, widest_m: float) -
 
 
 def _candidate_frames(problem: Problem) -> Iterator[AnyFrame]:
-    """Frames from the first that may meet the target to the largest number of samples."""
+    """Frames from the first one that may meet the target to the one with the largest number of
+    samples.
+    """
     grid = problem.grid
     most = _most_samples(problem)
     first = grid.index_of(_fewest_independent(problem))
@@ -293,7 +310,9 @@ def _most_samples(problem: Problem) -> int:
 
 
 def _fewest_independent(problem: Problem) -> int:
-    """Lower bound of the number of samples; an error if no number of samples meets the target."""
+    """Lower bound of the number of samples.  Raises an error if no number of samples meets the
+    target.
+    """
     fewest = problem.requirement.fewest_independent(problem.model)
     if fewest is None:
         low, high = problem.model.transparency, problem.model.density
@@ -310,7 +329,9 @@ def _lower_bound(problem: Problem, frame: AnyFrame, most: int) -> int:
 
 
 def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) -> int:
-    """Fewest samples of a frame that meet the target at a baseline; `most` of them do."""
+    """Smallest number of samples of a frame that meets the target at a baseline.  The number `most`
+    is known to meet it.
+    """
     return smallest_whole(
         lambda samples: problem.meets(frame.pattern(samples), baseline_m),
         _lower_bound(problem, frame, most),
@@ -319,14 +340,17 @@ def _fewest_in(problem: Problem, frame: AnyFrame, baseline_m: float, most: int) 
 
 
 def _preferred_baseline_m(problem: Problem, pattern: Sites) -> float:
-    """The baseline of the model's rule if samples are the objective, else the smallest baseline."""
+    """The baseline that the model recommends if the objective is the number of samples, otherwise
+    the smallest baseline.
+    """
     rule = problem.model.rule_baseline_m
     if rule is not None and problem.objective == "samples":
         preferred = min(rule / pattern.nearest, problem.widest_m(pattern))
         if problem.meets(pattern, preferred):
             return preferred
     baseline = problem.smallest_baseline_m(pattern)
-    assert baseline is not None  # callers have checked the widest
+    # Callers have checked that the pattern meets the target at its largest baseline.
+    assert baseline is not None
     return baseline
 
 
@@ -371,7 +395,7 @@ def _out_of_reach(problem: Problem) -> InfeasibleError:
 
 
 def _best_within(problem: Problem) -> str:
-    """The best value within the bounds, as text."""
+    """Text of the best value within the bounds."""
     limit = problem.bounds.max_samples or SEARCHED_SAMPLES
     searched = map(problem.grid.frame, range(1, SEARCHED_FRAMES + 1))
     frames = takewhile(lambda frame: frame.fewest <= limit, searched)
@@ -399,7 +423,7 @@ def _ground_binds(problem: Problem) -> bool:
 
 
 def _remedy(problem: Problem) -> str:
-    """The remedy without a bound on the aperture, as text."""
+    """Text of a remedy that does not depend on a bound on the aperture."""
     if problem.bounds.max_aperture_m is None and _ground_binds(problem):
         return refusals.LIFT_GROUND
     free = Bounds(max_samples=problem.bounds.max_samples)

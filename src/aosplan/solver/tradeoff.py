@@ -1,15 +1,19 @@
 """The trade-off: baseline, visibility, extent and flight time for each number of samples.
 
-A row is a pattern at the smallest baseline that meets the target.  If no baseline meets it, the row
-has the baseline that comes nearest; if the objective is maximised, it has the best baseline.  A row
-is on the front if no other row that meets the target is at least as good in samples, extent and
-flight time and better in one of them.  For objectives that are maximised, their value is compared
-too, and with any row.
+A row is a pattern at the smallest baseline that meets the target.  If no baseline meets the target,
+the row has the baseline with the best value.  If the objective is maximised, the row always has the
+best baseline.
 
-For models that rise with the baseline there is a row for every number of samples; for spirals above
-64 samples, only for the numbers of whole rectangles.  For the measured model there is a row for the
-densest pattern of each rectangle, and the same number of lines, lanes and spirals, by the scan of
-`aosplan.solver.solve_by_scan` with a step that is halved `REFINEMENTS` times.
+A row is on the Pareto front if no other row that meets the target dominates it.  A row dominates
+another row if it is at least as good in samples, extent and flight time, and better in one of
+these.  If the objective is maximised, its value is also compared, and all rows are included in the
+comparison.
+
+For models whose visibility increases with the baseline, there is a row for every number of samples.
+For spirals above 64 samples, there are only rows for the sample counts of whole rectangles.  For
+the measured model, there is a row for the densest pattern of each rectangle, and rows for lines,
+lanes and spirals with the same sample counts.  Their baselines are found by the scan of
+`aosplan.solver.solve_by_scan`, whose step is halved `REFINEMENTS` times.
 """
 
 from __future__ import annotations
@@ -32,10 +36,14 @@ if TYPE_CHECKING:
     from aosplan.solver.solution import Solution
 
 REFINEMENTS = 4
-"""Number of times that the step of a scan is halved: baselines are exact to 1 %."""
+"""Number of times that the step of a scan is halved.  The error of baselines is then at most 1
+%.
+"""
 
 MEASURED_SAMPLES = 100
-"""Largest number of samples with a row for a measured stand, unless the request has more."""
+"""Largest number of samples that has a row for a measured stand, unless the request gives a larger
+number.
+"""
 
 
 class TradeoffRow(NamedTuple):
@@ -90,7 +98,8 @@ class TradeoffRow(NamedTuple):
 
 
 def tradeoff(problems: Sequence[Problem], chosen: Problem, solution: Solution) -> list[TradeoffRow]:
-    """Rows of all kinds of grid, by rising number of samples within each kind, with the plan's own row.
+    """Rows of all kinds of grid, including the row of the plan.  Within each kind, they are ordered
+    by number of samples.
 
     Parameters
     ----------
@@ -121,7 +130,9 @@ def _most(problem: Problem, chosen: int) -> int:
 
 
 def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
-    """A row for every number of samples, for models that rise with the baseline."""
+    """A row for every number of samples, for models whose visibility increases with the
+    baseline.
+    """
     bounds, grid = problem.bounds, problem.grid
     last = None
     counts = _counts(problem, most) if bounds.samples is None else [bounds.samples]
@@ -139,7 +150,11 @@ def _rising(problem: Problem, most: int) -> Iterator[TradeoffRow]:
 
 
 def _counts(problem: Problem, most: int) -> Iterator[int]:
-    """The numbers of samples: all of them; for spirals above 64, only those of whole rectangles."""
+    """The sample counts that have a row.
+
+    These are all counts.  For spirals above 64 samples, they are only the counts of whole
+    rectangles.
+    """
     from aosplan.solver.solve_by_scan import THINNED_FROM
 
     for samples in range(1, most + 1):
@@ -152,7 +167,7 @@ def _counts(problem: Problem, most: int) -> Iterator[int]:
 def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
     """One row for each densest pattern.
 
-    Its baseline is searched with the fast surrogate, then checked with the model.
+    The baseline of a row is found with the fast surrogate and then checked with the model.
     """
     from aosplan.solver.solve_by_scan import Candidate, Scan
 
@@ -173,7 +188,7 @@ def _scanned(problem: Problem, most: int) -> Iterator[TradeoffRow]:
 
 
 def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
-    """The same rows, with a mark on those of the front."""
+    """The same rows, with a mark on the rows of the Pareto front."""
     best = bool(rows) and rows[0].problem.objective in BEST
 
     def measures(row: TradeoffRow) -> tuple[float, ...]:
@@ -185,7 +200,9 @@ def _with_front(rows: list[TradeoffRow]) -> list[TradeoffRow]:
     rated = sorted((measures(row), index) for index, row in enumerate(rows) if best or row.meets)
     front: list[tuple[float, ...]] = []
     marked = set()
-    for measured, index in rated:  # a row that is at least as good in all measures comes first
+    # In this order, a row that is at least as good in all measures is before the row that it
+    # dominates.
+    for measured, index in rated:
         if not any(all(map(float.__le__, other, measured)) for other in front):
             front.append(measured)
             marked.add(index)

@@ -10,10 +10,12 @@ from aosplan.validation import Finite, OpenDocument
 
 
 class TradeoffRowDocument(OpenDocument):
-    """A pattern at a baseline: at the smallest that meets the target, or the nearest to it.
+    """A pattern at the smallest baseline that meets the target, or at the best one if no baseline
+    meets it.
 
-    On the front, no row that meets the target is as good in samples, extent and time and better
-    in one; under the objectives that are maximised, no row at all, and in their value too.
+    `front` is true if no other row that meets the target dominates the row in samples, extent and
+    time.  If the objective is maximised, its value is also compared, and all rows are included in
+    the comparison.
     """
 
     grid: str
@@ -39,7 +41,7 @@ class TradeoffRowDocument(OpenDocument):
 
 
 class TradeoffDocument(OpenDocument):
-    """What `aosplan tradeoff --json` prints."""
+    """The output of `aosplan tradeoff --json`."""
 
     schema_: Literal[1] = Field(alias="schema")
     version: str
