@@ -34,6 +34,8 @@ class _Scalars:
     exp = staticmethod(math.exp)
     expm1 = staticmethod(math.expm1)
     sqrt = staticmethod(math.sqrt)
+    tan = staticmethod(math.tan)
+    radians = staticmethod(math.radians)
 
     @staticmethod
     def log1p(x: float) -> float:

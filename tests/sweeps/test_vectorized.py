@@ -35,6 +35,10 @@ AXES = {
     "heading": st.sampled_from([0.0, 33.0, "auto"]),
     "drone": st.sampled_from(["dji-m3t", "dji-m4td", "ardupilot-copter", "none"]),
     "trigger": st.sampled_from(["stop", "distance"]),
+    "payload": st.sampled_from(["dji-h20t", "dji-h30t", "dji-m3t"]),
+    "autopilot": st.sampled_from(["px4", "ardupilot", "dji"]),
+    "camera_control": st.sampled_from(["outputs", "mavlink"]),
+    "altitude_frame": st.sampled_from(["takeoff", "terrain"]),
 }
 TARGETS = (
     {},
@@ -215,6 +219,31 @@ def test_uniform_scenes_and_cameras_of_files_are_columns(tmp_path):
     expected = results_of(plan(PlanRequest(**values), folder=str(tmp_path)))
     for name in RESULTS:
         assert float(np.ravel(solved.columns[name])[0]) == pytest.approx(expected[name], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        {"payload": ["dji-h20t", "dji-h30t", "dji-h20n"], "drone": ["dji-m300", "dji-m3t"]},
+        {"payload": ["dji-h30t", "dji-h20t"], "camera": ["dji-h20t-thermal", "dji-h30t-wide"]},
+        {"autopilot": ["px4", "ardupilot"], "drone": ["px4-multicopter", "dji-m3t"]},
+        {"autopilot": ["px4", "ardupilot"], "hold": [0.1, 1.0, 1.5]},
+        {"autopilot": ["px4", "dji"], "altitude_frame": ["takeoff", "terrain"]},
+        {"camera_control": ["outputs", "mavlink"], "autopilot": ["px4", "dji"]},
+        {"drone": ["dji-m3t", "dji-m350"], "speed": [3.0, 30.0], "payload": ["dji-h30t"]},
+    ],
+)
+def test_the_options_of_an_aircraft_decide_together(axes):
+    crossing = ScenarioProduct(
+        {name: column_of(values) for name, values in ({"altitude": [60.0]} | axes).items()}
+    )
+    block = crossing.block(0)
+    frame = solve_block(block, [], RESULTS)
+    for row, shown in enumerate(frame.rows(named=True)):
+        state, why, expected = by_plan(block.request_values(row))
+        assert (shown["status"], shown["reason"] or "") == (state, why)
+        for name in RESULTS if state == "ok" else ():
+            assert shown[name] == pytest.approx(expected[name], rel=1e-12), name
 
 
 def test_fixed_baselines_are_columns_too():

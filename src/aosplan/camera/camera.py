@@ -4,15 +4,60 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
 from aosplan.errors import RequestError
+from aosplan.numerics import SCALARS
+
+T = TypeVar("T")
+"""A float, or a column of floats."""
 
 SMALLEST, LARGEST = 1e-6, 1e9
 """Bounds of a camera's lengths [mm] and of its image size [px]."""
 
 
+def focal_length_of_fov(fov_deg: Any, xp: Any = SCALARS) -> Any:
+    """Focal length divided by the sensor width, for a horizontal field of view [deg].
+
+    Takes floats, or arrays with numpy as `xp`.
+    """
+    return 0.5 / xp.tan(xp.radians(fov_deg) / 2.0)
+
+
+class Optics(Generic[T]):
+    """The formulas of a pinhole camera that looks straight down, or of a column of cameras."""
+
+    focal_length_mm: Any
+    sensor_width_mm: Any
+    sensor_height_mm: Any
+    image_width_px: Any
+
+    @property
+    def focal_length_px(self) -> T:
+        """Focal length in pixels, computed with the pixel pitch along the image width."""
+        pixels: T = self.focal_length_mm * self.image_width_px / self.sensor_width_mm
+        return pixels
+
+    def gsd_m(self, altitude_m: Any) -> T:
+        """Ground sampling distance: size of a pixel on the focal plane along the image width [m]."""
+        size: T = altitude_m / self.focal_length_px
+        return size
+
+    def altitude_for_gsd_m(self, gsd_m: Any) -> T:
+        """Altitude above the focal plane [m] at which the ground sampling distance is `gsd_m`."""
+        altitude: T = gsd_m * self.focal_length_px
+        return altitude
+
+    def footprint_m(self, altitude_m: Any) -> tuple[T, T]:
+        """Size of the image on the focal plane, along the heading (x) and across it (y) [m]."""
+        return (
+            altitude_m * self.sensor_height_mm / self.focal_length_mm,
+            altitude_m * self.sensor_width_mm / self.focal_length_mm,
+        )
+
+
 @dataclass(frozen=True)
-class Camera:
+class Camera(Optics[float]):
     """A pinhole camera that looks straight down.
 
     The width of the image is across the heading (y), and the height of the image is along the
@@ -73,14 +118,9 @@ class Camera:
         """
         if not 0.0 < fov_deg < 180.0:
             raise RequestError(f"field of view {fov_deg:g} is not between 0 and 180 degrees")
-        focal = 0.5 / math.tan(math.radians(fov_deg) / 2)
+        focal = focal_length_of_fov(fov_deg)
         height = image_height_px / image_width_px
         return cls(name, focal, 1.0, height, image_width_px, image_height_px)
-
-    @property
-    def focal_length_px(self) -> float:
-        """Focal length in pixels, computed with the pixel pitch along the image width."""
-        return self.focal_length_mm * self.image_width_px / self.sensor_width_mm
 
     @property
     def fov_deg(self) -> tuple[float, float]:
@@ -88,18 +128,3 @@ class Camera:
         width = math.atan(0.5 * self.sensor_width_mm / self.focal_length_mm)
         height = math.atan(0.5 * self.sensor_height_mm / self.focal_length_mm)
         return math.degrees(2 * width), math.degrees(2 * height)
-
-    def gsd_m(self, altitude_m: float) -> float:
-        """Ground sampling distance: size of a pixel on the focal plane along the image width [m]."""
-        return altitude_m / self.focal_length_px
-
-    def altitude_for_gsd_m(self, gsd_m: float) -> float:
-        """Altitude above the focal plane [m] at which the ground sampling distance is `gsd_m`."""
-        return gsd_m * self.focal_length_px
-
-    def footprint_m(self, altitude_m: float) -> tuple[float, float]:
-        """Size of the image on the focal plane, along the heading (x) and across it (y) [m]."""
-        return (
-            altitude_m * self.sensor_height_mm / self.focal_length_mm,
-            altitude_m * self.sensor_width_mm / self.focal_length_mm,
-        )

@@ -254,7 +254,7 @@ def resolve_inputs(
         area=area,
         max_sites=request.max_sites or 0,
         wants_sensitivity=request.sensitivity,
-        flight=_flight_of(request, camera.gsd_m(altitude_m), folder),
+        flight=flight_of(request, camera.gsd_m(altitude_m), folder),
         folder=folder,
     )
 
@@ -342,7 +342,8 @@ def _find_of(request: PlanRequest) -> FindInputs | None:
     )
 
 
-def _flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
+def flight_of(request: PlanRequest, gsd_m: float, folder: str) -> FlightInputs:
+    """How the photos of a request are flown; `gsd_m` is the ground sampling distance."""
     drone = None
     if request.drone is not None:
         from aosplan.flight.find import find_drone

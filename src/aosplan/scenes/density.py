@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from aosplan.numerics import elementwise
+from aosplan.numerics import SCALARS, elementwise
 
 if TYPE_CHECKING:
     from aosplan.numerics import Floats
@@ -60,6 +60,14 @@ def slice_density(integrated: Floats, volume_height: Floats, occluder_size: Floa
         l and o [m], both above 0.
     """
     return elementwise(_slice_density, integrated, volume_height, occluder_size)
+
+
+def density_of_part(density: Any, part_m: Any, whole_m: Any, xp: Any = SCALARS) -> Any:
+    """Integrated density of a part of a volume with the integrated density p (from Eq. 1).
+
+    Takes floats, or arrays with numpy as `xp`.  `part_m` and `whole_m` are thicknesses.
+    """
+    return -xp.expm1(xp.log1p(-density) * part_m / whole_m)
 
 
 def _log_transparency(xp: Any, d: Any, height: Any, o: Any) -> tuple[Any, Any, Any]:

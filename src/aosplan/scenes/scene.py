@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from aosplan.camera.disparity import Slab
 from aosplan.errors import RequestError
-from aosplan.scenes.density import integrated_density, transparency
+from aosplan.scenes.density import density_of_part, integrated_density, transparency
 
 SMALLEST_M, LARGEST_M = 1e-9, 1e9
 """Bounds of all lengths of a scene.  Within them, products of several lengths neither overflow nor
@@ -154,8 +154,8 @@ class UniformScene:
         base = max(self.volume_base_m, height_m)
         thickness = self.canopy_top_m - base
         given = self.given_integrated_density
-        if given is not None and given < 1.0:
-            given = -math.expm1(math.log1p(-given) * thickness / self.volume_height_m)
+        if given is not None:
+            given = density_of_part(given, thickness, self.volume_height_m)
         return replace(
             self,
             volume_base_m=base - height_m,

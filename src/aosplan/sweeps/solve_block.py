@@ -11,7 +11,7 @@ from aosplan.sweeps.block import Block
 from aosplan.sweeps.scenarios import column_of, polars
 from aosplan.sweeps.solve_rows import DETECTION, RESULTS, WHOLE, forget_scenes, solve_rows
 from aosplan.sweeps.status import STATUSES
-from aosplan.sweeps.vectorized.inputs import uniform_scene
+from aosplan.sweeps.vectorized import inputs
 from aosplan.sweeps.vectorized.solve_columns import solve_columns
 from aosplan.units import nearest_hint
 
@@ -126,7 +126,7 @@ def solve_block(
 def forget_files() -> None:
     """Clear what was read from files, because they may change while this process runs."""
     forget_scenes()
-    uniform_scene.cache_clear()
+    inputs.forget_files()
 
 
 def _moved(reason: NDArray[np.int32], by: int) -> NDArray[np.int32]:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from aosplan.sweeps.vectorized.inputs import AircraftColumns
+
 
 class _Layout(NamedTuple):
     pattern: Sites
@@ -76,21 +78,19 @@ def layouts(wanted: Any, grid: Any) -> GridColumns:
     )
 
 
-def flights(layout: GridColumns, baseline: Any, timing: tuple[Any, Any, Any]) -> tuple[Any, Any]:
-    """Length of each path [m], and its time with a stop at every site [s].
-
-    `timing` is the speed, the acceleration and the hold.
-    """
+def flights(layout: GridColumns, baseline: Any, aircraft: AircraftColumns) -> tuple[Any, Any]:
+    """Length of each path [m], and its time with a stop at every site [s]."""
     most = max(map(len, layout.legs))
     table = np.zeros((2, most, len(layout.legs)))
     for column, found in enumerate(layout.legs):
         if found:
             table[:, : len(found), column] = np.transpose(found)
-    speed, acceleration, hold = timing
-    length, time = 0.0, layout.samples * hold
+    length, time = 0.0, layout.samples * aircraft.hold_s
     for kind in range(most):
         leg = table[0, kind][layout.places] * baseline
         count = table[1, kind][layout.places]
         length = length + leg * count
-        time = time + stop_to_stop_s(leg, speed, acceleration, np) * count
+        time = (
+            time + stop_to_stop_s(leg, aircraft.speed_mps, aircraft.acceleration_mps2, np) * count
+        )
     return length, time

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from aosplan.camera.find import find_camera
+from aosplan.camera.camera import Optics, focal_length_of_fov
 from aosplan.errors import RequestError
-from aosplan.flight.drones import DRONES
+from aosplan.flight.drones import AUTOPILOTS
 from aosplan.mission.mission import check_hold
+from aosplan.planning.aircraft import with_drone_file
 from aosplan.planning.loaded_scene import load_scene
 from aosplan.planning.options import DEFAULTS
 from aosplan.planning.request import PlanRequest
-from aosplan.scenes.density import integrated_density, transparency
+from aosplan.planning.resolve import camera_of, flight_of
+from aosplan.scenes.density import density_of_part, integrated_density, transparency
 from aosplan.scenes.presets import find_preset_scene
 from aosplan.scenes.scene import SMALLEST_M, UniformScene
 from aosplan.solver.problem import TOLERANCE, Requirement
@@ -41,9 +45,11 @@ VALUES: dict[str, tuple[Any, ...]] = {
     "trigger": ("stop",),
     "rays": ("nadir",),
     "hold_error": (0.0,),
-    "drone": tuple(DRONES),
 }
 """Options for which only these values can be solved as columns."""
+
+AIRCRAFT = ("camera", "drone", "payload", "autopilot", "camera_control", "altitude_frame")
+"""Options that decide the camera, the speeds and the autopilot together."""
 
 UNDERSTOOD = {
     "altitude",
@@ -59,7 +65,6 @@ UNDERSTOOD = {
     "occluder_size",
     "volume_height",
     "volume_base",
-    "camera",
     "focal_length",
     "sensor_width",
     "sensor_height",
@@ -79,12 +84,9 @@ UNDERSTOOD = {
     "acceleration",
     "climb",
     "hold",
-    "autopilot",
-    "payload",
-    "camera_control",
     "transit_speed",
     "photo_interval",
-    "altitude_frame",
+    *AIRCRAFT,
     *VALUES,
 }
 """Options that can be solved as columns, or do not change the results here."""
@@ -107,7 +109,7 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
         name: value
         for name, value in block.request_values(0).items()
         # These options may have wrong values in some rows only.
-        if name not in ("max_samples", "heading", *VALUES)
+        if name not in ("max_samples", "heading", *AIRCRAFT, *VALUES)
     }
     if "fov" in checked:
         checked["fov"] = 90.0
@@ -123,35 +125,7 @@ def solvable_as_columns(block: Block) -> NDArray[np.bool_] | None:
         mask = mask & np.reshape(numeric, given["heading"].shape)
     if "fov" in given:
         mask = mask & (given["fov"] < 180.0)
-    if "autopilot" in given and "drone" in given:
-        return None  # they may contradict each other in some rows only
-    if "autopilot" in given or "drone" in given:
-        mask = mask & _held(given)
     return mask if mask.any() else None
-
-
-def _held(given: Columns) -> NDArray[np.bool_]:
-    """Mask of the scenarios whose autopilot stops for the whole hold."""
-    pilots = given.get("autopilot")
-    if pilots is None:
-        pilots = np.array([_autopilot(name) for name in given["drone"].flat], dtype=object)
-        pilots = pilots.reshape(given["drone"].shape)
-    hold, held = column(given, "hold"), np.True_
-    for pilot in set(pilots.flat):
-        held = held & ((pilots != pilot) | by_value(partial(_is_held, pilot), bool, hold))
-    return np.asarray(held)
-
-
-def _autopilot(drone: str | None) -> str | None:
-    return DRONES[drone].autopilot if drone in DRONES else None
-
-
-def _is_held(autopilot: str | None, hold_s: float) -> bool:
-    try:
-        check_hold(autopilot, hold_s)
-    except RequestError:
-        return False
-    return True
 
 
 def known_share(name: str, column: NDArray[Any], folder: str) -> float:
@@ -173,20 +147,38 @@ def _among(column: NDArray[Any], values: tuple[Any, ...]) -> NDArray[np.bool_]:
     return np.reshape([value in values for value in column.flat], column.shape)
 
 
-def by_value(function: Callable[[Any], Any], dtype: Any, values: NDArray[Any]) -> NDArray[Any]:
-    """Evaluate a function of one value once for each distinct value of an array.
+def by_value(function: Callable[..., Any], dtype: Any, *columns: NDArray[Any]) -> NDArray[Any]:
+    """Evaluate a function once for each distinct combination of the values of columns.
 
     If the function returns several numbers, they are along the last axis of the result.
     """
+    numbered = [_numbered(values) for values in columns]
+    sizes = [len(distinct) for distinct, _ in numbered]
+    places: Any = np.zeros((), dtype=np.int64)
+    for size, (_, own) in zip(sizes, numbered, strict=True):
+        places = places * size + own
+    shape = np.shape(places)
+    if len(columns) == 1:
+        combined = [(value,) for value in numbered[0][0]]
+    else:
+        found, places = np.unique(places, return_inverse=True)
+        indices = zip(*np.unravel_index(found, sizes), strict=True) if columns else [()]
+        combined = [
+            tuple(distinct[place] for place, (distinct, _) in zip(index, numbered, strict=True))
+            for index in indices
+        ]
+    table = np.array([function(*values) for values in combined], dtype=dtype)
+    return np.asarray(table[np.reshape(places, shape)])
+
+
+def _numbered(values: NDArray[Any]) -> tuple[list[Any], NDArray[np.intp]]:
+    """The distinct values of an array, and the index of each element among them."""
     if values.dtype == object:  # text and numbers may be mixed, which cannot be sorted
         numbered = {value: place for place, value in enumerate(dict.fromkeys(values.flat))}
-        distinct = list(numbered)
-        places = np.array([numbered[value] for value in values.flat])
-    else:
-        found, places = np.unique(values, return_inverse=True)
-        distinct = found.tolist()
-    table = np.array([function(value) for value in distinct], dtype=dtype)
-    return np.asarray(table[places]).reshape(values.shape + table.shape[1:])
+        places = np.array([numbered[value] for value in values.flat], dtype=np.intp)
+        return list(numbered), places.reshape(values.shape)
+    found, places = np.unique(values, return_inverse=True)
+    return found.tolist(), places.reshape(values.shape)
 
 
 def column(given: Columns, name: str) -> NDArray[Any]:
@@ -197,64 +189,97 @@ def column(given: Columns, name: str) -> NDArray[Any]:
     return np.array(value, dtype=object if isinstance(value, str) else None)
 
 
-class CameraColumns(NamedTuple):
-    """Cameras; `known` is true if there is a camera of this name."""
+@dataclass(frozen=True)
+class CameraColumns(Optics[Any]):
+    """Cameras."""
 
-    focal_length_px: Any
     focal_length_mm: Any
     sensor_width_mm: Any
     sensor_height_mm: Any
-    known: Any = np.True_
+    image_width_px: Any
 
 
-def camera_columns(given: Columns, folder: str) -> CameraColumns:
-    """The cameras of a block, as `aosplan.planning.resolve.camera_of` finds them."""
-    if "fov" in given:
-        width = given["image_width"]
-        focal = 0.5 / np.tan(np.radians(given["fov"]) / 2.0)
-        return CameraColumns(focal * width, focal, 1.0, given["image_height"] / width)
-    if "focal_length" in given:
-        focal, sensor = given["focal_length"], given["sensor_width"]
-        width, height = given["image_width"], given["image_height"]
-        across = given.get("sensor_height", sensor * height / width)
-        return CameraColumns(focal * width / sensor, focal, sensor, across)
-    if "camera" in given:
-        found = by_value(lambda name: _camera(name, folder), np.float64, given["camera"])
-    elif "drone" in given:
-        found = by_value(lambda name: _camera(_carried(name), folder), np.float64, given["drone"])
-    else:
-        found = np.array(_camera(DEFAULTS["camera"], folder))
-    focal_px, focal, width, height, known = (found[..., place] for place in range(5))
-    return CameraColumns(focal_px, focal, width, height, known > 0.0)
+class AircraftColumns(NamedTuple):
+    """The cameras, how they are flown, and whether the options of an aircraft are valid together."""
+
+    camera: CameraColumns
+    speed_mps: Any
+    acceleration_mps2: Any
+    hold_s: Any
+    known: Any
 
 
-def _carried(drone: str) -> str:
-    """The camera of a drone; empty if it is unknown, in which case the row is refused."""
-    return (DRONES[drone].camera if drone in DRONES else None) or ""
+def aircraft_columns(given: Columns, folder: str) -> AircraftColumns:
+    """The cameras and the flights of a block, as `aosplan.planning.resolve` resolves them."""
+    own = next((name for name in ("fov", "focal_length") if name in given), None)
+    named = tuple(name for name in AIRCRAFT if name in given)
+    resolve = partial(_aircraft, named, own, folder)
+    found = by_value(resolve, np.float64, *(given[name] for name in named))
+    focal, across, along, pixels, speed, most, acceleration, autopilot = np.moveaxis(found, -1, 0)
+    if own == "fov":
+        pixels, across = given["image_width"], np.float64(1.0)
+        focal, along = focal_length_of_fov(given["fov"], np), given["image_height"] / pixels
+    elif own == "focal_length":
+        focal, across = given["focal_length"], given["sensor_width"]
+        pixels = given["image_width"]
+        along = given.get("sensor_height", across * given["image_height"] / pixels)
+    hold = column(given, "hold")
+    held = by_value(_is_held, bool, autopilot, hold) if np.any(autopilot >= 0.0) else np.True_
+    return AircraftColumns(
+        CameraColumns(focal, across, along, pixels),
+        np.minimum(given.get("speed", speed), most),
+        given.get("acceleration", acceleration),
+        hold,
+        np.isfinite(speed) & held,
+    )
 
 
-def _camera(name: str, folder: str) -> tuple[float, ...]:
-    """Numbers of a camera, and whether a camera with this name exists."""
+@lru_cache(maxsize=10_000)
+def _aircraft(
+    names: tuple[str, ...], own_camera: str | None, folder: str, *values: str
+) -> tuple[float, ...]:
+    """Numbers of the camera, speed and its limit, acceleration, and the number of the autopilot.
+
+    They are nan if the options are not valid together.
+    """
+    options: dict[str, Any] = dict(zip(names, values, strict=True))
+    if own_camera is not None:
+        options |= {own_camera: 1.0, "sensor_width": 1.0, "image_width": 1, "image_height": 1}
+        if own_camera == "fov":
+            del options["sensor_width"]
     try:
-        camera = find_camera(name, folder)
+        request = PlanRequest(altitude=1.0, **with_drone_file(options, folder))
+        camera = camera_of(request, folder=folder)
+        flight = flight_of(request, camera.gsd_m(1.0), folder)
     except RequestError:
-        return (math.nan,) * 4 + (0.0,)
+        return (math.nan,) * 8
     return (
-        camera.focal_length_px,
         camera.focal_length_mm,
         camera.sensor_width_mm,
         camera.sensor_height_mm,
-        1.0,
+        camera.image_width_px,
+        flight.speed_mps,
+        min((bound.speed_mps for bound in flight.speed_bounds), default=math.inf),
+        flight.acceleration_mps2,
+        -1 if flight.autopilot is None else AUTOPILOTS.index(flight.autopilot),
     )
+
+
+def _is_held(autopilot: float, hold_s: float) -> bool:
+    """Whether an autopilot stops for the whole hold."""
+    try:
+        check_hold(AUTOPILOTS[int(autopilot)] if autopilot >= 0.0 else None, hold_s)
+    except RequestError:
+        return False
+    return True
 
 
 def altitude_columns(given: Columns, camera: CameraColumns) -> Any:
     """Altitudes above the focal plane [m], given or computed from the requested resolution."""
     if "altitude" in given:
         return given["altitude"]
-    if "gsd" in given:
-        return given["gsd"] * camera.focal_length_px
-    return given["target_size"] / given["target_pixels"] * camera.focal_length_px
+    gsd_m = given["gsd"] if "gsd" in given else given["target_size"] / given["target_pixels"]
+    return camera.altitude_for_gsd_m(gsd_m)
 
 
 class SceneColumns(NamedTuple):
@@ -321,8 +346,7 @@ def _shares(
 ) -> tuple[Any, Any]:
     """p and 1 - p of the remaining parts of volumes, from the density of a slice or of the whole."""
     if whole is not None and cut is not None:
-        lowered = -np.expm1(np.log1p(-whole) * left / thickness)
-        whole = np.where(cut & (whole < 1.0), lowered, whole)
+        whole = np.where(cut, density_of_part(whole, left, thickness, np), whole)
     if slices is None:
         return whole, 1.0 - whole
     density, clear = (
@@ -335,15 +359,20 @@ def _shares(
     return np.where(by_slice, density, whole), np.where(by_slice, clear, 1.0 - whole)
 
 
+def forget_files() -> None:
+    """Clear what was read from files."""
+    uniform_scene.cache_clear()
+    _aircraft.cache_clear()
+
+
 @lru_cache(maxsize=1000)
 def uniform_scene(name: str, folder: str) -> tuple[float, ...]:
     """Numbers of a uniform scene from a preset or file, and whether there is one."""
-    found: Any = find_preset_scene(name)
-    if found is None and os.path.splitext(name)[1].lower() in (".toml", ".json"):
-        try:
+    file = os.path.splitext(name)[1].lower() in (".toml", ".json")
+    found: Any = None
+    if file or find_preset_scene(name) is not None:
+        with suppress(RequestError):
             found = load_scene(PlanRequest(altitude=1.0, scene=name), folder=folder).scene
-        except RequestError:
-            found = None
     if not isinstance(found, UniformScene):
         return (math.nan,) * 5 + (0.0,)
     return (
@@ -424,20 +453,3 @@ def _fewest_by_density(shares: Any, allowed: Any, p: Any, t: Any) -> NDArray[np.
         exact = target.fewest_independent(_Nadir(float(p[at]), float(t[at])))  # type: ignore[arg-type]
         fewest[at] = 0 if exact is None else min(exact, MOST_COUNTED)
     return fewest
-
-
-def timing_columns(given: Columns) -> tuple[Any, Any, Any]:
-    """Speed [m/s], acceleration [m/s²] and hold [s] of the flights."""
-    hold = column(given, "hold")
-    if "drone" not in given:
-        return column(given, "speed"), column(given, "acceleration"), hold
-    flown = by_value(_flown, np.float64, given["drone"])
-    speed = np.minimum(given.get("speed", flown[..., 0]), flown[..., 2])
-    return speed, given.get("acceleration", flown[..., 1]), hold
-
-
-def _flown(drone: str) -> tuple[float, float, float]:
-    found = DRONES.get(drone)
-    if found is None:
-        return (math.nan,) * 3
-    return found.speed_mps, found.acceleration_mps2, found.airspeed_mps

@@ -29,13 +29,12 @@ from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
 from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
+    aircraft_columns,
     altitude_columns,
-    camera_columns,
     column,
     scene_columns,
     solvable_as_columns,
     target_columns,
-    timing_columns,
 )
 from aosplan.sweeps.vectorized.samples import RequirementColumns, SolvedSamples, answer
 
@@ -97,8 +96,9 @@ def solve_columns(
         return None
     given, statuses = block.columns, RowStatuses(block.shape)
     with np.errstate(all="ignore"):
-        camera, scene = camera_columns(given, folder), scene_columns(given, folder)
-        statuses.defer(~(mask & camera.known & scene.known))
+        aircraft, scene = aircraft_columns(given, folder), scene_columns(given, folder)
+        camera = aircraft.camera
+        statuses.defer(~(mask & aircraft.known & scene.known))
         altitude = altitude_columns(given, camera)
         focal = camera.focal_length_px
         if "samples" in given and "max_samples" in given:
@@ -142,7 +142,7 @@ def solve_columns(
         layout = layouts(np.minimum(found.samples, MOST_SITES), grid)
         columns = _results(layout, found, rule, scene, camera, altitude)
         if not {"flight_length_m", "flight_time_s"}.isdisjoint(results):
-            length, time = flights(layout, found.baseline_m, timing_columns(given))
+            length, time = flights(layout, found.baseline_m, aircraft)
             columns |= {"flight_length_m": length, "flight_time_s": time}
         if cleared:
             for name in NOT_OF_CLEAR_VIEWS:
@@ -153,14 +153,10 @@ def solve_columns(
 def _ground(given: Columns, camera: CameraColumns, altitude: Any) -> tuple[Any, Any]:
     """Largest extents of a grid along x and y for which one pixel of common ground remains."""
     lifted = given.get("allow_no_common_ground", np.array(False))
-    pixel = altitude / camera.focal_length_px
-
-    def extent(side_mm: Any) -> Any:
-        footprint = altitude * side_mm / camera.focal_length_mm
-        left = footprint - np.minimum(pixel, 0.5 * footprint)
-        return np.where(lifted.astype(bool), np.inf, left)
-
-    return extent(camera.sensor_height_mm), extent(camera.sensor_width_mm)
+    pixel = camera.gsd_m(altitude)
+    x, y = (side - np.minimum(pixel, 0.5 * side) for side in camera.footprint_m(altitude))
+    free = lifted.astype(bool)
+    return np.where(free, np.inf, x), np.where(free, np.inf, y)
 
 
 def _refuse_altitudes(
@@ -246,6 +242,7 @@ def _results(
     predicted = Prediction(p, t, found.shortfall)
     focal, height = camera.focal_length_px, rule.height_m
     contrast = np.sqrt(contrast_squared(p, t, found.shortfall))
+    footprint_x, footprint_y = camera.footprint_m(altitude)
     return {
         "altitude_m": altitude,
         "baseline_m": baseline,
@@ -266,7 +263,7 @@ def _results(
         "visibility_contrast": np.where(np.isfinite(contrast), contrast, np.nan),
         "disparity_normalized": baseline / rule.unit_m,
         "disparity_pixels": disparity_px(baseline, height, altitude, focal),
-        "camera_gsd_m": altitude / focal,
-        "camera_footprint_x_m": altitude * camera.sensor_height_mm / camera.focal_length_mm,
-        "camera_footprint_y_m": altitude * camera.sensor_width_mm / camera.focal_length_mm,
+        "camera_gsd_m": camera.gsd_m(altitude),
+        "camera_footprint_x_m": footprint_x,
+        "camera_footprint_y_m": footprint_y,
     }
