@@ -1,8 +1,9 @@
-"""The aircraft of a request: drone, autopilot, camera trigger and payload, and what they decide.
+"""The aircraft of a request: drone, autopilot, camera trigger and payload, and the options that
+they determine.
 
 The limits of autopilots are taken from their sources.  PX4's MavlinkMissionManager rejects terrain
-frames.  PX4 and ArduCopter fly through a waypoint whose hold is zero, and ArduPilot stores whole
-seconds.
+frames.  PX4 and ArduCopter fly through a waypoint whose hold is zero.  ArduPilot stores holds in
+whole seconds.
 """
 
 from __future__ import annotations
@@ -19,32 +20,36 @@ if TYPE_CHECKING:
     from aosplan.flight.drones import DronePreset
 
 WIRED = ("aos-", "flir-", "gopro-", "sony-")
-"""Cameras that autopilots trigger by their own outputs, by the first letters of their presets."""
+"""First letters of the presets of cameras that autopilots trigger by their own outputs."""
 
 
 def with_drone_file(values: Mapping[str, Any], folder: str) -> dict[str, Any]:
-    """Options in which a drone file is looked for in a folder first.
+    """Options in which the path of a drone file is resolved: the file is looked for in a folder
+    first.
 
-    A request reads its drone at once, before it knows the folder of its other files.
+    This is needed because a request reads its drone before it knows the folder of its other files.
     """
     drone = values.get("drone")
     return {**values, "drone": located(drone, folder)} if isinstance(drone, str) else {**values}
 
 
 def decided_by_aircraft(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that are not given, from the drone, its payload and its autopilot.
+    """Values of options that are not given, from the drone, its payload and its autopilot.
 
     Raises
     ------
     RequestError
-        If there is no such drone, no camera is known for it, or the options contradict each other.
+        If there is no such drone, if no camera is known for it, or if the options contradict each
+        other.
     """
     brought = _brought_by_drone(values)
     return brought | _decided_by_autopilot({**values, **brought})
 
 
 def _brought_by_drone(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Options that are not given, from the drone and its payload: camera, speeds and limits."""
+    """Values of options that are not given, from the drone and its payload: camera, speeds and
+    limits.
+    """
     drone = _drone_of(values)
     payload = values["payload"]
     carried = payload and camera_of_payload(payload)
@@ -119,16 +124,20 @@ def _drone_of(values: Mapping[str, Any]) -> DronePreset | None:
 
 
 def camera_of_payload(payload: str) -> str | None:
-    """The preset of a payload's camera: the thermal one, or its wide one; None if there is none."""
+    """The preset of a payload's camera: the thermal camera, or else the wide camera; None if there
+    is no such preset.
+    """
     from aosplan.camera.presets import CAMERAS
 
-    # A payload without a thermal camera has the wide one of its sibling with one.
+    # A payload without a thermal camera has the same wide camera as the variant with one.
     named = (f"{payload}-thermal", f"{payload}-wide", f"{payload}t-wide")
     return next((name for name in named if name in CAMERAS), None)
 
 
 def _check_payload(payload: str, drone: str | None, autopilot: str | None, camera: str) -> None:
-    """Refuse a DJI payload that the drone does not carry, or with another payload's camera."""
+    """Refuse a DJI payload if the drone cannot carry it, or if the camera is that of another
+    payload.
+    """
     if drone is not None:
         from aosplan.mission.dji_models import check_carried
 
@@ -146,7 +155,9 @@ def _check_payload(payload: str, drone: str | None, autopilot: str | None, camer
 
 
 def camera_fits_payload(camera: str, payload: str) -> bool:
-    """Whether a camera's preset is one of a payload's; wide cameras are the same without thermal."""
+    """Whether a camera's preset is one of a payload's cameras.  Variants with and without a thermal
+    camera have the same wide camera.
+    """
     built_in = "-".join(camera.split("-")[:2])
     return built_in == payload or (camera.endswith("-wide") and built_in == f"{payload}t")
 

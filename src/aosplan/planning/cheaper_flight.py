@@ -1,4 +1,6 @@
-"""A cheaper flight over the same area, if the plan takes hours or thousands of photos."""
+"""Hint about a cheaper flight over the same area, if the plan takes hours or thousands of
+photos.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ CHEAPER = 0.7
 """Largest time of a cheaper flight, as a share of the time of the plan."""
 
 TRIES = 4
-"""Flights that are laid out in each round of the search; a no-fly zone may stop all of them."""
+"""Number of flights that are planned completely in each round of the search.  A no-fly zone may
+make all of them impossible.
+"""
 
 LONGEST_MIN = 24.0 * 60.0
 
@@ -30,16 +34,14 @@ LONGEST_MIN = 24.0 * 60.0
 def cheaper_way(
     request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float = math.inf
 ) -> str | None:
-    """Text that says how to reach the same target over an area in less time.
+    """Text that describes options with which the same target over an area is reached in less time.
 
     Parameters
     ----------
     request
         The request.
     folder
-        Where its file names are looked for before the current folder.
-    loaded
-        The scene.
+        Folder in which its files are looked for before the current folder. loaded The scene.
     time_s
         Time that the flights of the request take.
 
@@ -82,7 +84,7 @@ def cheaper_way(
 def long_flight(
     request: PlanRequest, folder: str, loaded: LoadedScene, time_s: float
 ) -> Iterator[Message]:
-    """Warn of flights over an area that take hours if a cheaper flight is known."""
+    """Warn of flights over an area that take hours, if a cheaper flight is found."""
     if time_s <= LONG_S:
         return
     way = cheaper_way(request, folder, loaded, time_s)
@@ -93,6 +95,8 @@ def long_flight(
 
 
 def _below(value: float | str | None) -> str:
-    """A length or a pitch, rounded down, as a wider grid may not fit into the images."""
+    """A length or a pitch as text.  It is rounded down, because a wider grid may not fit into the
+    images.
+    """
     assert isinstance(value, float)
     return f"{math.floor(1000.0 * value) / 1000.0:g}"

@@ -17,11 +17,14 @@ if TYPE_CHECKING:
 ALL = "all"
 
 RAYS_M = 50.0
-"""Margin around the area of a plan: rays of up to 45° cross a canopy of 50 m within it."""
+"""Margin around the area of a plan.  Rays of up to 45° cross a canopy of 50 m within this
+margin.
+"""
 
 
 def asked_crop(text: str, folder: str) -> Crop | None:
-    """The crop that ``--crop`` names: four bounds, the bounds of an outline, or none for ``all``.
+    """The crop that ``--crop`` gives: four bounds, or the bounds of an outline in a file.  For
+    ``all`` it is None.
 
     Raises
     ------
@@ -55,9 +58,9 @@ def asked_crop(text: str, folder: str) -> Crop | None:
 def crop_of_plan(
     request: PlanRequest, area: Area | None, footprint_m: tuple[float, float]
 ) -> Crop | None:
-    """The surroundings of a plan; None if it has no location.
+    """The surroundings of a plan; None if the plan has no location.
 
-    They are the area, or the ground that a photo from the middle and a line show, with a margin of
+    They are the area, or the ground that a photo from the middle and a line show, plus a margin of
     `RAYS_M`.
     """
     from aosplan.scenes.files.crop import Crop
@@ -72,9 +75,9 @@ def crop_of_plan(
     else:
         return None
     latitudes, longitudes = to_wgs84(origin, [west, west, east, east], [south, north, south, north])
-    # Seven decimals of a degree are about a centimetre.
+    # The bounds have seven decimals of a degree, which is about a centimetre.
     bounds = (min(longitudes), min(latitudes), max(longitudes), max(latitudes))
     west, south, east, north = (round(bound, 7) for bound in bounds)
-    if east - west > 180.0:  # across the antimeridian
+    if east - west > 180.0:  # the bounds cross the antimeridian
         return None
     return Crop((west, south, east, north), "degrees", RAYS_M, of_plan=True)

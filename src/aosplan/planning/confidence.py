@@ -1,4 +1,6 @@
-"""The confidence in a prediction: its standard errors, from differences between parts of a plot."""
+"""The confidence in a prediction: its standard errors, computed from differences between parts of a
+plot.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +24,15 @@ if TYPE_CHECKING:
 
 
 class Confidence(NamedTuple):
-    """What is known of the errors of a prediction.
+    """The errors of a prediction, as far as they are known.
 
     Attributes
     ----------
     uncertainty
-        Standard errors of the prediction; None if nothing is known of them.
-    uncertainty_reason
-        Why nothing is known of them, or empty.
-    flown
-        The expectation over position noise of the measured model, or None.
-    sensitivity
-        How the plan changes if the scene differs from what was assumed; empty unless requested.
+        Standard errors of the prediction; None if they are not known. uncertainty_reason Reason why
+        they are not known; empty if they are known. flown The expectation of the measured model
+        over position noise, or None. sensitivity Effect on the plan if the scene differs from the
+        assumed scene; empty unless requested.
     """
 
     uncertainty: Uncertainty | None = None
@@ -98,13 +97,15 @@ def _with_opacity(errors: Uncertainty, model: MeasuredModel, solution: Solution)
         return with_doubt(errors, dense, thin, UNIFORM, "opacity")
     try:
         coarse = model.of_volume(coarsened(volume)).predict_positions(sites)
-    except RequestError:  # voxels of twice the size would be as high as the cameras
+    except RequestError:  # Voxels of twice the size would reach the altitude of the cameras.
         return errors
     return with_doubt(errors, model.predict_positions(sites), coarse, OCTAVE, "opacity")
 
 
 def coarsened(volume: VoxelVolume) -> VoxelVolume:
-    """A volume of voxels of twice the size, each occupied if one of its eight voxels is."""
+    """A volume of voxels of twice the size.  A large voxel is occupied if at least one of its eight
+    voxels is.
+    """
     occupied = volume.occupied
     for axis in range(3):
         along = occupied.swapaxes(0, axis)
@@ -128,7 +129,8 @@ def _of_statistics(inputs: PlanInputs, solution: Solution) -> Uncertainty | str:
     try:
         for quarter in quarters(loaded.volume):
             part = layered_scene(quarter, loaded.scene.name)
-            if isinstance(loaded.scene, LayeredScene):  # its voxels may count as other occluders
+            # The occluders of the scene may differ from its voxels.
+            if isinstance(loaded.scene, LayeredScene):
                 part = replace(part, voxel_m=loaded.scene.voxel_m)
             posed = problem_of(
                 inputs._replace(loaded=replace(loaded, scene=part, volume=quarter)), Memo()

@@ -1,7 +1,7 @@
-"""The least time of a flight in closed form, as a bound for searches.
+"""The shortest time of a flight in closed form, as a bound for searches.
 
-Without no-fly zones and terrain, no flight over an area is quicker than `least_time_s`.  At one
-place it is the time of the flight itself.
+Without no-fly zones and terrain, no flight over an area takes less time than `least_time_s`.  For a
+grid at one place, the result is the time of the flight itself.
 """
 
 from __future__ import annotations
@@ -17,20 +17,18 @@ if TYPE_CHECKING:
     from aosplan.planning.route import FlightInputs
 
 BOTH_WAYS = ((1.0, 0.0), (-1.0, 0.0))
-"""Courses of lines, in the axes along the heading and across it."""
+"""The two courses of lines, along the heading and opposite to it, as (along, across)."""
 
 
 class FlownLines(NamedTuple):
-    """What is flown: sites on lines along the heading.
+    """Sites on lines along the heading.
 
     Attributes
     ----------
     sites, lines
-        Number of photos, and of the lines that they lie on.
-    pitch_m
-        Distance between photos along a line, and between lines.
-    way_back_m
-        Level distance from the last site back to the first; 0 if it is not known.
+        Number of photos, and number of lines. pitch_m Distance between photos along a line, and
+        distance between lines. way_back_m Horizontal distance from the last site back to the first;
+        0 if it is not known.
     """
 
     sites: int
@@ -47,26 +45,21 @@ def least_time_s(
     altitude_m: float,
     away_m: float = 0.0,
 ) -> float:
-    """Least time of all flights over a lattice, from take-off to landing.
+    """Shortest possible total time of all flights over a lattice, from take-off to landing.
 
     Parameters
     ----------
     flight
-        How to fly, and how long a battery lasts.
-    lattice
-        What is flown.
-    heading_deg
-        Direction of the lines, clockwise from true north; it matters to the wind.
-    altitude_m
-        Of the sites above the take-off.
-    away_m
-        Least level distance between the take-off and any site.
+        Settings of the flight, including the flight time of a battery. lattice The sites.
+        heading_deg Direction of the lines, clockwise from true north.  It has an effect only with
+        wind. altitude_m Height of the sites above the take-off point. away_m Smallest horizontal
+        distance between the take-off point and any site.
 
     Returns
     -------
     float
-        Seconds; infinite if the speed needs too long a run-in, or if a battery does not last for the
-        path there and back.
+        Time [s].  It is infinite if the run-in for the speed is too long, or if a battery is not
+        enough for the path to the sites and back.
     """
     timing = steady(flight.timing(heading_deg).at(lattice.pitch_m[0]), BOTH_WAYS)
     if timing.run_in_m > LONGEST_RUN_IN_M:
@@ -82,13 +75,13 @@ def least_time_s(
         return whole_s
     if battery_s <= ways_s:
         return math.inf
-    # Each additional flight saves one path between lines and adds the path there and back.
+    # Each additional flight saves one path between lines and adds one path to the sites and back.
     flights = max(math.ceil((work_s + turn_s) / (battery_s - ways_s + turn_s) - 1e-9), 2)
     return work_s - (flights - 1) * turn_s + flights * ways_s
 
 
 def _work_s(timing: Timing, lattice: FlownLines) -> tuple[float, float]:
-    """Time from the first waypoint to the last, and of one way between lines."""
+    """Time from the first waypoint to the last, and time of one path between lines."""
     sites, lines, (x_m, y_m), _ = lattice
     if not timing.fly_through:
         along_s, across_s = _quicker_s(timing, x_m), _quicker_s(timing, 0.0, y_m)
@@ -101,10 +94,10 @@ def _work_s(timing: Timing, lattice: FlownLines) -> tuple[float, float]:
 
 
 def _quicker_s(timing: Timing, x_m: float, y_m: float = 0.0) -> float:
-    """Time of a leg in the quicker of its two directions."""
+    """Time of a leg in the faster one of its two directions."""
     return min(timing.leg_s(x_m, y_m), timing.leg_s(-x_m, -y_m))
 
 
 def _there_and_back_s(timing: Timing, away_m: float) -> float:
-    """Time of a level path there and back in calm air; with wind it is longer."""
+    """Time of a horizontal path to the sites and back without wind.  With wind, it takes longer."""
     return 2.0 * timing._replace(wind=(0.0, 0.0)).leg_s(away_m)

@@ -1,4 +1,4 @@
-"""The scene of a request: read from its file, found among the presets, or made of its numbers."""
+"""The scene of a request.  It is read from a file, found among the presets, or given by numbers."""
 
 from __future__ import annotations
 
@@ -29,29 +29,27 @@ VOXEL_SUFFIX = ".npz"
 RASTER_SUFFIXES = (".tif", ".tiff")
 TABLE_SUFFIX = ".csv"
 OPACITY = ("opacity", "leaf_size", "trajectory")
-"""Options that say where the opacity of a point cloud comes from."""
+"""Options that determine the source of a point cloud's opacity."""
 
 
 @dataclass(frozen=True)
 class LoadedScene:
-    """A scene, the kind of its source, and the other content of that source.
+    """A scene, the kind of its source, and the other content of the source.
 
     Attributes
     ----------
     scene
         Uniform or layered.
     kind
-        ``uniform``, ``layered`` or ``cloud``; it decides the default model.
-    warnings
-        Messages from reading it.
+        ``uniform``, ``layered`` or ``cloud``.  It determines the default model. warnings Messages
+        of the reader.
     volume
         Its voxels, if it has any.
     correlogram
         Its correlogram, if the source has one.
     reading
-        The options by which it was read, with their defaults.
-    from_cache
-        Whether its voxels come from an earlier reading of the same files.
+        The options with which it was read, including defaults. from_cache Whether its voxels come
+        from the cache, because the same files have been read before.
     """
 
     scene: Scene
@@ -80,11 +78,13 @@ def load_scene(
     folder
         Folder of the request file, in which file names are looked for first.
     progress
-        Called while a point cloud is read, with the number of points read so far and the total.
+        Function that is called with the number of points read and the total, while a point cloud is
+        read.
     also
         More point clouds of the same stand.
     surroundings
-        Returns the part of a point cloud that the plan needs, if the request does not name a part.
+        Function that returns the part of a point cloud that the plan needs.  It is called if the
+        request does not give a part.
     """
     if request.scene is None:
         return _of_numbers(request)
@@ -135,7 +135,7 @@ def load_scene(
 def _of_numbers(request: PlanRequest) -> LoadedScene:
     """The scene that the numbers of a request describe."""
     height, base = request.volume_height, request.volume_base
-    assert height is not None  # the request has checked that its scene is complete
+    assert height is not None  # `PlanRequest` has checked that the scene is complete.
     assert base is not None
     if request.stems_per_hectare is not None:
         from aosplan.scenes.inventory import inventory_scene
@@ -165,9 +165,9 @@ def _of_numbers(request: PlanRequest) -> LoadedScene:
 
 
 def without_simulated_view(request: PlanRequest) -> PlanRequest:
-    """The request to plan for a simulation, without the view if only the simulation uses it.
+    """The request without the option ``view``, if only the simulation uses this option.
 
-    Of the models, only the measured one has a view.
+    The measured model is the only model that has a view.
     """
     cloud = (request.scene or "").lower().endswith((*CLOUD_SUFFIXES, VOXEL_SUFFIX))
     measured = request.model == "measured" or (request.model is None and cloud)
@@ -175,14 +175,15 @@ def without_simulated_view(request: PlanRequest) -> PlanRequest:
 
 
 def cloud_files(name: str) -> tuple[str, ...]:
-    """Files of the point cloud that a name stands for, sorted; empty if it is not a point cloud.
+    """Sorted files of the point cloud with a given name; empty if the name is not that of a point
+    cloud.
 
     A name is a file, a folder of tiles, or a pattern such as ``tiles/*.laz``.
 
     Raises
     ------
     RequestError
-        If a folder or a pattern has no point cloud.
+        If a folder or a pattern contains no point cloud.
     """
     if os.path.isdir(name):
         found = [os.path.join(name, file) for file in os.listdir(name)]
@@ -199,7 +200,7 @@ def cloud_files(name: str) -> tuple[str, ...]:
 
 
 def _check_unread(request: PlanRequest, options: Iterable[str]) -> None:
-    """Refuse reading options that do not apply to the scene."""
+    """Refuse options for reading that do not apply to the scene."""
     for option in options:
         if getattr(request, option) is not None:
             kind = "canopy height raster" if option == "crown_base" else "point cloud"
@@ -307,7 +308,7 @@ def _of_stand(stand: VoxelStand, name: str, request: PlanRequest) -> LoadedScene
 
 
 def _of_rim(volume: VoxelVolume) -> tuple[Message, ...]:
-    """The warning of a plot whose rim is thinner than its middle."""
+    """The warning that the rim of a plot is thinner than its middle."""
     from aosplan.scenes.occluder_statistics import thin_rim
 
     found = thin_rim(volume)

@@ -1,4 +1,4 @@
-"""Warnings of a plan over a point cloud, whose visibility the measured model predicts."""
+"""Warnings of a plan whose visibility is predicted by the measured model."""
 
 from __future__ import annotations
 
@@ -15,16 +15,20 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import Problem
 
 EDGES_MATTER = 0.02
-"""Least difference of V or V̂ between the interior of a plot and the whole plot for a warning."""
+"""Smallest difference of V or V̂ between the interior of a plot and the whole plot that causes a
+warning.
+"""
 
 SATURATED = 0.98
-"""Mean share of the ground that views hide above which a prediction depends on few gaps."""
+"""Mean share of the ground that a view does not see.  Above this share, a prediction depends on few
+gaps.
+"""
 
 
 def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterator[Message]:
-    """Yield the limits of a prediction of the measured model as warnings.
+    """Yield warnings about the limits of a prediction by the measured model.
 
-    `compares_headings` says whether the best heading was searched for.
+    `compares_headings` tells whether the best heading was searched for.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
     if problem is None:
@@ -59,7 +63,9 @@ def measured_warnings(solved: SolvedPlan, *, compares_headings: bool) -> Iterato
 
 
 def _edges(solved: SolvedPlan, problem: Problem) -> Iterator[Message]:
-    """Warn of a prediction that changes because the plot repeats itself, unless that was asked for."""
+    """Warn if the prediction depends on the repetition of the plot, unless the request asks for
+    this repetition.
+    """
     solution = solved.solution
     model, grid = problem.model, (solution.pattern, solution.baseline_m)
     if solved.inputs.edges == "wrapped" or not isinstance(model, MeasuredModel):

@@ -1,7 +1,8 @@
-"""Parsers of the options of a plan: from what a user gives to a value within its domain.
+"""Parsers of the options of a plan.
 
-Each parser takes the given value (text, or what a file holds) and the name of the option for its
-messages.  Parsers of plain numbers are in `aosplan.units`.
+A parser converts the value that a user gives (text, or a value from a file) to a value within the
+domain of the option.  Its second argument is the name of the option, for messages.  Parsers of
+plain numbers are in `aosplan.units`.
 """
 
 from __future__ import annotations
@@ -17,29 +18,33 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 VIEWS = ("telecentric", "perspective")
-"""Targets of the measured model: each below an aperture of its own, or all below the same one."""
+"""Views of the measured model: each target is below its own aperture (``telecentric``), or all
+targets are below the same aperture (``perspective``).
+"""
 
 EDGES = ("auto", "interior", "wrapped")
-"""Targets of the measured model: those whose rays stay on the plot, or all, as the plot wraps."""
+"""Targets that the measured model counts: those whose rays stay on the plot (``interior``), all
+targets of the periodic plot (``wrapped``), or a choice between these (``auto``).
+"""
 
 GROUND = ("auto", "class", "filter", "normalized")
-"""How the ground of a point cloud is found."""
+"""Methods that find the ground of a point cloud."""
 
 TRIGGERS = ("stop", "distance", "best")
-"""How photos are taken: at a stop, or by distance in passing; or the better of both."""
+"""Ways to take photos: at a stop, by distance while flying, or the better of both."""
 
 OPACITY = ("auto", "pulses", "voxels")
-"""Where the opacity of a point cloud comes from."""
+"""Sources of the opacity of a point cloud."""
 
 AUTOPILOTS = ("px4", "ardupilot")
-"""Flight controllers that take QGroundControl's plans."""
+"""Flight controllers that read QGroundControl's plans."""
 
 CAMERA_CONTROLS = ("mavlink", "outputs")
-"""How PX4 triggers a camera: by MAVLink's camera protocol, or by its own outputs."""
+"""Ways in which PX4 triggers a camera: by MAVLink's camera protocol, or by its own outputs."""
 
 
 LARGEST = 1e9
-"""Largest quantity of a request; its inverse is the smallest one, except zero."""
+"""Largest value of a quantity in a request.  The smallest value, except zero, is its inverse."""
 
 
 def bounded(parse: Callable[..., float], value: Any, name: str, **unit: str) -> float:
@@ -73,7 +78,7 @@ def field_of_view(value: Any, name: str) -> float:
 
 
 def target_share(value: Any, name: str) -> float | str:
-    """A target below 1; it stays text if a float would change its value."""
+    """A target below 1.  It is returned as text if conversion to a float would change its value."""
     exact = q.exact_share(value, name)
     if not 0 <= exact < 1:
         hint = (
@@ -103,7 +108,7 @@ def altitude(value: Any, name: str) -> float | str:
 
 
 def heading_or_auto(value: Any, name: str) -> float | str:
-    """A direction, ``best``, or ``auto``: along the longer side of an area."""
+    """A direction, ``best``, or ``auto`` (along the longer side of an area)."""
     return "auto" if value == "auto" else heading_or_best(value, name)
 
 
@@ -115,7 +120,7 @@ def payload(value: Any, name: str) -> str:
 
 
 def length_unit(value: Any, name: str) -> str:
-    """Check an option that takes one unit of length.
+    """Check the value of an option that is one unit of length.
 
     Raises
     ------
@@ -134,7 +139,8 @@ def length_unit(value: Any, name: str) -> str:
 
 
 def length_units(value: Any, name: str) -> str:
-    """Check the option ``--units``: one unit for all axes, or one for x and y and one for z.
+    """Check the option ``--units``: one unit for all axes, or one unit for x and y and another one
+    for z.
 
     The two units are separated by a comma.
 
@@ -157,7 +163,7 @@ def file_waypoints(value: Any, what: str) -> int:
 
 
 PERSON = "person"
-"""A target that `target_m` knows by name."""
+"""Name of a target whose size is known to `target_m`."""
 
 SMALLEST_TARGET_M, LARGEST_TARGET_M = 0.1, 10.0
 """Limits of the sides of a target."""
@@ -187,7 +193,7 @@ def target_name(value: Any, name: str) -> str:
 
 
 def target_m(name: str) -> tuple[float, float]:
-    """Width and length [m] of what `target_name` returns."""
+    """Width and length [m] of a target that `target_name` returned."""
     if name == PERSON:
         return PERSON_M
     width, length = (float(side) for side in name.split("x"))

@@ -1,8 +1,9 @@
-"""Relations between the options of a plan: which exclude each other, and which need another.
+"""Relations between the options of a plan: options that exclude each other, and options that need
+another option.
 
-`PlanRequest` refuses options that these tables exclude.  If there are layers of options, such as flags
-and a request file, an option of the upper layer removes the options of the lower layer that it
-excludes.
+`PlanRequest` refuses combinations of options that these tables exclude.  Options may come from
+several layers, such as flags and a request file.  An option of an upper layer removes the options
+of lower layers that it excludes.
 """
 
 from __future__ import annotations
@@ -46,31 +47,24 @@ ALTERNATIVES = (
         ("fov", "image_width", "image_height"),
     ),
 )
-"""Alternatives: options of different alternatives in one row contradict each other."""
+"""Alternatives.  Two options in different alternatives of a row contradict each other."""
 
 
 OPEN = "best"
-"""Value of an option that a search chooses."""
+"""Value with which an option is left to a search."""
 
 
 class Need(NamedTuple):
-    """Options that need one of several partners, or one value of the partner.
+    """Options that need one of several partners, or a certain value of the partner.
 
     Attributes
     ----------
     options
         The options.
     partners
-        Any one of these is enough.
-    shown
-        The partner as messages name it.
-    hint
-        The remedy.
-    value
-        Value that the partner must have; None: any value.
-    waits
-        Whether a user's own default is ignored while its partner is missing.  Other defaults
-        without their partner are refused.
+        Options of which at least one is needed. shown Name of the partner in messages. hint The
+        remedy. value Value that the partner must have; None: any value. waits Whether a user's own
+        default is ignored if its partner is missing.  If it is false, such a default is refused.
     """
 
     options: tuple[str, ...]
@@ -81,7 +75,7 @@ class Need(NamedTuple):
     waits: bool = False
 
     def is_met(self, values: Mapping[str, Any]) -> bool:
-        """Whether a partner is among the options that are given."""
+        """Whether one of the partners is given."""
         given = (values.get(partner) for partner in self.partners)
         return any(
             each is not None and (self.value is None or each in (self.value, OPEN))
@@ -137,22 +131,17 @@ NEEDS = (
     Need(("around_radius",), ("around",), "--around", "give --around FILE too"),
     Need(("buffer",), ("no_fly",), "--no-fly", "give --no-fly FILE too"),
 )
-"""Options that mean something only together with another one."""
+"""Options that have a meaning only together with another option."""
 
 
 class Description(NamedTuple):
-    """Options that describe one thing together.
+    """A group of options that together describe one thing.
 
     Attributes
     ----------
     leading
-        The thing is described if one of these is given.
-    parts
-        All of these are needed then.
-    subject
-        The thing as messages name it.
-    hint
-        The remedy.
+        If one of these is given, the group is in use. parts All of these are needed if the group is
+        in use. subject Name of the described thing in messages. hint The remedy.
     """
 
     leading: tuple[str, ...]
@@ -189,16 +178,16 @@ DESCRIPTIONS = (
         ("fov",), ("image_width", "image_height"), "a camera on the command line", _CAMERA_HINT
     ),
 )
-"""Options that are given together or not at all."""
+"""Groups of options that are given together or not at all."""
 
 OF_LANES = ("lanes", "lane_pitch")
 """Options of lanes."""
 
 LANE_OPTIONS = {"lanes": OF_LANES, "spiral": ("lane_pitch",), "best": OF_LANES}
-"""The options of lanes that each kind of grid takes."""
+"""The options of lanes that each kind of grid accepts."""
 
 AIRCRAFT = ("drone", "payload", "autopilot", "camera_control")
-"""Options that name the aircraft; without one of them, it decides no other option."""
+"""Options that name the aircraft.  It determines other options only if one of these is given."""
 
 BROUGHT_BY_DRONE = (
     "speed",
@@ -212,28 +201,28 @@ BROUGHT_BY_DRONE = (
     "payload",
     "flight_time",
 )
-"""Options that a drone decides, in addition to its camera."""
+"""Options that a drone determines, in addition to its camera."""
 
 
 BEST = ("visibility", "contrast", "detection")
-"""Objectives that a search maximises within the time, without a target."""
+"""Objectives that a search maximises within the time.  They need no target."""
 
 LEFT_OPEN = ("grid", "heading", "trigger")
-"""Options that a search chooses if they are not given."""
+"""Options whose values a search chooses if they are not given."""
 
 OWN_SIGNATURE = ("contrast", "canopy_offset", "crown_share")
-"""Options that describe a signature by numbers, all of them together."""
+"""Options that describe a signature by numbers.  They are given together."""
 
 NOT_SEARCHED = {
     "resume_at": "a resumed mission already has its sites",
     "line_length": "a search chooses the length of a line itself",
     "sensitivity": "the sensitivity is that of a given grid",
 }
-"""Options that do not go with a search, and why."""
+"""Options that cannot be combined with a search, and the reason for each."""
 
 
 def check_alternatives(values: Mapping[str, Any]) -> None:
-    """Refuse options that say the same thing twice, or contradict each other."""
+    """Refuse options that give the same quantity twice, or that contradict each other."""
     for alternatives in ALTERNATIVES:
         leading = [names[0] for names in alternatives if values[names[0]] is not None]
         if len(leading) > 1:
@@ -251,7 +240,7 @@ def check_alternatives(values: Mapping[str, Any]) -> None:
 
 
 def check_partners(values: Mapping[str, Any]) -> None:
-    """Refuse options that lack another one that they need."""
+    """Refuse options that need another option which is not given."""
     if not given_flags(values, ("altitude", "gsd", "target_size", "target_pixels")):
         raise RequestError(
             "no altitude is given",
@@ -283,7 +272,7 @@ def check_partners(values: Mapping[str, Any]) -> None:
 
 
 def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Defaults of the options that are not given and that the given options need."""
+    """Defaults of options that are not given, but that the given options need."""
     numbers = given_flags(values, ("density", "integrated_density", "stems_per_hectare"))
     own_camera = given_flags(values, ("focal_length", "fov"))
     needed = ["volume_base"] if numbers else ["scene"]
@@ -315,12 +304,12 @@ def dependent_defaults(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def is_over_area(values: Mapping[str, Any]) -> bool:
-    """Whether the plan covers an area, or areas around points, and not one place."""
+    """Whether the plan covers an area, or areas around points, instead of a single place."""
     return values["area"] is not None or values["around"] is not None
 
 
 def check_grid(values: Mapping[str, Any]) -> None:
-    """Refuse options that do not fit the kind of grid, or the number of its samples."""
+    """Refuse options that contradict the kind of grid or the number of its samples."""
     grid, samples, most = values["grid"], values["samples"], values["max_samples"]
     over_area, pitch = is_over_area(values), values["lane_pitch"]
     if samples and most and samples > most:
@@ -338,7 +327,8 @@ def check_grid(values: Mapping[str, Any]) -> None:
         )
     taken = LANE_OPTIONS.get(grid, ())
     unexpected = given_flags(values, [name for name in OF_LANES if name not in taken])
-    if grid == "line" and over_area:  # its pitch is the distance between lines
+    # For lines over an area, the option gives the distance between lines.
+    if grid == "line" and over_area:
         unexpected = [flag for flag in unexpected if flag != "--lane-pitch"]
     if unexpected:
         raise RequestError(
@@ -367,7 +357,8 @@ def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[
             if names[0] in upper:
                 dropped |= _foreign(alternatives, names)
     if "scene" in upper and "scene" not in lower:
-        dropped.add("occluder_size")  # it belonged to the uniform scene of the lower layer
+        # This option belonged to the uniform scene of the lower layer.
+        dropped.add("occluder_size")
     if "grid" in upper:
         dropped |= {*OF_LANES} - {*LANE_OPTIONS.get(upper["grid"], ())}
     if upper.get("trigger") == "stop":
@@ -382,7 +373,9 @@ def without_overridden(lower: dict[str, Any], upper: Mapping[str, Any]) -> dict[
 
 
 def with_partners(own: dict[str, Any], asked: Mapping[str, Any]) -> dict[str, Any]:
-    """The options of a layer whose partners are in the same layer or in the request."""
+    """The options of a layer without those whose partners are neither in the layer nor in the
+    request.
+    """
     together = {**own, **asked}
     unpaired = {
         name for need in NEEDS if need.waits and not need.is_met(together) for name in need.options
@@ -404,22 +397,24 @@ def is_search(values: Mapping[str, Any]) -> bool:
 
 
 def _searches_area(values: Mapping[str, Any]) -> bool:
-    """Whether the kind of grid that is flown fastest over an area is asked for.
+    """Whether the request asks for the kind of grid that is flown fastest over an area.
 
-    The solver times one grid, but over an area the spacing of its lines decides.
+    This needs a search.  The solver compares the flight times of single grids, but over an area the
+    time depends on the spacing of the lines.
     """
     return values["optimize"] == "time" and values["area"] is not None and values["grid"] == OPEN
 
 
 def default_target(values: Mapping[str, Any]) -> float:
-    """Default of the target V̂; 0 if a search maximises its objective."""
+    """Default of the target V̂.  It is 0 if a search maximises its objective."""
     return 0.0 if is_search(values) and values["optimize"] in BEST else DEFAULTS["vhat"]
 
 
 def default_objective(values: Mapping[str, Any]) -> str:
     """Default of the objective.
 
-    With a time but without a target, it is the best result within this time.
+    If the request has a time but no target, the objective is to achieve the best result within this
+    time.
     """
     has_target = values["vhat"] is not None or values["visibility"] is not None
     if values["within"] is None or has_target:
@@ -428,9 +423,9 @@ def default_objective(values: Mapping[str, Any]) -> str:
 
 
 def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of `LEFT_OPEN` and of the objective that were not given.
+    """Values of the objective and of the options in `LEFT_OPEN`, if they are not given.
 
-    In a search, those of `LEFT_OPEN` are `OPEN`.
+    In a search, the options in `LEFT_OPEN` get the value `OPEN`.
     """
     found: dict[str, Any] = {}
     if values["optimize"] is None:
@@ -446,12 +441,12 @@ def left_open(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_search(values: Mapping[str, Any]) -> None:
-    """Refuse options that do not go with a search, and options that need one.
+    """Refuse options that cannot be combined with a search, and options that need a search.
 
     Raises
     ------
     RequestError
-        If the options do not fit each other.
+        If the options cannot be combined.
     """
     if not is_search(values):
         if isinstance(values["altitude"], str):
@@ -478,5 +473,5 @@ def check_search(values: Mapping[str, Any]) -> None:
 
 
 def _foreign(alternatives: Collection[tuple[str, ...]], names: tuple[str, ...]) -> set[str]:
-    """Options of the other alternatives that do not belong to this one."""
+    """Options of the other alternatives that do not also belong to this alternative."""
     return {name for others in alternatives for name in others} - set(names)

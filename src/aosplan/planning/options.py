@@ -1,8 +1,8 @@
 """The options of a plan: a table in which each option and its default are described once.
 
-The command line, request files, the JSON Schema and sweeps are made from `OPTIONS`.  Values are
-read by `aosplan.planning.option_parsers`; `aosplan.planning.option_relations` says which options
-exclude each other.
+The command line, request files, the JSON Schema and sweeps are made from `OPTIONS`.
+`aosplan.planning.option_parsers` reads the values.  `aosplan.planning.option_relations` has the
+options that exclude each other.
 """
 
 from __future__ import annotations
@@ -53,26 +53,26 @@ DEFAULTS: dict[str, Any] = {
     "terrain_tolerance": 3.0,
     "altitude_frame": "takeoff",
 }
-"""Values of options that are not given, for the request and for the columns of a sweep."""
+"""Default values of options, for single plans and for the columns of a sweep."""
 
 
 READING = (
     "voxel", "ground", "min_height", "units", "crop", "opacity", "leaf_size", "trajectory",
     "crown_base",
 )  # fmt: skip
-"""Options that say how a point cloud or a canopy height raster is read."""
+"""Options that determine how a point cloud or a canopy height raster is read."""
 
 FIND_OPTIONS = (
     "find", "signature", "contrast", "canopy_offset", "crown_share", "false_alarms",
 )  # fmt: skip
-"""``find``, and the options that go with it."""
+"""``find``, and the options that can be given with it."""
 
 
 class Option(NamedTuple):
-    """One option: its field, how a value is read, and how help describes it.
+    """One option: its field, its parser, and its description in the help.
 
-    `flag` is the option as it is written on the command line.  `kind` is the type of the value in a file: a number, a share, text, a whole number, a pair of
-    numbers, or true and false for a flag.
+    `flag` is the name of the option on the command line.  `kind` is the type of the value in a
+    file: a number, a share, text, a whole number, a pair of numbers, or true and false for a flag.
     """
 
     name: str
@@ -313,7 +313,7 @@ _PANELS: dict[str, tuple[_Row, ...]] = {
 
 
 def _shown(name: str) -> str:
-    """The default of an option as its help shows it."""
+    """Text of an option's default in the help."""
     value = DEFAULTS.get(name)
     return value if isinstance(value, str) else "" if value is None else f"{value:g}"
 
@@ -341,4 +341,4 @@ SHOWING = tuple(
     or option.name
     in (*FIND_OPTIONS, "coverage", "model", "view", "rays", "origin", "heading", "clearance")
 )
-"""Options that decide what photos from given positions show."""
+"""Options that determine what photos from given positions show."""

@@ -32,34 +32,31 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PlanData:
-    """The values of a plan: what is flown and what it is predicted to show.
+    """The values of a plan: the flight and the prediction.
 
     Attributes
     ----------
     inputs
-        The resolved request, at the heading that is flown.
+        The resolved request, with the heading of the plan.
     solution
         Pattern, baseline and prediction, with the limits that determined them.
     grid
-        Kind of the grid: the requested one, or the best.
+        Kind of grid: the requested kind, or the best one.
     problem
         The problem that was solved; None for a scene without occluders.
     coverage
-        The coverage rule's baseline and deciding occluder; None for a scene without occluders.
-    route
-        Waypoints in flight order, how they are flown, and the flights of each battery.
-    layout
-        The sites, and what they show of an area or along a line.
+        The baseline of the coverage rule, and the occluder that determines it; None for a scene
+        without occluders. route Waypoints in flight order, settings of the flight, and the flights
+        of each battery. layout The sites, and their coverage of an area or integrals along a line.
     confidence
         Standard errors and sensitivity of the prediction.
     detection
-        Probability of detection of the target to find, or None.
+        Probability of detection of the target; None without a target to find.
     within
         Result of a search within a time, or None.
     notices
-        Warnings of the stages of the plan: the readers of its files, its model and its area.
-    warnings
-        All warnings: the notices, and those about the finished plan.
+        Warnings of single stages of the planning, such as the readers of files, the model and the
+        area. warnings All warnings: the notices, and warnings about the finished plan.
     """
 
     inputs: PlanInputs
@@ -78,17 +75,17 @@ class PlanData:
 
     @property
     def request(self) -> PlanRequest:
-        """The request with all values that decided the plan."""
+        """The request, with all values that determined the plan."""
         return self.inputs.request
 
     @property
     def scene(self) -> Scene:
-        """The scene; heights above ground."""
+        """The scene, with heights above ground."""
         return self.inputs.loaded.scene
 
     @property
     def volume(self) -> VoxelVolume | None:
-        """The voxels of a scene that is a point cloud, heights above ground."""
+        """The voxels of a scene from a point cloud, with heights above ground."""
         return self.inputs.loaded.volume
 
     @property
@@ -98,7 +95,7 @@ class PlanData:
 
     @property
     def altitude_m(self) -> float:
-        """Above the focal plane."""
+        """Altitude above the focal plane."""
         return self.inputs.altitude_m
 
     @property
@@ -113,10 +110,11 @@ class PlanData:
 
     @property
     def reading(self) -> str | None:
-        """How the uniform model computes the volume, or None for other models.
+        """How the uniform model treats the volume; None for other models.
 
-        ``rule``: with d̂ at the height that decides the coverage rule, for baselines of at least that
-        rule.  ``slices``: as slices that are one occluder thick, for smaller baselines.
+        ``rule``: with a single d̂, at the height that determines the coverage rule.  This is used
+        if the baseline is at least that of the rule.  ``slices``: as slices that are one occluder
+        thick, for smaller baselines.
         """
         if self.model != "uniform" or self.problem is None:
             return None
@@ -127,12 +125,14 @@ class PlanData:
 
     @property
     def edges(self) -> str | None:
-        """Targets that count: ``interior`` (those whose rays stay on the plot) or ``wrapped`` (all)."""
+        """Targets that are counted: ``interior`` (those whose rays stay on the plot) or ``wrapped``
+        (all targets).
+        """
         if self.model != "measured":
             return None
         model = self.problem and self.problem.model
         of_grid = getattr(model, "edges_of", None)
-        if of_grid is None:  # nothing is hidden, or a correlogram
+        if of_grid is None:  # nothing is hidden, or the model is a correlogram
             return str(getattr(model, "edges", "wrapped"))
         edges: str = of_grid(self.solution.pattern, self.solution.baseline_m)
         return edges
@@ -144,7 +144,9 @@ class PlanData:
 
     @property
     def heading_deg(self) -> float:
-        """Direction of the flight lines, clockwise from true north: the requested one, or the best."""
+        """Direction of the flight lines, clockwise from true north: the requested direction, or the
+        best one.
+        """
         return self.inputs.heading_deg
 
     @property
@@ -154,27 +156,31 @@ class PlanData:
 
     @property
     def uncertainty(self) -> Uncertainty | None:
-        """Standard errors of the prediction; None if nothing is known of them."""
+        """Standard errors of the prediction; None if they are not known."""
         return self.confidence.uncertainty
 
     @property
     def uncertainty_reason(self) -> str:
-        """Why nothing is known of the standard errors, or empty."""
+        """Reason why the standard errors are not known; empty if they are known."""
         return self.confidence.uncertainty_reason
 
     @property
     def flown(self) -> NoiseExpectation | None:
-        """The expectation over position noise of the measured model, or None."""
+        """The expectation of the measured model over position noise, or None."""
         return self.confidence.flown
 
     @property
     def sensitivity(self) -> tuple[Change, ...]:
-        """How the plan changes if the scene differs from what was assumed; empty unless requested."""
+        """Effect on the plan if the scene differs from the assumed scene; empty unless
+        requested.
+        """
         return self.confidence.sensitivity
 
     @property
     def origin(self) -> tuple[float, float] | None:
-        """Latitude and longitude from which east and north count, or None without a place."""
+        """Latitude and longitude of the origin of east and north; None if the plan has no
+        location.
+        """
         return self.layout.origin
 
     @property
@@ -192,7 +198,7 @@ class PlanData:
     def common_footprint_m(self) -> tuple[float, float]:
         """Size of the ground that all samples see, along and across the heading [m].
 
-        It is negative if there is no such ground.
+        It is negative if the samples do not have any ground in common.
         """
         footprint = self.camera.footprint_m(self.altitude_m)
         return footprint[0] - self.extent_m[0], footprint[1] - self.extent_m[1]
@@ -209,7 +215,7 @@ class PlanData:
 
     @property
     def settings(self) -> FlightSettings:
-        """How the waypoints are flown."""
+        """Settings with which the waypoints are flown."""
         flight, timing = self.inputs.flight, self.route.timing
         drone = flight.drone
         latitude, longitude = self.route.takeoff or (None, None)

@@ -1,6 +1,6 @@
-"""The probability of detection of a plan: from its inputs to the models of `aosplan.models`.
+"""The probability of detection of a plan's target, computed with `aosplan.models`.
 
-This module is loaded only if a plan looks for a target.
+This module is imported only if a plan has a target to find.
 """
 
 from __future__ import annotations
@@ -33,17 +33,19 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CLEAR = (Layer(1.0, 1.1, 1e-6, 0.2),)
-"""Used instead of a scene without occluders: a millionth of the ground is hidden."""
+"""Used instead of a scene without occluders.  It hides one millionth of the ground."""
 
 FEWEST_PHOTOS = 9
-"""Fewest photos for which predictions are within 0.05 of simulations at the same threshold."""
+"""Smallest number of photos for which predictions are within 0.05 of simulations at the same
+threshold.
+"""
 
 MOST_CROWN_SHARE = 0.2
-"""Largest share of the clutter at the scale of crowns for which this holds."""
+"""Largest crown share of the clutter for which predictions are within 0.05 of simulations."""
 
 
 def slices_of(inputs: PlanInputs) -> tuple[Layer, ...]:
-    """The slices of a scene that are above the focal plane, on which targets lie."""
+    """The slices of a scene above the focal plane.  Targets lie on the focal plane."""
     above = inputs.loaded.scene.above(inputs.focal_height_m)
     return tuple(above.slices()) if above is not None and above.integrated_density else CLEAR
 
@@ -62,7 +64,7 @@ def detection_model(inputs: PlanInputs) -> DetectionModel:
 
 
 def find_of(inputs: PlanInputs) -> FindInputs:
-    """The target of a plan that looks for one."""
+    """The target of a plan that has a target to find."""
     assert inputs.find is not None
     return inputs.find
 
@@ -76,16 +78,16 @@ def _model(
     false_alarms: float,
     assumed: str,
 ) -> DetectionModel:
-    """The model, kept together with the integrals that it has computed."""
+    """The model.  It is cached, so that the integrals that it has computed are used again."""
     return DetectionModel(
         layers, altitude_m, target, signature, false_alarms=false_alarms, assumed=assumed
     )
 
 
 def detection_of(inputs: PlanInputs, pattern: Sites, baseline_m: float) -> Detection:
-    """The detection of a plan's target by one grid, at the heading of the inputs.
+    """The detection of a plan's target with one grid, at the heading of the inputs.
 
-    The measured model counts hidden targets in the voxels; the other models take slices.
+    The measured model counts hidden targets in the voxels.  The other models use slices.
 
     Raises
     ------
@@ -101,15 +103,16 @@ def detection_of(inputs: PlanInputs, pattern: Sites, baseline_m: float) -> Detec
 def detections_of_rows(
     inputs: PlanInputs, rows: Sequence[tuple[Sites, float, bool]]
 ) -> list[Detection | None]:
-    """The detection of a plan's target by each of many grids.
+    """The detection of a plan's target with each of several grids.
 
     Parameters
     ----------
     inputs
-        The inputs of a plan that looks for a target.
+        The inputs of a plan that has a target to find.
     rows
-        Pattern, baseline, and whether the row matters.  To count in voxels takes seconds for each
-        row, so rows that do not matter are not counted: their detection is None.
+        For each row: pattern, baseline, and whether the detection of this row is needed.  Counting
+        in voxels takes seconds for each row.  A row that is not needed is not counted, and its
+        detection is None.
     """
     if inputs.model != "measured":
         model = detection_model(inputs).for_search()
@@ -121,12 +124,12 @@ def detections_of_rows(
 
 
 def detection_at(inputs: PlanInputs, points_m: Floats) -> Detection:
-    """The detection of a plan's target by photos from known positions.
+    """The detection of a plan's target with photos from known positions.
 
     Parameters
     ----------
     inputs
-        The inputs of a plan that looks for a target.
+        The inputs of a plan that has a target to find.
     points_m
         Shape (N, 2), from the middle of the grid: east and north for the measured model, along and
         across the heading for the other models.
@@ -137,7 +140,9 @@ def detection_at(inputs: PlanInputs, points_m: Floats) -> Detection:
 
 
 def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
-    """Detection counted in the voxels of a stand; sites are east and north of the middle."""
+    """Detection, counted in the voxels of a stand.  Sites are in metres east and north of the
+    middle.
+    """
     find, volume = find_of(inputs), inputs.loaded.volume
     if volume is None:
         raise RequestError(
@@ -157,7 +162,7 @@ def _counted(inputs: PlanInputs, sites_m: Floats) -> Detection:
 
 
 def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -> Iterator[Message]:
-    """Yield the limits of a predicted detection as warnings."""
+    """Yield warnings about the limits of a predicted detection."""
     width, gsd_m = detection.target.width_m, inputs.camera.gsd_m(inputs.altitude_m)
     if gsd_m > 0.5 * width:
         yield Message(
@@ -200,9 +205,9 @@ def detection_warnings(detection: Detection, inputs: PlanInputs, samples: int) -
 
 
 def detection_text(plan: PlanData) -> str:
-    """The detection of a plan that looks for a target, as one sentence."""
+    """The detection of a plan's target as one sentence."""
     detection, name = plan.detection, find_of(plan.inputs).name
-    assert detection is not None  # as the plan looks for a target
+    assert detection is not None  # The plan has a target to find.
     width, length = detection.target
     who = "people" if name == PERSON else f"targets of {width:g} x {length:g} m"
     alarms = detection.false_alarms
@@ -215,7 +220,9 @@ def detection_text(plan: PlanData) -> str:
 
 
 def _count(share: float, about: str = "") -> str:
-    """A share as a number of a hundred; it is not rounded to none or all if it is only nearly so."""
+    """A share as a number out of a hundred.  A share just above 0 or just below 1 is not rounded to
+    0 or 100.
+    """
     hundred = 100.0 * share
     if 0.0 < hundred < 0.5:
         return "fewer than 1" if hundred >= 0.05 else "0"

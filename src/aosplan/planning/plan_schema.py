@@ -1,4 +1,4 @@
-"""The plan's JSON document, as pydantic checks it when it is read back, and its schema."""
+"""Pydantic models of a plan's JSON document, for its schema and for checks when a plan is read."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from aosplan.validation import Document, Finite, MessageDocument, OpenDocument, 
 
 
 class WaypointDocument(Document):
-    """One position, in flight order; a photo is taken unless `photo` is false."""
+    """One position of the flight.  A photo is taken unless `photo` is false."""
 
     index: int
     east_m: Finite
@@ -23,10 +23,11 @@ class WaypointDocument(Document):
 
 
 class GridDocument(OpenDocument):
-    """Shape and size of the grid; x along the heading, y to its right.
+    """Shape and size of the grid. x is along the heading and y is to its right.
 
-    A spiral is one row of all its sites, wound up: its pitch is that of neighbours along it, and
-    that of its turns; its extent that of the rectangle around it.
+    A spiral is described as one row that contains all its sites.  Its pitch is the distance between
+    neighbours along the spiral, and the distance between its turns.  Its extent is the size of the
+    rectangle around it.
     """
 
     kind: str
@@ -60,7 +61,9 @@ class ErrorPartDocument(OpenDocument):
 
 
 class UncertaintyDocument(OpenDocument):
-    """Standard errors of a prediction, what they contain, and what they omit."""
+    """Standard errors of a prediction, with the errors that they include and those that they
+    omit.
+    """
 
     density: Finite
     expected: Finite
@@ -71,7 +74,7 @@ class UncertaintyDocument(OpenDocument):
 
 
 class NoiseDocument(OpenDocument):
-    """Simulated flights for the expectation over position noise, and its standard errors."""
+    """Expectation over position noise: the number of simulated flights, and standard errors."""
 
     flights: int
     seed: int
@@ -93,7 +96,7 @@ class ChangeDocument(OpenDocument):
 
 
 class GroundVisibilityDocument(OpenDocument):
-    """Visibility over the ground that the plan is for, with slanted rays."""
+    """Visibility over the whole ground of the plan, with slanted rays."""
 
     size_m: Pair
     density: Finite
@@ -138,7 +141,9 @@ class CameraSummaryDocument(OpenDocument):
 
 
 class OneFlightDocument(OpenDocument):
-    """A flight with one battery: first and last waypoint, and length and time from take-off to landing."""
+    """A flight with one battery: first and last waypoint; length and time from take-off to
+    landing.
+    """
 
     first: Annotated[int, Field(ge=0)]
     last: Annotated[int, Field(ge=0)]
@@ -150,7 +155,9 @@ class OneFlightDocument(OpenDocument):
 
 
 class FlightDocument(OpenDocument):
-    """Path from the first photo to the last, how it is flown (`mission.FlightSettings`), and flights."""
+    """The path from the first photo to the last, the settings of the flight
+    (`mission.FlightSettings`), and the flights.
+    """
 
     length_m: Finite
     time_s: Finite
@@ -192,7 +199,7 @@ class LimitDocument(OpenDocument):
 
 
 class SceneSummaryDocument(OpenDocument):
-    """The scene in a few words and numbers."""
+    """Summary of the scene."""
 
     name: str
     kind: str
@@ -226,7 +233,7 @@ class AreaDocument(OpenDocument):
 
 
 class LineIntegralDocument(OpenDocument):
-    """Integral of the last photos of a continuous line."""
+    """An integral of the last photos of a continuous line."""
 
     samples: int
     spacing_m: Finite
@@ -257,7 +264,7 @@ class SeenShareDocument(OpenDocument):
 
 
 class WithinRowDocument(OpenDocument):
-    """The best plan within a time; without flight data if no plan is possible."""
+    """The best plan within a time.  It has no flight data if no plan is possible."""
 
     within_min: Finite
     found: bool
@@ -285,7 +292,7 @@ class WithinDocument(OpenDocument):
 
 
 class PhotosByPlaceDocument(OpenDocument):
-    """Numbers of photos that see the cells of a map."""
+    """Statistics of the number of photos that see a cell of a map."""
 
     mean: Finite
     least: int

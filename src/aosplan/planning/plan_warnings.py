@@ -1,4 +1,4 @@
-"""Warnings of a plan, each with a remedy if there is one."""
+"""Warnings of a plan.  A warning includes a remedy if there is one."""
 
 from __future__ import annotations
 
@@ -24,17 +24,19 @@ if TYPE_CHECKING:
 
 
 OBLIQUE_DENSITY = 0.02
-"""Density that rays off nadir may add without a warning."""
+"""Largest increase of the density by slanted rays that does not cause a warning."""
 
 SCENE_NEARBY_M = 50_000.0
-"""A greater distance between a scene and the plan gives a warning, as one place may be a mistake."""
+"""If the distance between a scene and the plan is larger, there is a warning, because one of the
+two locations may be wrong.
+"""
 
 HIGHEST_M = 120.0
-"""Height above ground that the European open category and many other rules allow."""
+"""Largest height above ground that the European open category and many other rules allow."""
 
 
 def with_warnings(plan: AnyPlan) -> AnyPlan:
-    """The plan with its warnings: its notices, and those of `plan_warnings`."""
+    """The plan with all its warnings: its notices, and the warnings of `plan_warnings`."""
     return replace(plan, warnings=(*plan.notices, *plan_warnings(plan)))
 
 
@@ -65,7 +67,7 @@ def plan_warnings(plan: PlanData) -> Iterator[Message]:
 
 
 def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> Iterator[Message]:
-    """Warn of a scene that was measured far from the origin of the plan."""
+    """Warn if the scene was measured far from the origin of the plan."""
     place = None if loaded.volume is None else loaded.volume.place
     if place is None or origin is None:
         return
@@ -80,7 +82,7 @@ def scene_elsewhere(loaded: LoadedScene, origin: tuple[float, float] | None) -> 
 
 
 def _camera_of_another_drone(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
-    """Warn of a camera that the drone does not carry."""
+    """Warn if the drone does not carry the camera."""
     from aosplan.camera.presets import CAMERAS
 
     name, drone = flight.drone_name, flight.drone
@@ -105,7 +107,7 @@ def _camera_of_another_drone(flight: FlightInputs, camera: Camera) -> Iterator[M
 
 
 def _unconfirmed(flight: FlightInputs, camera: Camera) -> Iterator[Message]:
-    """Warn of values of presets that no second source confirms."""
+    """Warn if a value of a preset is not confirmed by a second source."""
     drone = flight.drone
     for what, assumed in (
         (f"--drone {flight.drone_name}", drone.assumed if drone else ""),
@@ -154,7 +156,7 @@ def _no_common_ground(plan: PlanData) -> Message:
 
 def _pixels(plan: PlanData) -> Iterator[Message]:
     coverage = plan.coverage
-    assert coverage is not None  # the caller has checked
+    assert coverage is not None  # The caller has checked that there are occluders.
     focal = plan.camera.focal_length_px
     height, size = coverage.height_m, coverage.occluder_size_m
     if focal * size < plan.altitude_m - height:
@@ -178,10 +180,10 @@ def _pixels(plan: PlanData) -> Iterator[Message]:
 
 
 def _oblique_rays(plan: PlanData) -> Iterator[Message]:
-    """Warn if slanted rays cross clearly more foliage than the nadir rays of the model."""
+    """Warn if slanted rays cross much more foliage than the nadir rays of the model."""
     if plan.inputs.rays != "nadir" or plan.coverage is None:
         return
-    # Of sites spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
+    # For sites that are spread evenly, the mean of sec θ is about 1 + (x² + y²)/(24 h²).
     x, y = plan.extent_m
     longer = 1.0 + (x * x + y * y) / (24.0 * plan.altitude_m**2)
     density = plan.solution.prediction.density
@@ -210,7 +212,9 @@ def _thick_layers(plan: PlanData) -> Iterator[Message]:
 
 
 def _flying(plan: PlanData) -> Iterator[Message]:
-    """Warnings about the flight: photo interval, battery, legal height, and paths to and from it."""
+    """Warnings about the flight: photo interval, battery, legal height, and paths to the sites and
+    back.
+    """
     route, flight = plan.route, plan.inputs.flight
     timing, interval = route.timing, flight.photo_interval_s
     pace = timing.hold_s + timing.leg_s(plan.solution.baseline_m)

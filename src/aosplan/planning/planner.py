@@ -1,4 +1,6 @@
-"""`plan`: all stages from a request to waypoints, in order; each stage returns a frozen value."""
+"""`plan` executes all stages from a request to waypoints in order.  Each stage returns a value that
+cannot be changed.
+"""
 
 from __future__ import annotations
 
@@ -43,18 +45,18 @@ def plan(
     request
         The request.
     folder
-        Folder in which the request's file names are looked for before the current folder.
-    progress
-        Called with the points read and the points in all while a point cloud is read.
-    on_trial
-        Called during a search, with the problem, a pattern and a baseline [m].
+        Folder in which the files of the request are looked for before the current folder. progress
+        Function that is called with the number of points read and the total, while a point cloud is
+        read. on_trial Function that is called during a search with the problem, a pattern and a
+        baseline [m].
     loaded
         The scene of the request, if it has been read before.
 
     Raises
     ------
     RequestError
-        If names, files or numbers do not fit each other, such as an altitude below the canopy.
+        If a name, file or number is not valid, or if two options contradict each other.  An example
+        is an altitude below the top of the canopy.
     InfeasibleError
         If no grid meets the target.
 
@@ -109,10 +111,12 @@ def plan(
 
 
 def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
-    """Visibility over the ground of a plan; None if nothing is hidden, or no ground is seen by all.
+    """Visibility over the ground of a plan; None if nothing is hidden, or if the samples have no
+    common ground.
 
-    The ground of one grid is the ground that all its samples see; for a single line, it is the swath.
-    Over an area, every place has a grid whose middle is within half a pitch.
+    For a single grid, the ground is that which all samples see.  For a single line, it is the
+    swath.  Over an area, it is one cell between sites, because every place has a grid whose middle
+    is at most half a pitch away.
     """
     inputs, problem, solution = solved.inputs, solved.problem, solved.solution
     if problem is None:
@@ -135,7 +139,7 @@ def _ground_of(solved: SolvedPlan, layout: Layout) -> GroundVisibility | None:
 def _laid_out(solved: SolvedPlan, folder: str) -> Layout:
     """The sites of a solution.
 
-    If an area needs too many of them, the hint of the error names a cheaper way to fly.
+    If an area needs too many sites, the hint of the error describes a cheaper flight.
     """
     try:
         return layout_of(solved)
@@ -160,7 +164,7 @@ def _searched(
     progress: Callable[[int, int], None] | None,
     loaded: LoadedScene | None,
 ) -> Plan:
-    """Plan with the options that a search within a time chooses."""
+    """Search within a time, and plan with the options that the search chooses."""
     from aosplan.planning.within import choose_flight
 
     found = loaded or load_scene(request, folder=folder, progress=progress)

@@ -1,7 +1,7 @@
-"""The request: the options that decide a plan, without those of its output.
+"""The request: the options that determine a plan, without the options of its output.
 
-`PlanRequest` has the options of ``aosplan plan`` (`aosplan.planning.options`) as fields, with underscores
-for hyphens.  Fields left None take a default, or are not used.
+`PlanRequest` has the options of ``aosplan plan`` (`aosplan.planning.options`) as fields, with
+underscores for hyphens.  Fields that are None get a default or are not used.
 """
 
 from __future__ import annotations
@@ -33,17 +33,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-@dataclass(frozen=True, eq=False)  # a generated __eq__ adds 2 ms to each start
+@dataclass(frozen=True, eq=False)  # A generated __eq__ would add 2 ms to each start.
 class PlanRequest:
     """The checked options of ``aosplan plan`` as fields, with underscores.
 
-    Lengths are metres, angles degrees, times seconds, focal length and sensor millimetres.
-    Text is read as on the command line (``vhat="98%"``).
+    Lengths are in metres, angles in degrees, times in seconds, and focal length and sensor size in
+    millimetres.  Text is parsed as on the command line (``vhat="98%"``).
 
     Raises
     ------
     RequestError
-        If a value is outside its domain, or options contradict each other.
+        If a value is outside its domain, or if options contradict each other.
 
     Examples
     --------
@@ -143,7 +143,7 @@ class PlanRequest:
     altitude_frame: str = DEFAULTS["altitude_frame"]
 
     def __post_init__(self) -> None:
-        values = vars(self)  # this is the only place that fills in the frozen value
+        values = vars(self)  # Only this method sets fields of the frozen value.
         values.update(left_open(values))
         for option in OPTIONS:
             if values[option.name] is not None:
@@ -167,14 +167,14 @@ class PlanRequest:
         return hash(tuple(vars(self).values()))
 
     def filled(self, values: Mapping[str, Any]) -> PlanRequest:
-        """The same request with other values of some fields, which are not checked again."""
+        """The same request with other values of some fields.  The new values are not checked."""
         made = copy(self)
         vars(made).update(values)
         return made
 
     @property
     def searches(self) -> bool:
-        """Whether a search over flights chooses the options that are left open."""
+        """Whether a search over flights chooses options that are not given."""
         return is_search(vars(self))
 
     @property
@@ -189,11 +189,13 @@ class PlanRequest:
 
     @property
     def heading_deg(self) -> float:
-        """The requested heading; north if the best one is searched for."""
+        """The requested heading; 0 if the best heading is searched for."""
         return self.heading if isinstance(self.heading, float) else 0.0
 
     def document(self) -> dict[str, Any]:
-        """The request as plain values without unused options; it is enough to run the plan again."""
+        """The request as plain values, without unused options.  It is enough to compute the plan
+        again.
+        """
         values = ((field.name, getattr(self, field.name)) for field in fields(self))
         return {
             name: list(value) if isinstance(value, tuple) else value
@@ -210,27 +212,25 @@ def request_from(
     defaults: Mapping[str, Any] | None = None,
     defaults_where: str = "",
 ) -> PlanRequest:
-    """A request from a file's values and the flags that override them.
+    """A request from the values in a file and the flags that override them.
 
-    An option drops the options of the layer below that contradict it: ``--visibility`` drops a
-    file's ``vhat``, ``--gsd`` its ``altitude``, ``--drone`` the camera and the speeds of another drone.
+    A flag also removes values of the file that contradict it: ``--visibility`` removes ``vhat``,
+    ``--gsd`` removes ``altitude``, and ``--drone`` removes the camera and the speeds of another
+    drone.
 
     Parameters
     ----------
     values
         Options by name.
     overrides
-        Flags by name; None counts as not given.
-    where
-        The file, for messages.
-    defaults, defaults_where
-        Options that files and flags override, and their file.  Defaults that do not fit the request
-        are ignored.
+        Flags by name.  None means that a flag is not given. where The file, for messages. defaults,
+        defaults_where The user's own defaults, which files and flags override, and the file of
+        these defaults.  Defaults that contradict the request are ignored.
 
     Raises
     ------
     RequestError
-        If a name is unknown or a value is wrong; the message names the place.
+        If a name is unknown or a value is not valid.  The message gives the place.
     """
     flags, given, own = (
         {name: value for name, value in (layer or {}).items() if value is not None}
@@ -251,7 +251,7 @@ def request_from(
 def fitting_defaults(
     defaults: Mapping[str, Any], asked: dict[str, Any], where: str
 ) -> dict[str, Any]:
-    """The user's own defaults that fit the requested options.
+    """The user's own defaults that do not contradict the requested options.
 
     Raises
     ------

@@ -1,6 +1,7 @@
 """Request files and saved plans as requests, checked with pydantic.
 
-A plan that is given by flags does not load this module: `PlanRequest` checks the same rules.
+For a plan that is given by flags, this module is not imported.  `PlanRequest` checks the same
+rules.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ RequestDocument = create_model(
 
 
 def read_request(path: str) -> dict[str, Any]:
-    """The options in a request file, or in the request of an earlier result."""
+    """Read the options in a request file, or in the request of a saved result."""
     if not os.path.exists(path) and path.replace(".", "", 1).removeprefix("-").isdigit():
         raise RequestError(
             f"no file '{path}'",

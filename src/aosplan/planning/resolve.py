@@ -1,7 +1,7 @@
-"""The inputs of a plan: the names, files and defaults of a request, which are resolved here once.
+"""The inputs of a plan: resolves the names, files and defaults of a request.
 
-`resolve_inputs` returns one frozen value, `PlanInputs`.  All later stages take this value, and none
-of them reads the request again.
+`resolve_inputs` returns a frozen value, `PlanInputs`.  All later stages use this value and do not
+read the request.
 """
 
 from __future__ import annotations
@@ -33,22 +33,18 @@ if TYPE_CHECKING:
     T = TypeVar("T")
 
 MODEL_OF = {"uniform": "uniform", "layered": "layered", "cloud": "measured"}
-"""The smallest model that fits a kind of scene."""
+"""The default model for each kind of scene."""
 
 
 class FindInputs(NamedTuple):
-    """The target that ``--find`` names, and what its probability of detection depends on.
+    """The target that ``--find`` names, and the parameters of its detection.
 
     Attributes
     ----------
     name
-        The target as the option names it.
-    size_m
-        Its width and length.
-    signature
-        Radiances of the target and of the canopy.
-    assumed
-        Name of the signature if it is an assumed one; empty if the request gives its numbers.
+        The value of the option. size_m Width and length of the target. signature Radiances of the
+        target and of the canopy. assumed Name of an assumed signature; empty if the request gives
+        the numbers of the signature.
     false_alarms
         False alarms per hectare.
     """
@@ -61,60 +57,44 @@ class FindInputs(NamedTuple):
 
 
 class PlanInputs(NamedTuple):
-    """A request with its names, files and defaults resolved: all that the stages of a plan need.
+    """A request with resolved names, files and defaults.  It contains everything that the stages of
+    a plan need.
 
     Attributes
     ----------
     request
-        The request with the values that its area and its scene decide, as documents show it.
+        The request for documents, including the values that its area and its scene determine.
     scene_name
-        Name of the scene in the request, or of the scene itself if the request describes it.
-    loaded
-        The scene and the other content of its file; heights are above ground.
-    camera
-        The camera.
-    altitude_m
-        Above the focal plane.
+        Name of the scene in the request.  If the request describes the scene by numbers, it is the
+        name of the scene itself. loaded The scene and the other content of its file, with heights
+        above ground. camera The camera. altitude_m Altitude above the focal plane.
     focal_height_m
         Height of the focal plane above ground.
     model, view, rays
-        Visibility model, and its targets or its rays; None if the model does not have them.
-    edges
-        Targets of the measured model that count.
-    coverage
-        Share of the occluders that must reach d̂ >= 1.
-    hold_error_m
-        Standard deviation of the position at each site, along either axis.
+        The visibility model, its view, and its kind of rays; None if the model does not have them.
+        edges Targets that the measured model counts. coverage Share of the occluders that must have
+        d̂ >= 1. hold_error_m Standard deviation of the position at each site, per axis.
     requirement
         The target visibility.
     find
-        The target whose probability of detection is wanted, or None.
-    bounds
-        Bounds on baseline and samples.
-    objective
-        What is minimised or maximised.
+        The target whose probability of detection is computed, or None. bounds Bounds on baseline
+        and samples. objective The quantity that is minimised or maximised.
     grids
-        Kinds of grid to compare; one if the request names one.
-    heading_deg
-        Direction of the flight lines, clockwise from true north.
-    compares_headings
-        Whether the best heading is searched for instead.
-    origin
-        Latitude and longitude of the middle of the grid; None without a place or over an area.
+        Kinds of grid to compare; only one if the request names one. heading_deg Direction of the
+        flight lines, clockwise from true north. compares_headings Whether the best heading is
+        searched for, and `heading_deg` is ignored. origin Latitude and longitude of the middle of
+        the grid; None if the plan has no location or covers an area.
     line_length_m
         Length of a continuous line; None for one grid.
     line_pitch
-        Distance between lines over an area in baselines, if it was asked for.
+        Distance between lines over an area in baselines, if the request gives it.
     area
         The area to cover, and its no-fly zones; None for one grid.
     max_sites
-        Largest number of sites over an area; more are refused.
-    wants_sensitivity
-        Whether to compute how the plan changes if the scene differs from what was assumed.
-    flight
-        How to fly.
-    folder
-        Where the files of the request are looked for before the current folder.
+        Largest number of sites over an area.  Areas that need more sites are refused.
+        wants_sensitivity Whether the effect of a different scene on the plan is computed. flight
+        Settings of the flight. folder Folder in which the files of the request are looked for
+        before the current folder.
     """
 
     request: PlanRequest
@@ -152,7 +132,7 @@ class PlanInputs(NamedTuple):
 
     @property
     def is_line(self) -> bool:
-        """Whether a single line was asked for."""
+        """Whether the request asks for a single line."""
         return [kind.name for kind in self.grids] == ["line"]
 
     def at_heading(self, heading_deg: float) -> PlanInputs:
@@ -174,17 +154,15 @@ def resolve_inputs(
     request
         The request.
     folder
-        Where its file names are looked for before the current folder.
-    load
-        Returns the scene of a request instead of `aosplan.planning.loaded_scene.load_scene`, if the
-        caller has read it before.
-    progress
-        Called with points read and points in all while a point cloud is read.
+        Folder in which its files are looked for before the current folder. load Function that
+        returns the scene of a request, if the caller has read the scene before.  It replaces
+        `aosplan.planning.loaded_scene.load_scene`. progress Function that is called with the number
+        of points read and the total, while a point cloud is read.
 
     Raises
     ------
     RequestError
-        If a name is unknown, a file cannot be read, or values do not fit each other.
+        If a name is unknown, if a file cannot be read, or if values contradict each other.
     """
     camera = camera_of(request, folder=folder)
     altitude_m = altitude_of(request, camera)
@@ -260,7 +238,7 @@ def resolve_inputs(
 
 
 def _filled(value: T | None) -> T:
-    """A field that is not None, because `PlanRequest` has filled it in or checked it."""
+    """A field of the request that is not None, because `PlanRequest` has set it or checked it."""
     assert value is not None
     return value
 
@@ -279,9 +257,12 @@ def camera_of(request: PlanRequest, *, folder: str = "") -> Camera:
 
 
 def altitude_of(request: PlanRequest, camera: Camera) -> float:
-    """Altitude above the focal plane [m], given or solved from the wanted resolution."""
+    """Altitude above the focal plane [m].  It is given, or computed from the requested
+    resolution.
+    """
     if request.altitude is not None:
-        assert isinstance(request.altitude, float)  # a search has chosen within a range
+        # If the request gives a range, a search has chosen a value.
+        assert isinstance(request.altitude, float)
         return request.altitude
     if request.gsd is not None:
         return camera.altitude_for_gsd_m(request.gsd)
@@ -290,7 +271,7 @@ def altitude_of(request: PlanRequest, camera: Camera) -> float:
 
 
 def _area_of(request: PlanRequest, folder: str) -> Area | None:
-    """The area of a request, if it has one; its files are looked for in `folder` first."""
+    """The area of a request, or None.  The files of the area are looked for in `folder` first."""
     path = request.area or request.around
     if path is None:
         return None
@@ -308,13 +289,15 @@ def _area_of(request: PlanRequest, folder: str) -> Area | None:
 def _common_ground(
     request: PlanRequest, camera: Camera, altitude_m: float, *, over_area: bool
 ) -> CommonGround | None:
-    """The ground that all samples have to see; None if the request allows grids without it."""
+    """The ground that all samples have to see; None if the request allows grids without common
+    ground.
+    """
     if request.allow_no_common_ground:
         return None
     footprint = camera.footprint_m(altitude_m)
     target = 0.0 if request.find is None or over_area else max(target_m(request.find))
     wanted = max(target, camera.gsd_m(altitude_m))
-    # If an image is smaller than the target, or has one pixel, half of the image is enough.
+    # If an image is smaller than the target or has a single pixel, half of the image is required.
     along, across = (min(wanted, 0.5 * size) for size in footprint)
     return CommonGround(footprint, (0.0, 0.0) if over_area else (along, across), over_area)
 
@@ -323,7 +306,8 @@ def _requirement_of(request: PlanRequest) -> Requirement:
     if request.visibility is not None:
         return Requirement("visibility", exact_share(request.visibility, "--visibility"))
     vhat = _filled(request.vhat)
-    # `repr` gives the shortest decimal that the float stands for, as it was written.
+    # `repr` gives the shortest decimal number that converts to the float. This is the number that
+    # the user wrote.
     return Requirement(
         "normalized", exact_share(vhat if isinstance(vhat, str) else repr(vhat), "--vhat")
     )

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class Plan(PlanData):
-    """A plan: what is flown and what it is predicted to show.
+    """A plan: the flight and the prediction.
 
     Attributes are those of `aosplan.planning.plan_data.PlanData`.
     """
 
     def document(self) -> dict[str, Any]:
-        """The plan as plain values: what ``plan --json`` prints."""
+        """The plan as plain values: the output of ``plan --json``."""
         return plan_document(self)
 
     def tradeoff(self) -> list[TradeoffRow]:
@@ -54,10 +54,10 @@ class Plan(PlanData):
         return tradeoff(problems, self.problem, self.solution)
 
     def tradeoff_document(self, rows: Sequence[TradeoffRow]) -> dict[str, Any]:
-        """Rows of `tradeoff` as plain values: what ``tradeoff --json`` prints.
+        """Rows of `tradeoff` as plain values: the output of ``tradeoff --json``.
 
-        If the plan looks for a target, rows have its probability of detection; None in rows for
-        which it was not counted.
+        If the plan has a target to find, rows have its probability of detection, or None if the
+        detection was not counted for a row.
         """
         documents = [row.document() for row in rows]
         if self.inputs.find is not None:
@@ -75,13 +75,13 @@ class Plan(PlanData):
         }
 
     def mission(self) -> Mission:
-        """The mission that file formats take."""
+        """The mission, from which files are written."""
         document = self.document()
         del document["waypoints"]
         return Mission(self.waypoints, document, self.settings)
 
     def missions(self) -> tuple[Mission, ...]:
-        """A mission for each flight, in order; their waypoints together are the plan's."""
+        """One mission for each flight, in order.  Together, they have all waypoints of the plan."""
         return split(
             self.mission(),
             [
@@ -102,22 +102,24 @@ class Plan(PlanData):
         Parameters
         ----------
         path
-            The extension decides the format, or a name before a colon: ``csv:grid.txt``.
-        format
-            Name of the format, for any extension.
+            Path of the output.  The extension selects the format.  A format name before a colon
+            overrides the extension: ``csv:grid.txt``. format Name of the format; it overrides the
+            extension.
         force
             Whether an existing file is overwritten.
 
         Returns
         -------
         paths
-            The files that were written: `path`, or numbered files if one cannot hold all waypoints.
+            The files that were written: `path`, or several numbered files if one file cannot
+            contain all waypoints.
 
         Raises
         ------
         RequestError
-            If the format is unknown or needs a location, the file exists, or the mission exceeds
-            the limits of the program that reads the format.
+            If the format is unknown, if the format needs a location that the plan does not have, if
+            the file exists and `force` is false, or if the mission exceeds the limits of the
+            program that reads the format.
         SurroundingsError
             If the file cannot be written.
         """
@@ -131,7 +133,7 @@ class Plan(PlanData):
 
 
 def plan_document(plan: PlanData) -> dict[str, Any]:
-    """All values of a plan as dicts, lists, text and finite numbers."""
+    """All values of a plan as dictionaries, lists, text and finite numbers."""
     solution, camera, altitude = plan.solution, plan.camera, plan.altitude_m
     pattern, baseline = solution.pattern, solution.baseline_m
     requirement, inputs = plan.requirement, plan.inputs
@@ -194,9 +196,9 @@ def plan_document(plan: PlanData) -> dict[str, Any]:
 
 
 def flight_document(plan: PlanData) -> dict[str, Any]:
-    """Length and time from the first photo to the last, how it is flown, and each flight.
+    """The path from the first photo to the last, the settings of the flight, and each flight.
 
-    Length and time of each flight, and the total, are from the take-off to the landing.
+    Length and time of a flight, and the total time, are from take-off to landing.
     """
     route = plan.route
     return {
@@ -232,7 +234,7 @@ def height_document(plan: PlanData) -> dict[str, Any]:
 
 
 def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
-    """A row per waypoint, in flight order."""
+    """One row for each waypoint, in flight order."""
     names, columns = zip(*waypoints.columns().items(), strict=True)
     return [
         {"index": index} | dict(zip(names, row, strict=True))
@@ -241,7 +243,7 @@ def waypoints_document(waypoints: Waypoints) -> list[dict[str, Any]]:
 
 
 def _noise_document(flown: NoiseExpectation) -> dict[str, float]:
-    """Expectation over position noise: the number of drawn flights, and its standard errors."""
+    """Expectation over position noise: the number of simulated flights, and the standard errors."""
     values = flown._asdict()
     del values["prediction"]
     return values
@@ -261,7 +263,9 @@ def scene_document(scene: Scene) -> dict[str, Any]:
 
 
 def disparity_document(plan: PlanData) -> dict[str, float | None]:
-    """Disparity and size of the occluder that decides the coverage rule, counted as at least one pixel."""
+    """Disparity and size of the occluder that determines the coverage rule.  The size is at least
+    one pixel.
+    """
     coverage = plan.coverage
     if coverage is None:
         return {"normalized": None, "pixels": None, "occluder_pixels": None}

@@ -1,4 +1,4 @@
-"""The route: from a plan's sites to waypoints with turns, heights and flights.
+"""The route of a plan: adds turns, heights and flights to its sites.
 
 Sites are given in flight order, east and north of the origin.  If photos are taken while flying, the
 points at which the drone turns are added.  If there is a terrain file, points that keep the drone
@@ -28,21 +28,24 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 LEAST_RUN_IN_M = 1.0
-"""Shortest leg for autopilots; DJI documents half a metre."""
+"""Shortest run-in.  Autopilots need legs of some length; DJI documents half a metre."""
 
 LONGEST_RUN_IN_M = 1000.0
-"""Longest distance to reach the speed of a line that is accepted."""
+"""Longest run-in that is accepted."""
 
 
 class Route(NamedTuple):
-    """Waypoints in flight order, how they are flown, and the flights they are split into.
+    """Waypoints in flight order, the settings of the flight, and the flights into which they are
+    split.
 
-    `length_m` and `time_s` are those of the path from the first photo to the last.  `closer_by_m` and
-    `farther_by_m` are the largest deviations of the height above ground between waypoints, below and
-    above that at their ends.  `highest_way_m` is the greatest height above ground on the paths from
-    the take-off and back.  Heights of the ground are above `datum`.  `wind_delay_s` is the time
-    that the wind adds to `time_s`, and to all flights from take-off to landing; None without wind.
-    The take-off is None if nothing depends on it.
+    `length_m` and `time_s` are those of the path from the first photo to the last.  `closer_by_m`
+    and `farther_by_m` are the largest deviations of the height above ground between two waypoints,
+    below and above the height at these waypoints.  `highest_way_m` is the greatest height above
+    ground on the paths from the take-off and back.  Heights of the ground are above `datum`.
+    `wind_delay_s` has the time that the wind adds to `time_s`, and the time that it adds to all
+    flights from take-off to landing; None without wind.
+
+    The take-off point is None if nothing depends on it.
     """
 
     waypoints: Waypoints
@@ -61,12 +64,14 @@ class Route(NamedTuple):
 
     @property
     def total_time_s(self) -> float:
-        """Time of all flights, each with its take-off and return."""
+        """Time of all flights, from take-off to landing."""
         return math.fsum(flight.time_s for flight in self.flights)
 
 
 class Wind(NamedTuple):
-    """Wind speed, the direction it comes from, and the drone's fastest speed through the air."""
+    """Wind speed, the direction from which the wind comes, and the highest airspeed of the
+    drone.
+    """
 
     speed_mps: float
     from_deg: float
@@ -74,11 +79,12 @@ class Wind(NamedTuple):
 
 
 class FlightInputs(NamedTuple):
-    """How to fly, with all defaults filled in.
+    """Settings of the flight, including all defaults.
 
-    `speed_mps` is the requested speed, and `speed_bounds` are its upper limits that do not depend on
-    the baseline.  `drone_name` is the name in the request, `drone` the drone's preset, and `terrain`
-    the path of the terrain file.  A value is None if it was not requested and is not known.
+    `speed_mps` is the requested speed.  `speed_bounds` are upper limits of the speed that do not
+    depend on the baseline.  `drone_name` is the name in the request, `drone` is the preset of the
+    drone, and `terrain` is the path of the terrain file.  A value is None if the request does not
+    give it and it is not known.
     """
 
     trigger: str
@@ -107,11 +113,12 @@ class FlightInputs(NamedTuple):
 
     @property
     def bound(self) -> SpeedBound | None:
-        """The limit of the speed that applies before the baseline is known, or None."""
+        """The lowest limit of the speed that does not depend on the baseline, or None."""
         return lowest_bound(self.speed_mps, self.speed_bounds)
 
     def timing(self, heading_deg: float) -> Timing:
-        """Speeds and times before the baseline is known; axes are along a heading and to its right.
+        """Speeds and times before the baseline is known.  The axes are along a heading and to its
+        right.
 
         Raises
         ------
@@ -132,17 +139,18 @@ class FlightInputs(NamedTuple):
         if self.wind is not None:
             wind = wind_mps(self.wind.speed_mps, self.wind.from_deg, heading_deg)
             timing = timing._replace(wind=wind, airspeed_mps=self.wind.airspeed_mps)
-            timing.ground_speed_mps(1.0, 0.0)  # raises at once if the wind is too strong
+            timing.ground_speed_mps(1.0, 0.0)  # This raises an error if the wind is too strong.
         return timing
 
 
 def speed_bounds(
     drone: DronePreset | None, blur: tuple[float, float] | None, gsd_m: float
 ) -> tuple[SpeedBound, ...]:
-    """The limits of the speed that do not depend on the baseline: the drone, and motion blur.
+    """The limits of the speed that do not depend on the baseline: the top speed of the drone, and
+    motion blur.
 
-    `blur` is the motion blur [px] and the exposure time t [s] if photos are taken while flying: at
-    a speed v the ground moves by v t / GSD pixels during an exposure.
+    If photos are taken while flying, `blur` has the largest motion blur [px] and the exposure time
+    t [s].  At a speed v, the ground moves by v t / GSD pixels during an exposure.
     """
     bounds = []
     if drone is not None:
@@ -160,7 +168,7 @@ def speed_bounds(
 def timing_at_baseline(
     flight: FlightInputs, heading_deg: float, baseline_m: float
 ) -> tuple[Timing, Limit | None]:
-    """Speeds and times once the baseline is known, and the limit of the speed.
+    """Speeds and times for a known baseline, and the limit of the speed that applies.
 
     The axes are east and north.
     """
@@ -212,31 +220,24 @@ def build_route(
     Parameters
     ----------
     flight
-        How to fly.
-    sites
-        In flight order, from the origin.
-    heading_deg
-        Direction of the flight lines, clockwise from true north.
-    origin
-        Latitude and longitude [deg], or None without a place.
-    altitude_m
-        Of every site above the ground.
-    baseline_m
-        Spacing of the sites.
+        Settings of the flight. sites Sites in flight order, relative to the origin. heading_deg
+        Direction of the flight lines, clockwise from true north. origin Latitude and longitude
+        [deg]; None if the plan has no location. altitude_m Height of every site above the ground.
+        baseline_m Distance between neighbouring sites.
     canopy_top_m
         Height of the canopy above ground.
 
     Raises
     ------
     RequestError
-        If the terrain does not cover the route, or there is no waypoint to resume at.
-    InfeasibleError
-        If the wind is too strong, or a battery does not last for any site.
+        If the terrain file does not cover the route, or if the waypoint to resume at does not
+        exist.  InfeasibleError If the wind is too strong, or if one battery is not enough for the
+        flight to a site.
     """
     timing, limit = timing_at_baseline(flight, heading_deg, baseline_m)
 
     def sites_from(photo: int) -> FlightPoints:
-        """The sites from a photo on, with the points at which the drone turns."""
+        """The sites from a given photo on, with the points at which the drone turns."""
         first = [place for place, taken in enumerate(sites.photo) if taken][photo] if photo else 0
         left = FlightPoints(sites.east_m[first:], sites.north_m[first:], sites.photo[first:])
         if not timing.fly_through:
@@ -250,7 +251,8 @@ def build_route(
 
         terrain = Terrain(flight.terrain, flight.terrain_units)
     with terrain or nullcontext():
-        # Between sites, the path may come closer to the ground only within the clearance.
+        # Between sites, the path may be closer to the ground, but the clearance above the canopy is
+        # kept.
         tolerance = min(flight.terrain_tolerance_m, altitude_m - canopy_top_m - flight.clearance_m)
         ground = _grounded(sites_from(0), terrain, origin, tolerance)
         takeoff = _takeoff(flight, ground, terrain, origin)
@@ -263,7 +265,8 @@ def build_route(
         least_m = canopy_top_m + flight.clearance_m
         takeoff, lowest = _safe_ways(track, takeoff, terrain, origin, least_m)
         flights = flights_of(track, timing, takeoff, battery_s)
-        # If heights or several flights depend on the take-off, its position is part of the plan.
+        # If heights or several flights depend on the take-off point, its position is part of the
+        # plan.
         known = flight.takeoff
         if (
             known is None
@@ -308,7 +311,7 @@ def _grounded(
         return Ground(sites, [0.0] * len(sites.photo))
     from aosplan.flight.terrain import follow
 
-    assert origin is not None  # the request has checked that terrain has a place
+    assert origin is not None  # `PlanRequest` has checked that a plan with terrain has a location.
     return follow(terrain, sites, origin, tolerance_m=tolerance_m)
 
 
@@ -318,10 +321,13 @@ def _takeoff(
     terrain: Terrain | None,
     origin: tuple[float, float] | None,
 ) -> TakeoffPoint:
-    """The take-off, or the ground below the first waypoint of the whole plan."""
+    """The take-off point.  If it is not given, it is on the ground below the first waypoint of the
+    whole plan.
+    """
     if flight.takeoff is None:
         return TakeoffPoint(ground.sites.east_m[0], ground.sites.north_m[0], ground.heights_m[0])
-    assert origin is not None  # the request has checked that a take-off has a place
+    # `PlanRequest` has checked that a plan with a take-off point has a location.
+    assert origin is not None
     latitude, longitude = flight.takeoff
     (east,), (north,) = to_local(origin, [latitude], [longitude])
     if math.hypot(east, north) > FARTHEST_M:
@@ -354,18 +360,20 @@ def _safe_ways(
     origin: tuple[float, float] | None,
     least_m: float,
 ) -> tuple[TakeoffPoint, list[float]]:
-    """The take-off with the heights of the paths to each waypoint, and the lowest ground below each.
+    """The take-off point with the heights of the paths to each waypoint, and the lowest ground
+    below each path.
 
-    The path to a waypoint is flown at the height of the waypoint, or at `least_m` above the highest
-    ground below the path, and at least `LEAST_CLIMB_M` above the take-off.  The path back from any
-    waypoint is at the greatest of these heights.
+    The path to a waypoint is at the largest of three heights: the height of the waypoint, `least_m`
+    above the highest ground below the path, and `LEAST_CLIMB_M` above the take-off point.  The path
+    back from any waypoint is at the largest height of all these paths.
     """
     if terrain is None:
         lowest = highest = [takeoff.up_m] * len(track.up_m)
     else:
         from aosplan.flight.terrain import ways_ground_m
 
-        assert origin is not None  # the request has checked that terrain has a place
+        # `PlanRequest` has checked that a plan with terrain has a location.
+        assert origin is not None
         start = takeoff.east_m, takeoff.north_m
         lowest, highest = ways_ground_m(terrain, origin, start, track.east_m, track.north_m)
     ways = [
@@ -380,7 +388,7 @@ def _safe_ways(
 def _highest_way_m(
     flights: Sequence[Flight], takeoff: TakeoffPoint, lowest: Sequence[float]
 ) -> float:
-    """Greatest height above ground on the paths from the take-off to the flights and back."""
+    """Largest height above ground on the paths from the take-off point to the flights and back."""
     return takeoff.up_m + max(
         max(flight.climb_m - lowest[flight.first], flight.return_m - lowest[flight.last])
         for flight in flights
@@ -407,7 +415,7 @@ def _waypoints(
 
 
 def _counted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
-    """The flights with the indices of their waypoints among those that are kept."""
+    """The flights, with new indices that count only the waypoints that are kept."""
     counted, first = [], 0
     for flight in flights:
         last = first + flight.last - flight.first
@@ -417,7 +425,7 @@ def _counted(flights: Sequence[Flight]) -> tuple[Flight, ...]:
 
 
 def _first_photo_to_last(track: Track, timing: Timing) -> tuple[float, float]:
-    """Length and time from the first photo to the last, with the holds."""
+    """Length and time from the first photo to the last, including the holds."""
     first = track.photo.index(True)
     last = len(track.photo) - 1 - track.photo[::-1].index(True)
     lengths, times = track.lengths_m, track.times_s(timing)

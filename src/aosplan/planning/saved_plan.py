@@ -1,4 +1,4 @@
-"""Plans that were saved as JSON, read as missions."""
+"""Reading of missions from plans that were saved as JSON."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from aosplan.planning.plan_schema import PlanDocument
 from aosplan.validation import checked
 
 MOST_BYTES = 1024 * 1024 * 1024
-"""Largest size of a saved plan; one with the largest number of waypoints has 0.8 GB."""
+"""Largest size of a saved plan [bytes].  A plan with the largest number of waypoints has 0.8 GB."""
 
 
 def read_mission(path: str) -> Mission:
-    """The mission of a saved plan, all flights in one."""
+    """The mission of a saved plan.  It contains all flights."""
     return _mission(*_saved_plan(path), path)
 
 

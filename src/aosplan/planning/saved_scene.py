@@ -1,4 +1,4 @@
-"""Scenes and stands as files that are quick to read."""
+"""Saving of scenes and stands as files that are quick to read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def check_name(path: str) -> None:
-    """Refuse a file that cannot hold a scene.
+    """Refuse a path whose file cannot contain a scene.
 
     Raises
     ------
@@ -28,12 +28,13 @@ def check_name(path: str) -> None:
 
 
 def scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> bytes:
-    """A scene and its correlogram as the file that a path names.
+    """The bytes of a file with a scene and its correlogram.  The extension of the path determines
+    the type.
 
     Raises
     ------
     RequestError
-        As `check_name`, or if a scene without voxels is to be saved as ``.npz``.
+        If `check_name` refuses the path, or if a scene without voxels is saved as ``.npz``.
     """
     check_name(path)
     if not path.lower().endswith(VOXEL_SUFFIX):
@@ -45,5 +46,5 @@ def scene_bytes(loaded: LoadedScene, table: Correlogram | None, path: str) -> by
     from aosplan.scenes.files.voxel_file import VoxelStand, stand_npz
     from aosplan.scenes.scene import LayeredScene
 
-    assert isinstance(loaded.scene, LayeredScene)  # voxels have layers
+    assert isinstance(loaded.scene, LayeredScene)  # A scene with voxels has layers.
     return stand_npz(VoxelStand(loaded.volume, loaded.scene.layers, table))

@@ -1,18 +1,18 @@
-"""The sensitivity of a plan: how it changes if the scene differs from what was assumed.
+"""The sensitivity of a plan: its change if the scene differs from the assumed scene.
 
-Density, occluder size and heights are changed by -20 % and by +20 %, one at a time.  For each changed
-scene there are two results: the visibility of the planned grid, and the grid that would be planned.
+Density, occluder size and heights are changed by -20 % and by +20 %, one at a time.  For each
+changed scene there are two results: the visibility of the planned grid, and the grid that would be
+planned for it.  The change depends on the description of the scene:
 
-How a quantity is changed depends on how the scene is described:
-
-- *A uniform volume*: D, o, or its base and thickness.  Eq. 1 then gives p.  If the scene is described
-  by p, then p stays the same, except that a change of density is a change of D.
-- *Layers*: D_j, o_j, or the heights of all slices.  A measured p changes with the D_j by the same
-  factor as the p of independent slices.
-- *Voxels*: for density, a fifth of the occupied voxels of every slice is removed, or the same number
-  is added beside occupied voxels of the same slice, by a seeded draw.  A change of size stretches all
-  clumps and gaps of the plot, and a change of height moves all voxels above the focal plane.  Both are
-  computed as a change of altitude, since only camera offset x height / (altitude x size) counts.
+- *A uniform volume*: D, o, or base and thickness are changed, and p follows from Eq. 1.  If the
+  scene is described by p, changes of size and height keep p, and a change of density changes D.
+- *Layers*: D_j, o_j, or the heights of all slices are changed.  If D_j change, a measured p changes
+  by the same factor as p of independent slices.
+- *Voxels*: for density, a fifth of the occupied voxels of every slice is removed, or the same
+  number is added beside occupied voxels of the same slice.  These voxels are drawn at random with a
+  seed.  A change of size stretches all clumps and gaps of the plot.  A change of height moves all
+  voxels above the focal plane.  Both are computed as a change of altitude, because the result
+  depends only on camera offset x height / (altitude x size).
 """
 
 from __future__ import annotations
@@ -42,10 +42,11 @@ SEED = 1
 
 
 class Change(NamedTuple):
-    """One change of a scene, and what it does to a plan.
+    """One change of a scene, and its effect on a plan.
 
-    `visibility` and `normalized` are those of the planned grid; `samples` and `baseline_m` are those
-    of the grid that would be planned.  A value that does not exist is None, and `reason` says why.
+    `visibility` and `normalized` are those of the planned grid.  `samples` and `baseline_m` are
+    those of the grid that would be planned for the changed scene.  If a value does not exist, it is
+    None, and `reason` gives the reason.
     """
 
     quantity: str
@@ -91,12 +92,12 @@ def changes_of(solved: SolvedPlan) -> Iterator[Change]:
 
 
 def _posed(inputs: PlanInputs, quantity: str, factor: float) -> Problem | None:
-    """The problem of a changed scene; None if nothing is hidden in it.
+    """The problem for a changed scene; None if nothing is hidden in this scene.
 
     Raises
     ------
     RequestError
-        If there is no such scene.
+        If the changed scene is not possible.
     """
     higher = factor if quantity == "height" else 1.0
     loaded = inputs.loaded
@@ -125,11 +126,8 @@ def changed(scene: Scene, quantity: str, factor: float) -> Scene:
     Parameters
     ----------
     scene
-        Uniform, or layers.
-    quantity
-        ``density``, ``occluder_size`` or ``height``.
-    factor
-        Above 0.
+        A uniform or layered scene. quantity ``density``, ``occluder_size`` or ``height``. factor
+        Factor, greater than 0.
 
     Raises
     ------
@@ -185,8 +183,9 @@ def _below_one(density: float) -> float:
 def with_density_factor(volume: VoxelVolume, factor: float) -> VoxelVolume:
     """A volume whose number of occupied voxels in every slice is multiplied by a factor.
 
-    The voxels are drawn with a seed.  For a factor below 1, occupied voxels are removed.  For a factor
-    above 1, empty voxels beside occupied ones are filled; if there are too few, all of them.
+    The voxels are drawn at random with a seed.  If the factor is less than 1, occupied voxels are
+    removed.  If the factor is greater than 1, empty voxels beside occupied voxels are filled.  If
+    there are too few such voxels, all of them are filled.
     """
     import numpy as np
 

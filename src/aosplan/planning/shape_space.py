@@ -1,7 +1,8 @@
-"""The shapes of grids that a request allows, by how much of the images' width they fill.
+"""The shapes of grids that a request allows.
 
-A *share* of the room along or across the heading is the spacing over the widest spacing at which
-a target is still in all images of its grid.  See `aosplan.planning.within`.
+A shape is described by shares, one along and one across the heading.  A *share* is the spacing
+divided by the widest spacing, at which a target is just inside all images of its grid.  See
+`aosplan.planning.within`.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
     from aosplan.planning.request import PlanRequest
 
 MOST_ROWS = 16
-"""Rows of a grid that are tried."""
+"""Largest number of rows of a grid that is tried."""
 
 STEP = 0.92
-"""Factor between neighbouring shares of the room."""
+"""Factor between neighbouring shares."""
 
 
 class ShapeSpace:
@@ -28,15 +29,10 @@ class ShapeSpace:
     Parameters
     ----------
     request
-        What is asked for.
-    altitude_m
-        The highest that is allowed, above the focal plane.
-    view
-        The footprint, along the heading and across it, over the altitude.
-    over_area
-        Whether an area is searched, not one place.
-    most_samples
-        Photos of each point, at most.
+        The request. altitude_m The highest altitude that is allowed, above the focal plane. view
+        The footprint along and across the heading, divided by the altitude. over_area Whether the
+        plan covers an area instead of a single place. most_samples Largest number of photos of each
+        point.
     """
 
     def __init__(
@@ -56,7 +52,7 @@ class ShapeSpace:
 
     @property
     def rows(self) -> range:
-        """Numbers of rows."""
+        """Numbers of rows that are allowed."""
         request = self.request
         if request.grid == "line":
             return range(1, 2)
@@ -66,12 +62,12 @@ class ShapeSpace:
         return range(fewest, min(MOST_ROWS, self.most_samples) + 1)
 
     def filled(self, shape: Shape) -> tuple[float, float]:
-        """Shares of the room along and across that a shape fills."""
+        """Shares of a shape along and across the heading."""
         x, y = self._room(shape.rows, shape.columns)
         return shape.along / x, shape.across / y
 
     def shape(self, rows: int, columns: int, along: float, across: float) -> Shape | None:
-        """A shape that fills shares of the room; None if its lines would lie too close."""
+        """The shape with given shares; None if its lines would be too close together."""
         x, y = self._room(rows, columns)
         x, y = x * along, y * across
         request = self.request
@@ -94,7 +90,9 @@ class ShapeSpace:
         return Shape(rows, columns, x, y) if y >= x else None
 
     def neighbours(self, shape: Shape) -> Iterator[Shape]:
-        """Shapes of a row or a column more or less, and of spacings a step wider or closer."""
+        """Neighbouring shapes: with one row or column more or less, or with spacings that are one
+        step larger or smaller.
+        """
         x, y = self.filled(shape)
         steps = (STEP, 1.0, 1.0 / STEP)
         shares = (
@@ -116,9 +114,13 @@ class ShapeSpace:
                     yield found
 
     def _room(self, rows: int, columns: int) -> tuple[float, float]:
-        """The widest spacing along and across that leaves a target in all images."""
+        """The widest spacings along and across the heading at which a target is inside all
+        images.
+        """
         (x, y), bound = self.view, self.request.max_aperture
-        if self.over_area:  # the grid and a pitch, so that every point has a grid around it
+        # The images have to contain the grid and one pitch, so that every point has a grid around
+        # it.
+        if self.over_area:
             along, across = x / columns, y / rows
         else:
             from aosplan.planning.option_parsers import PERSON, target_m

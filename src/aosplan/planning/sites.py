@@ -1,4 +1,4 @@
-"""The sites of a plan: one grid, a long line, or many grids over an area."""
+"""The sites of a plan: one grid, a long line, or a grid that is repeated over an area."""
 
 from __future__ import annotations
 
@@ -25,16 +25,15 @@ if TYPE_CHECKING:
 
 
 class Layout(NamedTuple):
-    """Sites in flight order, and what they show.
+    """Sites in flight order, with their coverage or integrals.
 
     Attributes
     ----------
     sites
         Metres east and north of the origin.
     origin
-        Latitude and longitude; None without a place.
-    survey
-        What the sites cover of an area; None without an area.
+        Latitude and longitude; None if the plan has no location. survey Coverage of an area; None
+        without an area.
     continuous
         The integrals along a continuous line; None for other grids.
     area
@@ -49,12 +48,12 @@ class Layout(NamedTuple):
 
     @property
     def notices(self) -> tuple[Message, ...]:
-        """Warnings of the area's files and its no-fly zones."""
+        """Warnings about the files of the area and about no-fly zones."""
         return self.survey.notices if self.survey is not None else ()
 
 
 def layout_of(solved: SolvedPlan) -> Layout:
-    """The sites of a solution: one grid, one line, or as many as the area needs."""
+    """The sites of a solution: one grid, one line, or all sites that the area needs."""
     inputs, solution = solved.inputs, solved.solution
     continuous = _continuous_for(solved)
     if inputs.area is not None:
@@ -70,9 +69,9 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
     from aosplan.areas.survey import survey_of
 
     footprint, pattern = inputs.footprint_m, solution.pattern
-    assert isinstance(pattern, Pattern)  # spirals are refused over an area
+    assert isinstance(pattern, Pattern)  # Spirals over an area have been refused before.
     if inputs.is_line and solution.baseline_m > 0.0:
-        # Each line covers all the ground beside it that its images show.
+        # The images of a line cover a strip of ground on both sides of it.
         widest = footprint[1] / solution.baseline_m
         pattern = pattern._replace(row_pitch=min(inputs.line_pitch or widest, widest))
     return survey_of(
@@ -87,7 +86,7 @@ def _survey_for(inputs: PlanInputs, area: Area, solution: Solution) -> Survey:
 
 
 def route_of(inputs: PlanInputs, layout: Layout, baseline_m: float) -> Route:
-    """The route over sites that are a baseline apart."""
+    """The route through sites whose distance is a baseline."""
     return build_route(
         inputs.flight,
         layout.sites,
@@ -100,13 +99,13 @@ def route_of(inputs: PlanInputs, layout: Layout, baseline_m: float) -> Route:
 
 
 def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
-    """Warn of paths to the sites and back that pass through no-fly zones.
+    """Warn if paths to the sites or back pass through no-fly zones.
 
     Raises
     ------
     InfeasibleError
-        If a path between sites passes through a zone: the run-ins of lines that are flown through
-        do not go around zones.
+        If a path between sites passes through a zone.  This may happen because the run-ins of lines
+        that are flown through do not avoid zones.
     """
     area, takeoff_at = inputs.area, inputs.flight.takeoff
     if area is None or area.keep_out.is_empty:
@@ -139,7 +138,7 @@ def ways_in_zones(inputs: PlanInputs, route: Route) -> Iterator[Message]:
 
 
 def flown_pattern(inputs: PlanInputs, solution: Solution) -> Pattern | Spiral:
-    """The pattern that is flown without an area: the grid, or a longer line.
+    """The pattern of a plan without an area: the grid, or a line that is longer than one integral.
 
     Raises
     ------

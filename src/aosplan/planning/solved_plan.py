@@ -1,4 +1,4 @@
-"""`solve_inputs`: the problem of a plan's inputs, and its solution."""
+"""`solve_inputs` makes a problem from the inputs of a plan, and solves it."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
 
 
 MOST_SLICES = 512
-"""Largest number of slices of a uniform volume; with more, 1 - V̂ changes by 0.02 %."""
+"""Largest number of slices of a uniform volume.  With more slices, 1 - V̂ changes by 0.02 %."""
 
 
 class Memo:
-    """Stored results of functions, by their arguments.
+    """Stored results of functions, with the arguments as keys.
 
-    Numbers and text are compared by value, and other arguments by identity.  An entry keeps its
-    arguments alive, so that no other object gets the same identity.
+    Numbers and text are compared by value, and other arguments are compared by identity.  An entry
+    keeps its arguments alive, so that no other object gets the same identity.
     """
 
     def __init__(self) -> None:
         self._entries: dict[tuple[Any, ...], tuple[Any, ...]] = {}
 
     def __call__(self, make: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        """The result of a function for its arguments, computed once."""
+        """The result of a function for given arguments.  It is computed once."""
         key = (make, *map(_identity, arguments), *sorted(named.items()))
         if key not in self._entries:
             self._entries[key] = make(*arguments, **named), arguments
@@ -53,7 +53,7 @@ class SolvedPlan(NamedTuple):
     Attributes
     ----------
     inputs
-        The inputs, at the heading that is flown.
+        The inputs, with the heading of the plan.
     problem, coverage
         The problem, and the baseline of the coverage rule; None if nothing is hidden.
     solution, grid
@@ -75,7 +75,7 @@ def solve_inputs(
     count_required: bool = True,
     seek_remedy: bool = True,
 ) -> SolvedPlan:
-    """Solve for the grid.
+    """Find the grid of a plan.
 
     Parameters
     ----------
@@ -84,15 +84,14 @@ def solve_inputs(
     on_trial
         As in `aosplan.planning.planner.plan`.
     memo
-        Results that plans over the same scene share.
-    count_required, seek_remedy
-        Whether to count the fewest samples at the baseline of the solution, and whether to compute
-        the hint for a target out of reach; each takes a search.
+        Stored results, which plans over the same scene share. count_required, seek_remedy Whether
+        the smallest number of samples at the baseline of the solution is computed, and whether a
+        remedy is computed if the target cannot be met.  Each of the two needs a search.
 
     Raises
     ------
     RequestError
-        If the scene cannot be solved with this model.
+        If the model cannot be used for the scene.
     InfeasibleError
         If no grid meets the target.
     """
@@ -111,14 +110,16 @@ def solve_inputs(
 
 
 def best_alternative(inputs: PlanInputs, problem: Problem) -> Alternative:
-    """The best of the grids and headings that the inputs leave open."""
+    """The best solution for the grids and headings that the inputs allow."""
     problems = [problem._replace(grid=kind) for kind in inputs.grids]
     best = solve_best_heading if inputs.compares_headings else solve_best
     return best(problems, footprint_m=inputs.footprint_m, over_area=inputs.area is not None)
 
 
 def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaseline] | None:
-    """The problem of a plan's inputs, and its coverage rule; None if nothing is hidden."""
+    """The problem for a plan's inputs, and the baseline of the coverage rule; None if nothing is
+    hidden.
+    """
     altitude, focal = inputs.altitude_m, inputs.camera.focal_length_px
     above, density = memo(_above, inputs.loaded.scene, inputs.focal_height_m)
     if above is None or density == 0.0:
@@ -150,14 +151,14 @@ def problem_of(inputs: PlanInputs, memo: Memo) -> tuple[Problem, CoverageBaselin
 def _of_statistics(
     inputs: PlanInputs, memo: Memo, above: Scene, coverage: CoverageBaseline
 ) -> VisibilityModel:
-    """The uniform or the layered model."""
+    """The uniform or the layered model of a scene."""
     hold_error_m, rays = inputs.hold_error_m, inputs.rays or "nadir"
     focal = inputs.camera.focal_length_px
     common: dict[str, Any] = {"hold_error_m": hold_error_m, "rays": rays}
     if inputs.model == "uniform":
 
         def slices() -> VisibilityModel:
-            """The volume as slices, made only if a prediction asks for it."""
+            """The volume as slices.  They are made only if a prediction needs them."""
             made: VisibilityModel = memo(_sliced, above, inputs.altitude_m, focal, **common)
             return made
 
@@ -186,7 +187,8 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
         "hold_error_m": inputs.hold_error_m,
     }
     if volume is None:
-        assert table is not None  # the model was checked against the kind of scene
+        # It has been checked that the model can be used for this kind of scene.
+        assert table is not None
         if focal_height > 0.0 or inputs.view == "perspective":
             raise RequestError(
                 f"scene '{inputs.scene_name}' contains only a correlogram, which supports "
@@ -204,7 +206,9 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
     if None not in (bounds.baseline_m, bounds.samples) and not inputs.compares_headings:
         return memo(MeasuredModel, volume, altitude, edges=edges, **seen), None
     model = memo(MeasuredModel, volume, altitude, edges=edges, **seen)
-    if model.view == "perspective":  # the correlogram is telecentric; fewer targets do instead
+    # The correlogram is telecentric, so that it cannot be used. A model with fewer targets is
+    # used instead.
+    if model.view == "perspective":
         if volume.targets_per_voxel == 1:
             return model, None
         sparse = memo(MeasuredModel, volume, altitude, edges=edges, targets_per_voxel=1, **seen)
@@ -215,7 +219,9 @@ def _measured(inputs: PlanInputs, memo: Memo) -> tuple[VisibilityModel, Visibili
 
 
 def _surrogate(table: Correlogram, edges: str, altitude_m: float, **common: Any) -> VisibilityModel:
-    """The correlogram's model of all targets, or of those whose rays stay on the plot."""
+    """The surrogate from a correlogram, for all targets or for those whose rays stay on the
+    plot.
+    """
     from aosplan.models.correlogram import CorrelogramModel
     from aosplan.models.interior_surrogate import InteriorSurrogate
 
@@ -253,12 +259,14 @@ def _sliced(
 
 
 def _identity(argument: Any) -> Any:
-    """The key of an argument: its value if it is a number or text, else its identity."""
+    """The key of an argument: its value if it is a number or text, otherwise its identity."""
     return argument if isinstance(argument, (float, int, str)) else id(argument)
 
 
 def _clear_view(inputs: PlanInputs) -> tuple[GridKind, Solution]:
-    """One sample, or the requested number, for a scene in which nothing is hidden."""
+    """The solution for a scene in which nothing is hidden: one sample, or the requested number of
+    samples.
+    """
     grid, bounds = inputs.grids[0], inputs.bounds
     pattern = grid.pattern(bounds.samples or 1)
     return grid, Solution(

@@ -2,9 +2,9 @@
 
 The defaults are in a TOML file of options, like a request file.  It is ``aosplan/defaults.toml`` in
 the settings folder (``$XDG_CONFIG_HOME`` or ``~/.config``; ``%APPDATA%`` on Windows), or the file
-that ``AOSPLAN_DEFAULTS`` or ``--defaults`` names; ``none`` means that no file is read.  A request
-file, flags and each scenario of a sweep override the defaults.  An earlier result is complete, so
-defaults are not used with it.
+that ``AOSPLAN_DEFAULTS`` or ``--defaults`` names.  With ``none``, no file is read.  A request file,
+flags and each scenario of a sweep override the defaults.  A saved result contains all options, so
+that defaults are not used with it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 FILE_OPTIONS = (
     *("area", "camera", "clear", "crop", "drone", "no_fly", "scene", "terrain", "trajectory"),
 )
-"""Options that may name a file."""
+"""Options whose value may be the name of a file."""
 
 
 def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> str:
@@ -31,7 +31,7 @@ def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> 
     if platform == "win32":
         folder = environment.get("APPDATA", "")
     else:
-        # The XDG base directory specification says that a relative folder is to be ignored.
+        # According to the XDG base directory specification, a relative folder is ignored.
         folder = environment.get("XDG_CONFIG_HOME", "")
         if not os.path.isabs(folder):
             home = environment.get("HOME", "")
@@ -40,12 +40,13 @@ def usual_path(environment: Mapping[str, str], platform: str = sys.platform) -> 
 
 
 def find_defaults(chosen: str | None, environment: Mapping[str, str] | None = None) -> str | None:
-    """The file of defaults: the one that an option or the environment names, or the usual one.
+    """The file of defaults: the file that an option or the environment names, otherwise the usual
+    file.
 
     Raises
     ------
     RequestError
-        If a file is named that does not exist.
+        If the named file does not exist.
     """
     known = os.environ if environment is None else environment
     for name, what in ((chosen, "--defaults"), (known.get("AOSPLAN_DEFAULTS"), "AOSPLAN_DEFAULTS")):
@@ -60,7 +61,9 @@ def find_defaults(chosen: str | None, environment: Mapping[str, str] | None = No
 
 
 def read_defaults(path: str) -> dict[str, Any]:
-    """Options from a file of defaults; the files that they name are looked for beside it."""
+    """Read the options in a file of defaults.  Files that the options name are looked for in the
+    same folder.
+    """
     from aosplan.planning.request_file import read_request
 
     values = read_request(path)
@@ -74,14 +77,15 @@ def read_defaults(path: str) -> dict[str, Any]:
 def request_of(
     path: str | None, flags: Mapping[str, Any], *, defaults: str | None = None
 ) -> PlanRequest:
-    """The request of a command line: flags over a request file over the user's own defaults.
+    """The request of a command line.
+
+    Flags override a request file, and both override the user's own defaults.
 
     Parameters
     ----------
     path
-        Request file or earlier result, or None.
-    flags
-        Options by name; None counts as not given.
+        Request file or saved result, or None. flags Options by name.  None means that an option is
+        not given.
     defaults
         The value of ``--defaults``.
     """

@@ -1,10 +1,11 @@
-"""What can be flown within a time: the best of everything that a request leaves open.
+"""The search for the best flight within a time, over all options that a request does not give.
 
-A *shape* is a grid in units of the altitude: rows, columns, and the spacing along lines and across
-them as slopes.  A *way* is a trigger, an altitude and a heading.  Each altitude is searched by itself
-(`aosplan.planning.within_altitude`), the highest first.  Cameras at the same slopes see a target from
-the same directions at every altitude, but from a lower altitude neighbouring points of the target
-share more occluders.  A lower altitude is therefore searched only if it takes less time.
+A *shape* is a grid in units of the altitude: rows, columns, and the spacings along and across lines
+divided by the altitude.  A *way* is a trigger, an altitude and a heading with which a shape can be
+flown.  Each altitude is searched separately (`aosplan.planning.within_altitude`), beginning with
+the highest.  A given shape sees a target from the same directions at every altitude.  From a lower
+altitude, however, neighbouring points of the target share more occluders.  A lower altitude is
+therefore searched only if the flight takes less time there.
 """
 
 from __future__ import annotations
@@ -34,37 +35,35 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import TimedFlight, Way
 
 GAIN = 0.005
-"""Relative gain of twice the time below which a search without a bound on the time ends."""
+"""A search without a bound on the time ends if twice the time gains less than this, relative to the
+objective.
+"""
 
 CURVE = (0.5, 0.7, 1.0, 1.4, 2.0)
-"""Parts of the time for which the best is told."""
+"""Multiples of the time for which the best plan is reported."""
 
 
 def choose_flight(
     request: PlanRequest, *, folder: str = "", load: Callable[[PlanRequest], LoadedScene]
 ) -> tuple[PlanRequest, WithinResult]:
-    """Choose what a request leaves open, within its time.
+    """Choose the options that a request does not give, within its time.
 
     Parameters
     ----------
     request
-        With ``within``, or with detection as its objective.
-    folder
-        Where its file names are looked for before the current folder.
-    load
-        Gives the scene.
+        A request with ``within``, or with detection as its objective. folder Folder in which its
+        files are looked for before the current folder. load Function that returns the scene.
 
     Returns
     -------
     request, answer
-        A request that leaves nothing open, and what it was compared with.
+        A request with all options, and the results of the search.
 
     Raises
     ------
     RequestError
-        If values do not fit each other.
-    InfeasibleError
-        If nothing can be flown within the time, or nothing that can reaches the target.
+        If values contradict each other.  InfeasibleError If no flight within the time is possible,
+        or if no such flight reaches the target.
     """
     asked = request
     assumed: tuple[Message, ...] = ()
@@ -101,7 +100,7 @@ def choose_flight(
 
 
 class WithinSearch:
-    """A search over all altitudes, the highest first."""
+    """A search over all altitudes, beginning with the highest."""
 
     def __init__(
         self, request: PlanRequest, folder: str, load: Callable[[PlanRequest], LoadedScene]
@@ -121,7 +120,9 @@ class WithinSearch:
         return self.levels[0].most_samples
 
     def best(self, longest_s: float, tries: int = LAID_OUT) -> TimedFlight | None:
-        """The best flight that takes no longer, laid out; None if none of the tries of a round is."""
+        """The best flight within `longest_s`, planned completely; None if no flight that was tried
+        is possible.
+        """
         best: TimedFlight | None = None
         for level in self.levels:
             if best is not None and not self._may_be_better(level, best):
@@ -132,7 +133,9 @@ class WithinSearch:
         return best
 
     def _may_be_better(self, level: AltitudeSearch, best: TimedFlight) -> bool:
-        """Whether a lower altitude can have a better flight: one that takes less time."""
+        """Whether a lower altitude can have a better flight, because the flight takes less time
+        there.
+        """
         if self.request.optimize == "aperture":
             return True
         shape = best.candidate.shape
@@ -145,13 +148,13 @@ class WithinSearch:
         return value > known
 
     def value(self, timed: TimedFlight) -> float:
-        """The objective of a flight, so that more is better."""
+        """The objective of a flight, with a sign such that larger values are better."""
         altitude_m = timed.candidate.way.altitude_m
         (level,) = (level for level in self.levels if level.altitude_m == altitude_m)
         return level.counted(timed)
 
     def enough_s(self) -> float:
-        """The time from which on twice as much gains next to nothing."""
+        """The time at which twice the time gains almost nothing."""
         least = min(level.least_s for level in self.levels)
         if not math.isfinite(least):
             raise self.refusal(math.inf)
@@ -164,14 +167,16 @@ class WithinSearch:
             before, longest_s = now, 2.0 * longest_s
         return 0.5 * longest_s
 
-    # What is told of it
+    # --- Results ---
 
     def row(self, longest_s: float, timed: TimedFlight) -> WithinRow:
-        """What is told of the best within a time."""
+        """The row of results for the best flight within a time."""
         return WithinRow(longest_s / 60.0, timed, self.value(timed))
 
     def point(self, longest_s: float, timed: TimedFlight | None) -> tuple[float, float] | None:
-        """Time [s] and objective of the best within a time, laid out or expected; None for none."""
+        """Time [s] and objective of the best flight within a time; None if there is no flight, or
+        if its search would take too long.
+        """
         if timed is not None:
             return timed.time_s, self.value(timed)
         if self.levels[0].inputs.model == "measured":
@@ -180,7 +185,7 @@ class WithinSearch:
         return None if found is None else (found.time_s, self.value(found))
 
     def refusal(self, longest_s: float) -> InfeasibleError:
-        """The error of a time in which nothing can be flown that reaches the target."""
+        """The error for a time within which no flight reaches the target."""
         target = self.levels[0].inputs.requirement.target
         for part in range(1, 13):
             later = self.best(longest_s * 2.0**part) if math.isfinite(longest_s) else None

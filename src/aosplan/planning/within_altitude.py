@@ -1,8 +1,9 @@
 """The best flight at one altitude within a time.
 
-The least time of a shape over all ways to fly it is known in closed form
-(`aosplan.planning.least_time`), so that shapes which take too long are left out before anything is
-predicted for them.  Only the best few are laid out and timed exactly.  See `aosplan.planning.within`.
+The shortest time in which a shape can be flown is known in closed form
+(`aosplan.planning.least_time`).  Shapes that take too long are therefore left out before their
+visibility is predicted.  Only the best few shapes are *laid out*: their flights are planned
+completely, with exact times.  See `aosplan.planning.within`.
 """
 
 from __future__ import annotations
@@ -32,57 +33,62 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import Way
 
 MOST_SAMPLES = 400
-"""Samples of a grid, unless --max-samples allows more."""
+"""Largest number of samples of a grid, unless --max-samples allows more."""
 
 AT_PLACE = (0.65, 0.4, 0.22, 0.1)
-"""Shares of the footprint that grids at one place fill at first; over an area they fill all of it."""
+"""First shares of grids at one place (`aosplan.planning.shape_space`).  Over an area, the share is
+1.
+"""
 
 HOPELESS = 4
-"""Numbers of rows in succession with less than half of the best objective, after which more rows
-are not tried."""
+"""If this many successive numbers of rows have less than half of the best objective, larger numbers
+of rows are not tried.
+"""
 
 STEPS = (0.6, 0.8)
-"""Factors of the spacing with which it is refined, one after the other."""
+"""Factors by which the spacing is changed to refine it, one after the other."""
 
 REFINED = 3
-"""Numbers of rows, the best of them, whose spacing is refined."""
+"""Number of the best numbers of rows for which the spacing is refined."""
 
 FEWER = (1.0, 0.8, 0.65, 0.5)
-"""Parts of the most columns that are tried as well."""
+"""Numbers of columns that are tried, as parts of the largest number."""
 
 LAID_OUT = 12
-"""Flights that are laid out for one time, at most, in each of a few rounds."""
+"""Largest number of flights that are laid out in each round of a search."""
 
 ROUNDS = 3
 
 QUICKER = 2
-"""Flights that are laid out to find a quicker one that is nearly as good."""
+"""Number of flights that are laid out to find a faster flight that is almost as good as the
+best.
+"""
 
 POLISHED = 4
-"""Neighbours of the best flight that are laid out, at most, in each step to a better one."""
+"""Largest number of neighbours of the best flight that are laid out in each step."""
 
 COUNTED = 2
-"""Of them, those whose detection is counted in the voxels of a stand."""
+"""Number of flights whose detection is counted in the voxels of a stand."""
 
 REFUSED = 4
-"""Shapes after which a way that none of them can be flown in is given up."""
+"""If this many shapes in succession cannot be flown in a way, the way is no longer tried."""
 
 TIMED = 4
-"""Flights whose times are compared as they are laid out, if the time is the objective."""
+"""Number of flights that are laid out to compare their exact times, if the time is the
+objective.
+"""
 
 NEARLY = 0.001
-"""Relative: what is no better than this is not worth a longer flight."""
+"""Relative difference of the objective below which the shorter flight is preferred."""
 
 
 class AltitudeSearch:
-    """The shapes that are flown at one altitude, the ways to fly them, and their results.
+    """The shapes at one altitude, the ways to fly them, and their results.
 
     Parameters
     ----------
     request
-        What is searched for.
-    ways
-        The ways, all of the same altitude.
+        The request. ways The ways to fly.  All of them have the same altitude.
     """
 
     def __init__(self, request: PlanRequest, ways: tuple[Way, ...]) -> None:
@@ -106,7 +112,7 @@ class AltitudeSearch:
             most_samples=self.most_samples,
         )
 
-    # What a shape shows
+    # --- Prediction for a shape ---
 
     @cached_property
     def _model(self) -> Any:
@@ -135,7 +141,9 @@ class AltitudeSearch:
         return not requirement.target or requirement.is_met(self.prediction(shape))
 
     def score(self, shape: Shape) -> float:
-        """The objective, so that more is better; minus infinity if the target is missed."""
+        """The objective of a shape, with a sign such that larger values are better; minus infinity
+        if the target is not met.
+        """
         if shape not in self.scores:
             self.scores[shape] = self._score(shape) if self.meets(shape) else -math.inf
         return self.scores[shape]
@@ -156,7 +164,9 @@ class AltitudeSearch:
         return -self.least(shape).least_s
 
     def counted(self, timed: TimedFlight) -> float:
-        """The score of a flight: its time as laid out, or detection counted in voxels."""
+        """The score of a flight that was laid out, with its exact time, or with its detection
+        counted in voxels.
+        """
         shape = timed.candidate.shape
         if self.request.optimize == "time":
             return -timed.time_s
@@ -173,10 +183,12 @@ class AltitudeSearch:
         baseline_m = shape.along * way.altitude_m
         return detection_of(way.inputs, shape.pattern, baseline_m).probability
 
-    # What it takes
+    # --- Time of a shape ---
 
     def least(self, shape: Shape) -> FlownShape:
-        """The way in which a shape takes the least time; infinite if it cannot be flown in any."""
+        """The way in which a shape takes the least time.  The time is infinite if no way is
+        possible.
+        """
         if shape not in self._least:
             timed = [
                 (math.inf if self._is_refused(shape, way) else shape_time_s(shape, way), place)
@@ -187,7 +199,7 @@ class AltitudeSearch:
         return self._least[shape]
 
     def time(self, candidate: FlownShape) -> TimedFlight | None:
-        """The flight of a candidate, laid out; None if it cannot be flown."""
+        """Lay out the flight of a candidate; None if it cannot be flown."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
             way = id(candidate.way)
@@ -201,12 +213,16 @@ class AltitudeSearch:
         return self.timed[key]
 
     def _is_refused(self, shape: Shape, way: Way) -> bool:
-        """Whether a shape was laid out in a way and cannot be flown so, or no other shape can."""
+        """Whether a shape cannot be flown in a way, because laying it out failed or the way is no
+        longer tried.
+        """
         refused = self.timed.get((shape, id(way)), way) is None
         return refused or self._refused.get(id(way), 0.0) >= REFUSED
 
     def _laid_out(self, candidate: FlownShape) -> TimedFlight | None:
-        """The flight of a candidate, or of its shape in the next way in which it can be flown."""
+        """The flight of a candidate.  If it cannot be flown, the flight of its shape in the next
+        best way.
+        """
         timed = self.time(candidate)
         while timed is None:
             candidate = self.least(candidate.shape)
@@ -216,17 +232,19 @@ class AltitudeSearch:
         return timed
 
     def _least_known_s(self, candidate: FlownShape) -> float:
-        """The time of a candidate: as it was laid out, or else the least."""
+        """The exact time of a candidate if it was laid out, otherwise the lower bound."""
         key = candidate.shape, id(candidate.way)
         if key not in self.timed:
             return candidate.least_s
         timed = self.timed[key]
         return math.inf if timed is None else timed.time_s
 
-    # The search
+    # --- Search ---
 
     def best(self, longest_s: float, tries: int = LAID_OUT) -> TimedFlight | None:
-        """The best flight that takes no longer, laid out; None if none of the tries of a round is."""
+        """The best flight within `longest_s`, planned completely; None if no flight that was tried
+        is possible.
+        """
         allowed_s = longest_s
         for _ in range(ROUNDS):
             candidates = [self.least(shape) for shape in self._shapes(allowed_s)]
@@ -248,20 +266,21 @@ class AltitudeSearch:
                     over.append(timed.time_s / longest_s)
             if found:
                 return self._polished(self._preferred(candidates, found), longest_s)
-            # The least times are too low here: no-fly zones, terrain, or gaps in the area.
+            # The lower bounds of the time are too low, because of no-fly zones, terrain or gaps in
+            # the area. The next round uses a shorter time.
             allowed_s /= max(min(over, default=1.0), 1.02)
         return None
 
     @property
     def _wanted(self) -> int:
-        """Flights that are compared once they are laid out."""
+        """Number of flights that are laid out and then compared."""
         if self.request.optimize == "time":
             return TIMED
         counts = self.request.optimize == "detection" and self.inputs.model == "measured"
         return COUNTED if counts else 1
 
     def _preferred(self, candidates: list[FlownShape], found: list[TimedFlight]) -> TimedFlight:
-        """The best of some flights, or a quicker one that is nearly as good."""
+        """The best of some flights, or a faster flight that is almost as good."""
         best = max(found, key=self.counted)
         if self._wanted > 1:
             return best
@@ -276,7 +295,9 @@ class AltitudeSearch:
         return min([best, *(each for each in timed if each)], key=lambda each: each.time_s)
 
     def _polished(self, best: TimedFlight, longest_s: float) -> TimedFlight:
-        """The best that is found from a flight by small steps, each of them to a better one."""
+        """The best flight that is found by small steps from a flight.  Each step leads to a better
+        neighbour.
+        """
         if self._wanted > 1:
             return best
         while True:
@@ -298,7 +319,7 @@ class AltitudeSearch:
 
     @property
     def least_s(self) -> float:
-        """The least time of any shape; infinite if there is none."""
+        """The shortest time of any shape; infinite if there is no shape."""
         return min((self.least(shape).least_s for shape in self._families(1)), default=math.inf)
 
     def _families(self, columns: int) -> Iterator[Shape]:
@@ -308,9 +329,11 @@ class AltitudeSearch:
                 yield shape
 
     def _shapes(self, longest_s: float) -> set[Shape]:
-        """Shapes worth a look: for each number of rows, about as many columns as there is time for.
+        """Promising shapes.
 
-        More photos in the same aperture do not always find more, so fewer are tried as well.
+        For each number of rows, the number of columns is about the largest one that can be flown in
+        the time.  More photos in the same aperture do not always find more targets, so that fewer
+        columns are also tried.
         """
         coarse = [(1.0, 1.0)]
         if not self.over_area:
@@ -341,10 +364,10 @@ class AltitudeSearch:
         return chosen
 
     def _climbed(self, top: Shape, step: float, longest_s: float) -> tuple[Shape, set[Shape]]:
-        """The best shape that steps of the spacing lead to, and all shapes on the way.
+        """The best shape that is found by steps of the spacing, and all shapes that were tried.
 
-        Each step changes the spacing along the lines, across them, or both, and takes as many
-        columns as there is time for.
+        Each step changes the spacing along the lines, across them, or both.  The number of columns
+        is the largest one that can be flown in the time.
         """
         seen: set[Shape] = set()
         while True:
@@ -366,7 +389,12 @@ class AltitudeSearch:
     def _fitting(
         self, rows: int, share: tuple[float, float], longest_s: float, parts: tuple[float, ...]
     ) -> set[Shape]:
-        """Shapes with the most columns that fit and parts of them; if samples cost, the fewest."""
+        """Shapes with a given number of rows and given shares.
+
+        If the objective is maximised, the shapes have the largest number of columns that can be
+        flown in the time, and parts of this number.  Otherwise they have the smallest number of
+        columns that meets the target.
+        """
         request = self.request
         most = self.most_samples // rows
         if request.samples is not None:

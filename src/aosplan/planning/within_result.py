@@ -1,4 +1,6 @@
-"""What a search within a time has found: the best within half the time, the time, and twice it."""
+"""Results of a search within a time: the best flights within half the time, the time, and twice the
+time.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +14,19 @@ if TYPE_CHECKING:
     from aosplan.planning.within_shapes import TimedFlight
 
 PHOTO_INTERVAL_S = 2.0
-"""Time between photos in passing where neither a drone nor an option tells it: DJI's Mavic 3T's."""
+"""Assumed time between photos while flying, if neither a drone nor an option gives it.  It is that
+of the DJI Mavic 3T.
+"""
 
 
 class WithinRow(NamedTuple):
-    """The best within a time.
+    """The best flight within a time.
 
     Attributes
     ----------
     minutes
-        The time allowed.
-    timed
-        What is flown; None if nothing can be.
-    value
-        The objective: a probability, a visibility or a contrast, or minus what is minimised.
+        The allowed time. timed The flight; None if no flight is possible. value The objective: a
+        probability, a visibility or a contrast, or minus the quantity that is minimised.
     """
 
     minutes: float
@@ -55,22 +56,17 @@ class WithinRow(NamedTuple):
 
 
 class WithinResult(NamedTuple):
-    """What a search within a time has found.
+    """Results of a search within a time.
 
     Attributes
     ----------
     asked
-        The request as it was, with what it leaves open.
-    minutes
-        The time allowed, or, if none was given, the time from which on more gains little.
-    rows
-        The best within half the time, the time, and twice it.
-    curve
-        Flight time [s] and objective of the best within parts of the time, rising.
-    predicted, laid_out
-        Grids that were predicted, and flights that were laid out.
-    notices
-        What was assumed.
+        The original request, without the options that the search chose. minutes The allowed time.
+        If none was given, the time at which more time gains little. rows The best flights within
+        half the time, within the time, and within twice the time. curve Flight time [s] and
+        objective of the best flights within multiples of the time, by increasing time. predicted,
+        laid_out Number of grids that were predicted, and number of flights that were planned
+        completely. notices Assumptions of the search.
     """
 
     asked: PlanRequest
@@ -82,7 +78,7 @@ class WithinResult(NamedTuple):
     notices: tuple[Message, ...] = ()
 
     def limits(self, time_s: float) -> tuple[Limit, ...]:
-        """What bounds the plan that was chosen, whose flights take a time [s]."""
+        """The limits that determine the chosen plan, whose flights take the time `time_s`."""
         allowed_s = 60.0 * self.minutes
         if self.asked.within is None and self.asked.optimize == "time":
             text = "the least time in which a flight over the area reaches the target"
@@ -95,7 +91,7 @@ class WithinResult(NamedTuple):
         return (Limit("total_time_s", time_s, allowed_s, text),)
 
     def document(self) -> dict[str, Any]:
-        """``within`` of a plan's JSON."""
+        """The object ``within`` of a plan's JSON document."""
         objective = self.asked.optimize
         return {
             "minutes": self.minutes,
@@ -109,7 +105,7 @@ class WithinResult(NamedTuple):
 
 
 def interval_assumed() -> Message:
-    """The warning of an interval between photos that nothing tells."""
+    """The warning that the interval between photos is assumed."""
     return Message(
         "photo_interval_assumed",
         f"the shortest time between photos is not known: {PHOTO_INTERVAL_S:g} s is "
@@ -118,7 +114,7 @@ def interval_assumed() -> Message:
 
 
 def samples_bounded(samples: int) -> Message:
-    """The warning of a search that more photos of each point would fit into."""
+    """The warning that the search is limited by the largest number of photos of each point."""
     return Message(
         "search_samples_bounded",
         f"the search takes up to {samples} photos of each point, and more would fit into the "

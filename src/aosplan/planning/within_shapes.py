@@ -1,7 +1,8 @@
-"""Shapes of grids, the ways to fly them, and how long that takes.
+"""Shapes of grids, the ways to fly them, and their flight times.
 
-A *shape* is a grid in units of the altitude: rows, columns, and the spacing along lines and across
-them as slopes.  A *way* is a trigger, an altitude and a heading.  See `aosplan.planning.within`.
+A *shape* is a grid in units of the altitude: rows, columns, and the spacings along and across lines
+divided by the altitude.  A *way* is a trigger, an altitude and a heading with which a shape can be
+flown.  See `aosplan.planning.within`.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ if TYPE_CHECKING:
     from aosplan.planning.resolve import PlanInputs
 
 ALTITUDES = 4
-"""Altitudes tried within a range, its ends included."""
+"""Number of altitudes that are tried within a range, including its ends."""
 
 HEADINGS_AT_PLACE = (0.0, 45.0, 90.0, 135.0)
-"""Headings compared in the wind at one place."""
+"""Headings that are compared for a grid at one place if there is wind."""
 
 
 class Shape(NamedTuple):
-    """A grid in units of the altitude: spacing along lines, and across them."""
+    """A grid in units of the altitude: rows, columns, and spacings along and across lines."""
 
     rows: int
     columns: int
@@ -45,7 +46,7 @@ class Shape(NamedTuple):
 
     @property
     def samples(self) -> int:
-        """Photos around each point."""
+        """Number of photos around each point."""
         return self.rows * self.columns
 
     @property
@@ -55,7 +56,7 @@ class Shape(NamedTuple):
 
 
 class Way(NamedTuple):
-    """How a shape is flown; `away_m` is the least distance from the take-off."""
+    """A way to fly a shape.  `away_m` is the smallest distance from the take-off point."""
 
     inputs: PlanInputs
     heading_deg: float
@@ -64,7 +65,7 @@ class Way(NamedTuple):
 
     @property
     def altitude_m(self) -> float:
-        """Above the focal plane."""
+        """Altitude above the focal plane."""
         return self.inputs.altitude_m
 
 
@@ -77,7 +78,9 @@ class FlownShape(NamedTuple):
 
 
 class TimedFlight(NamedTuple):
-    """A candidate that was laid out: photos, flights, and their time from take-off to landing."""
+    """A candidate whose flight was planned completely: photos, flights, and the time from take-off
+    to landing.
+    """
 
     candidate: FlownShape
     sites: int
@@ -88,7 +91,7 @@ class TimedFlight(NamedTuple):
 def ways_of(
     request: PlanRequest, folder: str, load: Callable[[PlanRequest], LoadedScene]
 ) -> Iterator[Way]:
-    """Ways to fly what a request leaves open."""
+    """All ways to fly that a request allows."""
     triggers = ("distance", "stop") if request.trigger == "best" else (request.trigger,)
     altitudes = list(_altitudes(request))
     refused: RequestError | InfeasibleError | None = None
@@ -137,7 +140,9 @@ def _headings(inputs: PlanInputs) -> Iterable[float]:
 
 
 def _away_m(inputs: PlanInputs) -> float:
-    """Least level distance from the take-off to what is covered, or to the middle of a grid."""
+    """Smallest horizontal distance from the take-off point to the area or to the ground of a
+    grid.
+    """
     takeoff = inputs.flight.takeoff
     origin = inputs.origin if inputs.area is None else inputs.area.origin
     if takeoff is None or origin is None:
@@ -153,7 +158,9 @@ def _away_m(inputs: PlanInputs) -> float:
 
 
 def _altitudes(request: PlanRequest) -> Iterator[float | None]:
-    """Altitudes to try, the highest first; None for the one that a request asks for otherwise."""
+    """Altitudes to try, beginning with the highest; None if the request gives the resolution
+    instead.
+    """
     if not isinstance(request.altitude, str):
         yield request.altitude
         return
@@ -169,13 +176,13 @@ def _altitudes(request: PlanRequest) -> Iterator[float | None]:
 
 
 def altitude_range(text: str) -> tuple[float, float]:
-    """Lowest and highest altitude [m] of a range as `PlanRequest` keeps it."""
+    """Lowest and highest altitude [m] of a range, from the text in a `PlanRequest`."""
     low, high = (float(part) for part in text.split(".."))
     return low, high
 
 
 def shape_time_s(shape: Shape, way: Way) -> float:
-    """Least time of a shape flown in a way; infinite if it cannot be."""
+    """Shortest time of a shape that is flown in a way; infinite if this is not possible."""
     altitude_m = way.altitude_m
     x, y = shape.along * altitude_m, shape.across * altitude_m
     flight = way.inputs.flight
@@ -198,18 +205,17 @@ def shape_time_s(shape: Shape, way: Way) -> float:
             altitude_m=altitude_m + way.inputs.focal_height_m,
             away_m=way.away_m,
         )
-    except InfeasibleError:  # too strong a wind
+    except InfeasibleError:  # the wind is too strong
         return math.inf
 
 
 def lay_out(candidate: FlownShape) -> TimedFlight:
-    """The flight of a candidate with its route.
+    """Plan the flight of a candidate completely, with its route.
 
     Raises
     ------
     RequestError
-        If it has too many sites, or terrain does not cover it.
-    InfeasibleError
+        If the flight has too many sites, or if the terrain file does not cover it.  InfeasibleError
         If it cannot be flown.
     """
     shape, way = candidate.shape, candidate.way
@@ -226,7 +232,7 @@ def lay_out(candidate: FlownShape) -> TimedFlight:
 
 
 def request_of(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
-    """The request that flies a candidate, with nothing left open."""
+    """The request for a candidate, with values for all options."""
     shape, way = candidate.shape, candidate.way
     values: dict[str, Any] = {"max_blur": None, "exposure_time": None}
     if way.inputs.flight.trigger == "distance":
@@ -252,7 +258,10 @@ def request_of(request: PlanRequest, candidate: FlownShape) -> PlanRequest:
 
 
 def last_number(most: int, holds: Callable[[int], bool]) -> int:
-    """The largest number up to `most` for which something holds that ends somewhere; 0 for none."""
+    """The largest number up to `most` for which a condition is true; 0 if there is no such number.
+
+    The condition is true up to some number, and false for all larger numbers.
+    """
     low, high = 0, most + 1
     while high - low > 1:
         middle = (low + high) // 2
