@@ -1,23 +1,26 @@
-"""Selection of the best N of many recorded views, which share the fewest occluders.
+"""Selection of the N recorded views that share the fewest occluders.
 
-With the correlation c_ik of views i and k, a set S of N views has the shortfall
-1 - V̂ = K = ΣΣ_S c_ik / N².  Two sets are found greedily.  One starts with all views, and the view
-that shares most with the others is removed repeatedly.  The other is built up by repeatedly adding
-the view that shares least with those in it.  Both are improved by exchanging one view for another
-as long as this reduces K, and the better one is the result.  No single exchange improves it.  K is
-at least 1/N, which it is for views that share nothing.
+Let c_ik be the correlation of views i and k, and ΣΣ_S the sum over all ordered pairs of views in a
+set S.  A set S of N views has the shortfall 1 - V̂ = K = ΣΣ_S c_ik / N².  Two sets are found by
+greedy algorithms.  The first algorithm starts with all views and repeatedly removes the view that
+shares most with the others.  The second starts with one view and repeatedly adds the view that
+shares least with the chosen views.  Both sets are then improved by exchanging one view for another,
+as long as this reduces K.  The better set is the result; no single exchange improves it.  K is at
+least 1/N, and it equals 1/N for views that share nothing.
 
-The smallest K does not give the largest V if views hide different shares p of the target: views
-that share least are far apart and look through more of the canopy.  For V = 1 - ΣΣ_S J_ik / N², c
-is replaced by the share that both views hide, J_ik = p_i p_k + c_ik √(p_i (1-p_i) p_k (1-p_k)).
+If views hide different shares p of the target, the smallest K does not give the largest V.  The
+reason is that views which share least are far apart and look through more of the canopy.  To
+maximise V = 1 - ΣΣ_S J_ik / N², c is replaced by J, the share that both views hide: J_ik = p_i p_k
++ c_ik √(p_i (1-p_i) p_k (1-p_k)).
 
-Neither of these sets has the integral that is most similar to that of all M views, because views
-that are far apart have another mean.  The expected squared difference of both integrals is
-ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  Its first two terms are a sum over pairs
-if -2 N/M Σ_all J_ik is added to each J_ii, so the same search minimises it.
+Neither of these two sets has the integral image that is most similar to that of all M views,
+because the mean of views that are far apart is different.  The expected squared difference of the
+two integral images is ΣΣ_S J_ik / N² - 2 Σ_S Σ_all J_ik / (N M) + ΣΣ_all J_ik / M².  If -2 N/M
+Σ_all J_ik is added to each J_ii, the first two terms are a sum over pairs of S.  The same search
+therefore minimises this difference.
 
-Only the correlations of the model are used, not the voxels of the stand, because a set that is
-optimised for the gaps of one plot is worse for other places.
+The search uses only the correlations of the model and not the voxels of the stand.  A set that is
+optimised for the gaps of one plot would be worse at other places.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ if TYPE_CHECKING:
     """Correlation of views as a function of their offsets along x and y [m], elementwise."""
 
 MOST_VIEWS = 5000
-"""Largest number of recorded views; their correlations need 200 MB."""
+"""Largest number of recorded views.  Their correlations need 200 MB."""
 
 WORTHWHILE = 1e-12
 """Smallest relative decrease of the sum of correlations for which views are exchanged."""
@@ -51,7 +54,7 @@ def choose_views(
     *,
     alike: bool = False,
 ) -> NDArray[np.intp]:
-    """Choose the views that share the fewest occluders, or that together show most.
+    """Choose the views that share the fewest occluders, or that together have the best visibility.
 
     Parameters
     ----------
@@ -60,17 +63,18 @@ def choose_views(
     samples
         N, number of views to choose, from 1 to M.
     correlation
-        Correlation of two views as a function of their offset along x and y; 1 for no offset.
+        Correlation of two views as a function of their offset along x and y.  It is 1 for the
+        offset 0.
     hidden
         Shape (M,): share p of the target that each view hides, to maximise V; None to maximise V̂.
     alike
-        Whether to make the integral of the chosen views as similar as possible to that of all
-        views, instead of maximising V; requires `hidden`.
+        Whether the integral of the chosen views is made as similar as possible to that of all
+        views, instead of maximising V.  This requires `hidden`.
 
     Returns
     -------
     ndarray
-        Shape (N,): indices of the chosen views, increasing.
+        Shape (N,): indices of the chosen views, in increasing order.
 
     Raises
     ------
@@ -90,7 +94,9 @@ def choose_views(
 
 
 def check_count(count: int, samples: int) -> None:
-    """Refuse to choose from fewer views than are requested, or from more than `MOST_VIEWS`."""
+    """Refuse to choose more views than there are, or to choose from more than `MOST_VIEWS`
+    views.
+    """
     if count < samples:
         raise RequestError(
             f"{count} positions are fewer than --samples {samples}", "give fewer samples"
@@ -113,16 +119,19 @@ def correlations(points: NDArray[np.float64], correlation: Correlation) -> NDArr
 
 
 def jointly(shared: NDArray[np.float64], hidden: NDArray[np.float64]) -> NDArray[np.float64]:
-    """J, the share that both views of each pair hide, from their correlations and hidden shares."""
+    """J, the share that both views of each pair hide.  It is computed from their correlations and
+    hidden shares.
+    """
     spread = np.sqrt(hidden * (1.0 - hidden))
     joint: NDArray[np.float64] = np.outer(hidden, hidden) + shared * np.outer(spread, spread)
     return joint
 
 
 def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """J with another diagonal, so that the views with the smallest ΣΣ_S represent all views.
+    """J with a different diagonal.
 
-    The integral of these views is then the most similar to that of all views.
+    With this diagonal, the set with the smallest ΣΣ_S has the integral image that is most similar
+    to that of all views.
     """
     changed = joint.copy()
     np.fill_diagonal(changed, joint.diagonal() - 2.0 * samples * joint.mean(axis=1))
@@ -130,9 +139,12 @@ def representing(joint: NDArray[np.float64], samples: int) -> NDArray[np.float64
 
 
 def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_]:
-    """Mask of the views that remain if the one that shares most with the others is always removed."""
+    """Mask of the views that remain if the view that shares most with the others is removed
+    repeatedly.
+    """
     chosen = np.ones(len(shared), dtype=bool)
-    sums = shared.sum(axis=1) - 0.5 * shared.diagonal()  # a view with itself is one pair
+    # The pair of a view with itself is counted once.
+    sums = shared.sum(axis=1) - 0.5 * shared.diagonal()
     for _ in range(len(shared) - samples):
         worst = int(np.argmax(np.where(chosen, sums, -np.inf)))
         chosen[worst] = False
@@ -141,7 +153,9 @@ def fewest_shared(shared: NDArray[np.float64], samples: int) -> NDArray[np.bool_
 
 
 def least_shared(shared: NDArray[np.float64], samples: int, first: int) -> NDArray[np.bool_]:
-    """Mask of the views if the one that shares least with those chosen is always added to `first`."""
+    """Mask of the views that are chosen by beginning with `first` and repeatedly adding the view
+    that shares least with the chosen views.
+    """
     chosen = np.zeros(len(shared), dtype=bool)
     sums = 0.5 * shared.diagonal()
     view = first

@@ -1,4 +1,4 @@
-"""Mission files, read back as missions."""
+"""Reading of mission files as missions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def read_mission_file(path: str) -> Mission:
     Raises
     ------
     RequestError
-        If the file cannot be read, or a site has no height.
+        If the file cannot be read, or if a site has no height.
     """
     places = read_places(path)
     east, north = local_m(places, places[0][:2], path, "the first")

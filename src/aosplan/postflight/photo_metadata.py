@@ -1,23 +1,23 @@
-"""Metadata of a drone's photo about its camera: angles, heights, focal length, band.
+"""Reading of the metadata of a drone's photo: angles of the camera, heights, focal length, band.
 
-XMP is read in the forms that drone makers write, as attributes or elements:
+XMP is read in the forms of the manufacturers of drones, as attributes or elements:
 
 - DJI (``drone-dji:``) and recent Autel (``drone:``): ``GimbalYawDegree``, ``GimbalPitchDegree`` and
-  ``GimbalRollDegree`` rotate a north-east-down frame in the order yaw, pitch, roll; a pitch of -90
-  degrees is straight down.  ``RelativeAltitude`` is above the take-off point.  ``RtkFlag`` is 50
-  for a fixed solution.  ``DewarpData`` is a date followed by fx, fy, cx, cy, k1, k2, p1, p2, k3 in
-  pixels, where cx and cy are relative to the centre of the photo.  ``CalibratedFocalLength`` is in
-  pixels.
+  ``GimbalRollDegree`` are the angles of the rotations of a north-east-down frame, in the order yaw,
+  pitch, roll.  With a pitch of -90 degrees, the camera looks straight down.  ``RelativeAltitude``
+  is above the take-off point.  ``RtkFlag`` is 50 for a fixed solution.  ``DewarpData`` is a date
+  followed by fx, fy, cx, cy, k1, k2, p1, p2, k3 in pixels, where cx and cy are relative to the
+  centre of the photo.  ``CalibratedFocalLength`` is in pixels.
 - Parrot (``drone-parrot:``): ``CameraYawDegree``, ``CameraPitchDegree``, ``CameraRollDegree``, with
   the same meaning.
 - Skydio (``drone-skydio:``): ``CameraOrientationNED`` contains yaw, pitch and roll with the same
   meaning.
-- Pix4D's names (``Camera:``), which senseFly, Parrot Sequoia and older Autel firmware write:
-  ``Yaw``, ``Pitch`` and ``Roll``, where a pitch of 0 is straight down.
+- senseFly, Parrot Sequoia and older Autel firmware, with the names of Pix4D (``Camera:``): ``Yaw``,
+  ``Pitch`` and ``Roll``.  With a pitch of 0, the camera looks straight down.
 
-EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.  Its
-orientation tells viewers how to turn the image; the pixels in the file are in the order of the
-sensor.
+EXIF has the absolute altitude, the focal length, its 35 mm equivalent and the pixel pitch.  The
+orientation in EXIF tells image viewers how to rotate the image.  The pixels in the file are in the
+order of the sensor.
 """
 
 from __future__ import annotations
@@ -38,18 +38,20 @@ EXIF = 0x8769
 """EXIF tag of the exposure information."""
 
 ORIENTATION = 0x0112
-"""EXIF tag of the orientation: 1 for an upright image, 2 to 8 for turned and mirrored ones."""
+"""EXIF tag of the orientation.  It is 1 for an upright image, and 2 to 8 for rotated and mirrored
+images.
+"""
 
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 """Diagonal of a 35 mm film frame, to which equivalent focal lengths refer."""
 
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
-"""Millimetres in EXIF's units of the focal plane: inch, cm, mm, µm."""
+"""Millimetres in each of EXIF's units of the focal plane: inch, cm, mm and µm."""
 
 RTK_FIXED = 50
 
 MAKERS = ("drone-dji", "drone", "drone-parrot", "Camera")
-"""Namespaces of makers, in order of priority."""
+"""Namespaces of manufacturers, in order of priority."""
 
 BANDS = ("thermal", "visible", "wide", "zoom")
 
@@ -76,14 +78,15 @@ _ORIENTATION_NED = re.compile(rb"CameraOrientationNED")
 
 
 class PhotoMetadata(NamedTuple):
-    """Metadata of a photo; None for values that it does not have.
+    """Metadata of a photo.  A value that the photo does not have is None.
 
     Attributes
     ----------
     relative_altitude_m, absolute_altitude_m
         Height above the take-off point, and above the ellipsoid or sea level.
     yaw_deg, pitch_deg, roll_deg
-        Angles of the camera in a north-east-down frame; a pitch of -90 is straight down.
+        Angles of the camera in a north-east-down frame.  With a pitch of -90, the camera looks
+        straight down.
     size_px
         Width and height of the image.
     focal_px
@@ -91,13 +94,13 @@ class PhotoMetadata(NamedTuple):
     lens_px
         Calibration: fx, fy, cx, cy (relative to the corner), k1, k2, p1, p2, k3.
     band
-        One of `BANDS` except ``visible``, or ``screen`` for a copy of the pilot's screen.
+        One of `BANDS` except ``visible``, or ``screen`` for a screenshot of the remote controller.
     is_rtk
         Whether the position is a fixed RTK solution.
     model
         Make and model of the camera.
     orientation
-        Orientation in EXIF, 1 to 8; 1 also if the photo does not have a valid one.
+        Orientation in EXIF, 1 to 8.  It is 1 if the photo does not have a valid orientation.
     """
 
     relative_altitude_m: float | None
@@ -181,7 +184,7 @@ def _xmp(packet: bytes) -> dict[str, str]:
             found.setdefault(key, value)
     match = _ORIENTATION_NED.search(packet)
     if match:
-        # Three angles as a structure, or as a list in the order roll, pitch, yaw.
+        # The three angles are a structure, or a list in the order roll, pitch, yaw.
         part = packet[match.end() : match.end() + 600]
         for space, name, text in _VALUE.findall(part):
             if name in (b"Yaw", b"Pitch", b"Roll") and space != b"Camera":
@@ -222,7 +225,9 @@ def _gps_altitude(gps: Mapping[int, Any]) -> float | None:
 def _angles(
     xmp: Mapping[str, str], gps: Mapping[int, Any]
 ) -> tuple[float | None, float | None, float | None]:
-    """Yaw, pitch and roll in the north-east-down frame; a pitch of -90 is straight down."""
+    """Yaw, pitch and roll in the north-east-down frame.  With a pitch of -90, the camera looks
+    straight down.
+    """
     names = ("Yaw", "Pitch", "Roll")
     for pattern in (
         "drone-dji:Gimbal{}Degree",
@@ -236,15 +241,16 @@ def _angles(
             return _first(yaw, flight, _exif_number(gps.get(17))), pitch, roll
     yaw, pitch, roll = (_float(xmp.get(f"Camera:{name}")) for name in names)
     if pitch is not None and abs(pitch) < 60.0:
-        pitch -= 90.0  # Pix4D's pitch is relative to straight down
-    # Surveys do not tilt the camera by 60 degrees or more, so such a pitch is from the horizon.
+        pitch -= 90.0  # Pix4D's pitch is 0 if the camera looks straight down.
+    # In surveys, the camera is not tilted by 60 degrees or more. Such a pitch is therefore relative
+    # to the horizon.
     elif pitch is not None and pitch > 0.0:
         pitch = -pitch
     return _first(yaw, _exif_number(gps.get(17))), pitch, roll
 
 
 def _lens(xmp: Mapping[str, str], size: tuple[int, int]) -> tuple[float, ...] | None:
-    """DJI's calibration; None if the photo has already been corrected with it."""
+    """DJI's calibration; None if the photo has already been corrected with this calibration."""
     text = xmp.get("drone-dji:DewarpData")
     if text is None or xmp.get("drone-dji:DewarpFlag", "0") == "1":
         return None
@@ -260,7 +266,9 @@ def _lens(xmp: Mapping[str, str], size: tuple[int, int]) -> tuple[float, ...] | 
 def _focal_px(
     xmp: Mapping[str, str], shot: Mapping[int, Any], size: tuple[int, int]
 ) -> float | None:
-    """Focal length in pixels: calibrated, from the pixel pitch, or from the 35 mm equivalent."""
+    """Focal length in pixels, from the first available source: the calibration, the pixel pitch, or
+    the 35 mm equivalent.
+    """
     calibrated = _number(xmp, "CalibratedFocalLength")
     if calibrated is not None and calibrated > 0.1 * size[0]:
         return calibrated
@@ -281,7 +289,7 @@ def _focal_px(
 def _band(
     xmp: Mapping[str, str], name: str, size: tuple[int, int], main: Mapping[int, Any]
 ) -> str | None:
-    """Which of several cameras of the drone took the photo."""
+    """Band of the camera that took the photo, for drones with several cameras."""
     for space in MAKERS:
         source = xmp.get(f"{space}:ImageSource", "").replace(" ", "").lower()
         if source in SOURCES:

@@ -1,7 +1,7 @@
-"""Positions of photos from their metadata: XMP of the drone's maker, or EXIF.
+"""Positions of photos from their metadata: XMP of the drone's manufacturer, or EXIF.
 
-XMP of DJI and others has more decimals than the seconds of EXIF, and the height above the take-off
-point.  The images themselves are not decoded.
+XMP of DJI and other manufacturers has more decimals than the seconds of EXIF.  It also has the
+height above the take-off point.  The images themselves are not decoded.
 """
 
 from __future__ import annotations
@@ -29,10 +29,12 @@ XMP_BYTES = 1 << 18
 """Number of bytes at the start of a file in which XMP is searched."""
 
 _SHOT = re.compile(r"(?P<series>.*?)_(?:\d{14}_)?(?P<number>\d{3,})_[A-Z]{1,4}")
-"""Matches names of DJI's photos that come in pairs: ``DJI_20250101120000_0001_T``."""
+"""Matches names of DJI's photos that several cameras take at the same time:
+``DJI_20250101120000_0001_T``.
+"""
 
 PAIR_DEG = 2e-5
-"""Largest distance of photos of the same shot, about 2 m [deg]."""
+"""Largest difference [deg] between the positions of photos of the same shot, about 2 m."""
 
 _XMP = re.compile(
     rb"(?:drone-dji|drone|drone-parrot|drone-skydio|Camera):"
@@ -48,9 +50,9 @@ class Photos(NamedTuple):
     places
         Position of each photo by file name, in order; None if the photo has no position.
     doubtful
-        By file name, why the position of a photo is not used.
-    paired
-        Photos that are left out because another photo of the same shot is used: its name by theirs.
+        Reason why the position of a photo is not used, by file name. paired Photos that are left
+        out because another photo of the same shot is used.  The keys are the names of the photos
+        that are left out, and the values are the names of the used photos.
     """
 
     places: dict[str, Place | None]
@@ -66,7 +68,7 @@ def read_photos(folder: str) -> Photos:
     Raises
     ------
     RequestError
-        If there is no such folder, or no photo in it has a position.
+        If the folder does not exist, or if no photo in it has a position.
     MissingExtraError
         If Pillow is not installed.
     """
@@ -78,12 +80,12 @@ def read_photos(folder: str) -> Photos:
 
 
 def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
-    """Positions of all photos in a folder by name, and why some positions are not used.
+    """Positions of all photos in a folder by name, and the reasons why some positions are not used.
 
     Raises
     ------
     RequestError, MissingExtraError
-        As `read_photos` does.
+        In the same cases as `read_photos`.
     """
     try:
         names = sorted(
@@ -115,14 +117,17 @@ def photo_places(folder: str) -> tuple[dict[str, Place | None], dict[str, str]]:
 
 
 class DoubtfulError(Exception):
-    """A position whose hemisphere is unclear or incomplete, so that it may be far off."""
+    """A position that may be wrong by a large distance, because its hemisphere is unclear or it is
+    incomplete.
+    """
 
 
 def _pairs(places: dict[str, Place | None]) -> dict[str, str]:
-    """Photos of one shot by several cameras of a drone: all but the first, with the first's name.
+    """Photos of one shot by several cameras of a drone: all except the first, with the name of the
+    first.
 
-    DJI's names of these photos differ in a last letter, such as T and V, and sometimes in the
-    second.
+    The names of these photos by DJI differ in the last letter, such as T and V, and sometimes in
+    the second of the time.
     """
     first: dict[str, str] = {}
     found = {}
@@ -158,7 +163,10 @@ def _place(path: str) -> Place | None:
 
 
 def _fix(latitude: float | None, longitude: float | None) -> tuple[float, float] | None:
-    """A position; None if it is incomplete, not on earth, or the zeros of a camera without a fix."""
+    """A position; None if it is incomplete or not on earth, or if both numbers are 0.
+
+    Cameras without a satellite position write zeros.
+    """
     if latitude is None or longitude is None or latitude == longitude == 0.0:
         return None
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
@@ -171,19 +179,19 @@ def _check_signs(by_xmp: tuple[float, float], path: str) -> None:
     try:
         exif = _exif_place(path)
     except (DoubtfulError, MissingExtraError):
-        return  # XMP has signs of its own
+        return  # The numbers in XMP have signs, so that EXIF is not needed.
     for one, other in zip(by_xmp, exif or by_xmp, strict=True):
         if one * other < 0.0 and math.isclose(abs(one), abs(other), abs_tol=0.01):
             raise DoubtfulError(f"is at {one:g} by its XMP, and at {other:g} by its EXIF")
 
 
 def _exif_place(path: str) -> tuple[float, float] | None:
-    """Latitude and longitude from EXIF; None if there are none, or EXIF is damaged.
+    """Latitude and longitude from EXIF; None if EXIF does not contain them or is damaged.
 
     Raises
     ------
     DoubtfulError
-        If the hemisphere or a part of an angle is missing.
+        If the hemisphere, or a part of an angle, is missing.
     """
     with needs_extra("reading positions from EXIF", "pictures"):
         from PIL import Image
@@ -200,7 +208,7 @@ def _exif_place(path: str) -> tuple[float, float] | None:
         SyntaxError,
         KeyError,
     ):
-        return None  # damaged metadata are treated as missing
+        return None  # Damaged metadata are treated as missing.
     return None if latitude is None or longitude is None else (latitude, longitude)
 
 
@@ -215,8 +223,9 @@ def allowing_any_size(pillow: Any) -> Iterator[None]:
 
 
 def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float | None:
-    """Latitude or longitude in degrees: `reference` is the tag of its hemisphere, the angle
-    follows.
+    """Latitude or longitude in degrees.
+
+    `reference` is the tag of the hemisphere.  The tag of the angle is the next one.
     """
     parts = tags.get(reference + 1)
     if not isinstance(parts, tuple) or len(parts) != 3:
@@ -225,7 +234,8 @@ def degrees_of(tags: dict[int, object], reference: int, letters: str) -> float |
     if whole is None or abs(whole) > 180.0:
         return None
     if minutes is None or seconds is None:
-        # 0/0 means that a part is not used. The part before it then has to have decimals.
+        # 0/0 means that a part of the angle is not used. In this case, the part before it has
+        # decimals.
         before = whole if minutes is None else minutes
         if before == math.floor(before) and not (whole == before == 0.0):
             raise DoubtfulError("has a position without its minutes or seconds")

@@ -1,4 +1,4 @@
-"""Positions at which photos were taken, or are to be taken, from the files of flights."""
+"""Reading of positions of photos from tables, missions and logs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SUFFIXES = (".waypoints", ".plan", ".geojson", ".kmz", ".mavlink")
 
 
 class Place(NamedTuple):
-    """Latitude and longitude [deg], and the altitude in the file [m] if it has one."""
+    """A position: latitude and longitude [deg], and the altitude [m] if the file has it."""
 
     latitude: float
     longitude: float
@@ -37,16 +37,17 @@ class Place(NamedTuple):
 
 
 def read_places(path: str) -> list[Place]:
-    """Read the positions of photos in the order of a file: a mission, ``.geojson``, or a CSV.
+    """Read the positions of photos in a mission, ``.geojson`` or CSV file, in the order of the
+    file.
 
-    For a mission in which the camera is triggered, they are the positions of the photos, otherwise
-    all waypoints.  The CSV may be Litchi's.
+    If a mission triggers the camera, these are the positions of the photos; otherwise they are all
+    waypoints.  The CSV file may be one of Litchi.
 
     Raises
     ------
     RequestError
-        If the file is of another type, a position is not on earth, or there are no positions; the
-        message names the line or item.
+        If the file is of another type, if a position is not on earth, or if there are no positions.
+        The message gives the line or item.
     """
     suffix = os.path.splitext(path)[1].lower()
     if suffix in {".waypoints", ".mavlink"}:
@@ -69,12 +70,12 @@ def read_places(path: str) -> list[Place]:
 def local_m(
     places: Sequence[Place], origin: tuple[float, float], path: str, named: str
 ) -> tuple[list[float], list[float]]:
-    """Metres east and north of an origin; `named` is the name of the origin in messages.
+    """Metres east and north of an origin.  `named` is the name of the origin in messages.
 
     Raises
     ------
     RequestError
-        If a place of the file is too far from the origin for local metres.
+        If a position in the file is too far from the origin.
     """
     from aosplan.geodesy import FARTHEST_M, to_local
 
@@ -111,8 +112,9 @@ an altitude), and spline waypoint.
 """
 
 PLACELESS = {
-    # Take-off, landing, return, delays, jumps, changes of speed and home, cameras, gimbals, servos,
-    # relays, regions of interest, grippers, fences, rally points and the state of the vehicle.
+    # These commands are take-off, landing, return, delays, jumps, changes of speed and home,
+    # cameras, gimbals, servos, relays, regions of interest, grippers, fences, rally points and the
+    # state of the vehicle.
     20, 21, 22, 23, 24, 30, 32, 84, 85, 92, 93, 94, 95, 112, 113, 114, 115, 159, *range(176, 190),
     *range(193, 223), 240, 241, 242, 252, 300, *range(400, 402), *range(500, 540), 600, 601,
     *range(1000, 1003), *range(2000, 2006), *range(2500, 2521), 2800, 3000, *range(4501, 4505),
@@ -125,7 +127,7 @@ GLOBAL_FRAMES = {0, 3, 5, 6, 10, 11}
 
 
 def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> list[Place]:
-    """Positions of photos: single ones, and one per spacing while a distance trigger is on.
+    """Positions of photos: single photos, and one photo per spacing while a distance trigger is on.
 
     If the mission never triggers the camera, all waypoints are returned.
     """
@@ -156,7 +158,9 @@ def _flown(commands: Iterator[tuple[str, int, Sequence[Any]]], path: str) -> lis
 
 
 def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> list[Place]:
-    """Positions of photos of a WPML route: at its waypoints, and one per spacing between them."""
+    """Positions of photos of a WPML route: photos at waypoints, and one photo per spacing between
+    waypoints.
+    """
     places: list[Place] = []
     photos: list[Place] = []
     spacing_m = gone_m = 0.0
@@ -175,9 +179,9 @@ def _taken(route: Iterable[tuple[str, Any, Any, Any, int, float | None]]) -> lis
 def _passed(
     start: Place, stop: Place, spacing_m: float, gone_m: float
 ) -> tuple[list[Place], float]:
-    """Photos by distance on a leg, and the distance flown since the last one at the end of the leg.
+    """Photos by distance on a leg, and the distance between the last photo and the end of the leg.
 
-    `gone_m` is that distance at the start of the leg.
+    `gone_m` is the distance that was flown since the last photo before the leg.
     """
     from aosplan.geodesy import to_local
     from aosplan.grid.patterns import MOST_SITES
@@ -209,7 +213,9 @@ def _passed(
 
 
 AT_END = 0.01
-"""Share of a spacing by which a leg may be too short for the photo at its end."""
+"""Tolerance for the photo at the end of a leg: the leg may be shorter by this share of a
+spacing.
+"""
 
 
 def _is_set(value: Any) -> bool:
@@ -230,11 +236,12 @@ def _check_frame(where: str, command: int, frame: Any) -> None:
 
 
 def _rows(path: str) -> Iterator[tuple[str, int, Sequence[Any]]]:
-    """Commands of a ``.waypoints`` file; its first row is the home position."""
+    """Commands of a ``.waypoints`` file.  The first row, which is the home position, is skipped."""
     lines = text_of(read_bytes(path), path).split("\n")
     if not lines[0].startswith("QGC WPL 1"):
         raise RequestError(f"'{path}' does not begin with QGC WPL 110")
-    first = 1 if path.lower().endswith(".mavlink") else 2  # Parrot's files have no row for home
+    # Parrot's files do not have a row for the home position.
+    first = 1 if path.lower().endswith(".mavlink") else 2
     for line_number, line in enumerate(lines[first:], first + 1):
         fields = line.split()
         if not fields or line.startswith("#"):
@@ -277,7 +284,7 @@ def _code(value: Any, where: str) -> int:
 
 
 def _points(path: str) -> Iterator[tuple[Any, ...]]:
-    """Points of a GeoJSON file; if it has none, the vertices of its lines."""
+    """Points of a GeoJSON file.  If it has no points, the vertices of its lines."""
     table = read_table(path, with_nan=True)
     _check_crs(table, f"'{path}':")
     features = table.get("features")
@@ -293,7 +300,7 @@ def _points(path: str) -> Iterator[tuple[Any, ...]]:
             raise RequestError(f"{where} geometry type {shown(kind)} is not a name")
         if kind not in found or (isinstance(properties, dict) and properties.get("photo") is False):
             continue
-        assert isinstance(geometry, dict)  # it has a type
+        assert isinstance(geometry, dict)  # It has a type, so that it is a dictionary.
         for node in (feature, geometry):
             _check_crs(node, where)
         coordinates = geometry.get("coordinates")
@@ -336,13 +343,14 @@ FARTHEST_M = 1e9
 def read_positions(path: str) -> list[tuple[float, float]]:
     """Read positions [m] from a CSV with a header, such as aosplan's waypoints, or from a mission.
 
-    Positions of missions and ``.geojson`` files are east and north of the first one.
+    Positions in missions and ``.geojson`` files are converted to metres east and north of the first
+    position.
 
     Raises
     ------
     RequestError
-        If there is no header with two known columns, no row, or a row without two numbers; the
-        message names the line.
+        If the header does not have two known columns, if there are no rows, or if a row does not
+        have two numbers.  The message gives the line.
     """
     from aosplan.postflight.positions_file import SUFFIXES, local_m, read_places
 
@@ -356,7 +364,7 @@ def read_positions(path: str) -> list[tuple[float, float]]:
 
 
 class PositionTable(NamedTuple):
-    """A CSV file: the names of its columns, and its rows, each with its place in the file.
+    """A CSV file: the names of its columns, and its rows with their places in the file.
 
     Rows whose column ``photo`` is false are left out.
     """
@@ -366,7 +374,7 @@ class PositionTable(NamedTuple):
     rows: list[tuple[str, list[str]]]
 
     def pair(self, pairs: tuple[tuple[str, str], ...]) -> tuple[str, str] | None:
-        """The first pair of names that are both columns."""
+        """The first pair of names for which both columns exist."""
         return next((pair for pair in pairs if set(pair) <= set(self._names)), None)
 
     def columns(
@@ -378,7 +386,7 @@ class PositionTable(NamedTuple):
         Raises
         ------
         RequestError
-            If there are no such columns, or a row is too short.
+            If there are no such columns, or if a row is too short.
         """
         pair = self.pair(pairs)
         if pair is None:
@@ -405,7 +413,7 @@ def read_csv(path: str) -> PositionTable:
     Raises
     ------
     RequestError
-        If the file is not a CSV with a header; the message names the line.
+        If the file is not a CSV file with a header.  The message gives the line.
     """
     text = text_of(read_bytes(path), path)
     reader = csv.reader(io.StringIO(text, newline=""))
@@ -430,7 +438,7 @@ def read_csv(path: str) -> PositionTable:
 def _photographed(
     names: list[str], rows: list[tuple[str, list[str]]]
 ) -> list[tuple[str, list[str]]]:
-    """One row per photo of a Litchi mission that takes photos; all rows of other files."""
+    """One row per photo for a Litchi mission that takes photos.  For other files, all rows."""
     actions = [place for place, name in enumerate(names) if name.startswith("actiontype")]
     columns = [
         names.index(name) if name in names else -1

@@ -22,7 +22,7 @@ class KeptViewDocument(OpenDocument):
 
 
 class ThinnedDetectionDocument(OpenDocument):
-    """Probability of detection with all views and with the chosen ones."""
+    """Probability of detection with all views and with the chosen views."""
 
     all: Finite
     kept: Finite
@@ -31,7 +31,7 @@ class ThinnedDetectionDocument(OpenDocument):
 class ThinningDocument(OpenDocument):
     """The document that `aosplan thin --json` prints.
 
-    `bound` is the prediction for as many views that share no occluder.
+    `bound` is the prediction for the same number of views, if they share no occluder.
     """
 
     schema_: Literal[1] = Field(alias="schema")
@@ -69,7 +69,9 @@ class StrayDocument(OpenDocument):
 
 
 class FlownDetectionDocument(OpenDocument):
-    """Probability of detection: planned, with the flown photos, and with the missing sites added."""
+    """Probability of detection: of the plan, with the flown photos, and with photos at the missing
+    sites in addition.
+    """
 
     planned: Finite
     flown: Finite | None
@@ -77,7 +79,7 @@ class FlownDetectionDocument(OpenDocument):
 
 
 class AreaCoverageDocument(OpenDocument):
-    """What the photos show at each place of an area (`aosplan.maps.coverage_map`)."""
+    """Statistics of the photos that see each place of an area (`aosplan.maps.coverage_map`)."""
 
     area_m2: Finite
     cell_m: Finite
@@ -94,8 +96,8 @@ class AreaCoverageDocument(OpenDocument):
 class ReviewDocument(OpenDocument):
     """The document that `aosplan review --json` prints.
 
-    `flown` is the visibility of the `counted` photos.  `completed` is that of these photos and the
-    `missing` sites, which are waypoints of the plan.
+    `flown` is the visibility of the `counted` photos.  `completed` is the visibility of these
+    photos and of photos at the `missing` sites.  The missing sites are waypoints of the plan.
     """
 
     schema_: Literal[1] = Field(alias="schema")
@@ -132,11 +134,13 @@ class IntrinsicsDocument(Document):
 
 
 PoseRow = Annotated[list[Finite | str], Field(min_length=4, max_length=4)]
-"""Four numbers of a pose; the AOS project writes some of them as text."""
+"""One row of a pose, with four numbers.  The AOS project writes some numbers as text."""
 
 
 class ViewDocument(OpenDocument):
-    """An image of a recording and its pose, [R|t] from the world to the camera, in metres."""
+    """An image of a recording and its pose [R|t], which transforms world to camera coordinates
+    [m].
+    """
 
     imagefile: str
     M3x4: Annotated[list[PoseRow], Field(min_length=3, max_length=3)]
@@ -144,14 +148,14 @@ class ViewDocument(OpenDocument):
 
 
 class PosesDocument(OpenDocument):
-    """Poses of a recording in the format of the AOS project, to which `camera` is added."""
+    """Poses of a recording in the format of the AOS project, with the additional name `camera`."""
 
     images: Annotated[list[ViewDocument], Field(min_length=1)]
     camera: IntrinsicsDocument | None = None
 
 
 class CoverageDocument(OpenDocument):
-    """Numbers of views that see the pixels of an integral image."""
+    """Statistics of the number of views that see a pixel of an integral image."""
 
     least_views: int
     share: Finite
@@ -177,7 +181,9 @@ class PeakDocument(OpenDocument):
 
 
 class FocusDocument(OpenDocument):
-    """Agreement of integrals of disjoint halves of the views over height, and corrections of poses."""
+    """Agreement of integrals of disjoint halves of the views, as a function of height, and
+    corrections of poses.
+    """
 
     heights_m: list[Finite]
     agreement: list[Finite]

@@ -1,11 +1,11 @@
 """Matching of a plan without a location to the photos that were taken for it.
 
-Every pair of a photo and a site defines a translation that moves the site to the photo.  The right
-translation is the one for which most pairs agree.  Missing photos reduce this number, but photos of
-other things rarely add to it.  A grid that is moved by a whole pitch fits almost as well, and
-equally well if a whole row was left out.  If several translations fit equally well, the one whose
-sites are earliest in the flight is chosen, because flights are usually aborted rather than started
-late.
+Every pair of a photo and a site defines a translation that moves the site to the photo.  The
+correct translation is that on which most pairs agree.  Missing photos reduce this number of pairs,
+but photos of other objects rarely increase it.  If the grid is moved by a whole pitch, it fits
+almost as well.  If a whole row of photos is missing, it fits equally well.  If several translations
+fit equally well, the one whose sites are earliest in the flight is chosen, because a flight is
+often ended early but rarely begun late.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ MOST_PAIRS = 4_000_000
 """Largest number of pairs of a photo and a site that are examined."""
 
 CANDIDATES = 64
-"""Number of translations with the most pairs that are examined further."""
+"""Number of translations that are examined further: those on which most pairs agree."""
 
 STEPS = 10
-"""Largest number of refinements of a translation; each moves it by the median of the residuals."""
+"""Largest number of refinements of a translation.  Each refinement adds the median of the
+residuals.
+"""
 
 
 class Registration(NamedTuple):
@@ -39,7 +41,7 @@ class Registration(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """Quality of a translation; the smallest is the best.
+    """Quality of a translation.  The smallest value is the best.
 
     - `negative`: minus the number of photos that are matched to a site
     - `off`: median distance of the matched photos divided by the reach
@@ -52,7 +54,7 @@ class _Fit(NamedTuple):
 
 
 def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registration | None:
-    """Translation of the sites that matches photos to most of them.
+    """The translation of the sites for which most sites have a photo.
 
     Parameters
     ----------
@@ -96,8 +98,8 @@ def registered(sites_m: Floats, points_m: Floats, reach_m: float) -> Registratio
                 break
         near, photo, off = matched(offset)
         if len(near):
-            # Rounded to much less than the accuracy of GNSS, so that rounding errors decide
-            # nothing.
+            # The median is rounded, but much finer than the accuracy of GNSS, so that rounding
+            # errors do not affect the choice.
             middle = round(float(np.median(off)) / reach_m, 6)
             fits.setdefault(_Fit(-len(np.unique(photo)), middle, int(near.sum())), offset)
     best = min(fits)

@@ -1,9 +1,10 @@
-"""Review of a flight: which sites have no photo, what the photos show, and what is left to fly.
+"""Review of a flight: the sites without a photo, the visibility of the photos, and the flight to
+the missing sites.
 
 A photo belongs to the nearest site if it is within a tolerance.  A site without photos is missing.
 The visibility of the photos is predicted for their recorded positions, with the scene and model of
 the plan.  Because these positions are known, the position noise of the plan is not used.  A photo
-that belongs to no site also counts, unless its footprint does not contain the centre of the grid.
+that belongs to no site is also included if its footprint contains the centre of the grid.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from aosplan.solver.problem import OnTrial
 
 ALONE_M = 1.0
-"""Tolerance for a single site, which has no neighbours: about the accuracy of GNSS."""
+"""Tolerance for a single site, which has no neighbours.  It is about the accuracy of GNSS."""
 
 ROUNDED_M = 2e-4
 """Rounding error of positions in files."""
@@ -46,7 +47,9 @@ ALTITUDE_SHARE = 0.05
 
 
 class FlownDetection(NamedTuple):
-    """Probability of detection: planned, with the flown photos, and with the missing sites added."""
+    """Probability of detection: of the plan, with the flown photos, and with photos at the missing
+    sites in addition.
+    """
 
     planned: float
     flown: float | None
@@ -60,36 +63,29 @@ class Review:
     Attributes
     ----------
     plan
-        The plan, with a location if it or the photos have one.
+        The plan.  It has a location if the request or the photos have one.
     views
         The photos.
     east_m, north_m
         Positions of the photos relative to the origin of the plan.
     tolerance_m
-        Largest distance of a photo from its site.
-    sites
-        Indices of the plan's sites among its waypoints.
-    missing
-        Those of them that have no photo, in flight order.
-    site_of, off_m
-        For each photo, index of the nearest site in `sites`, and its distance.
-    flown, completed
-        Prediction for the photos, and for the photos with those of the missing sites; None if
-        there is no single prediction.
+        Largest distance between a photo and its site. sites Indices of the plan's sites among its
+        waypoints. missing Indices of the sites without a photo, in flight order. site_of, off_m For
+        each photo, index of the nearest site in `sites`, and the distance to it. flown, completed
+        Prediction for the photos, and for the photos together with photos at the missing sites;
+        None if there is no single prediction.
     counted
-        Photos that the prediction includes.
-    topup
-        The plan with a path through the missing sites only; over an area, through those that close
-        its gaps, and within a time, through as many of them as it allows.  None if there are none.
+        Number of photos that the prediction includes. topup The plan with a path through the
+        missing sites only; None if no sites are missing.  Over an area, it has the missing sites
+        that close gaps of the coverage.  If there is a time limit, it has as many of these sites as
+        the time allows.
     warnings
         Warnings for the user.
     detection
-        Probability that the plan's target is found, the mean over an area; None without a target,
-        or if there is no single prediction.
-    coverage
-        Coverage of an area by the photos, place by place; None without an area.
-    after
-        The same with the photos of the top-up.
+        Probability that the plan's target is found; over an area, the mean of this probability.
+        None without a target, or if there is no single prediction. coverage Coverage of an area by
+        the photos, at each place; None without an area. after The coverage with the photos of the
+        top-up in addition.
     """
 
     plan: Plan
@@ -117,14 +113,14 @@ class Review:
 
     @property
     def errors_m(self) -> tuple[float, float] | None:
-        """Root mean square and largest distance of photos from their sites; None without such
-        photos.
+        """Root mean square and largest distance between photos and their sites; None if no photo
+        belongs to a site.
         """
         off = self.off_m[_near(self.off_m, self.tolerance_m)]
         return (math.sqrt(float(np.mean(off * off))), float(off.max())) if len(off) else None
 
     def document(self) -> dict[str, Any]:
-        """The review as plain values, which ``review --json`` prints."""
+        """The review as plain values: the output of ``review --json``."""
         ways, errors = self.plan.waypoints, self.errors_m
         planned = self.plan.solution.prediction
         return {
@@ -192,10 +188,9 @@ def review(
     wanted
         The request of the plan.
     views
-        The photos.  Positions in metres are relative to the origin of the plan.  A plan without a
-        location is placed where most of its sites have a photo.
-    tolerance_m
-        Largest distance of a photo from its site; default: half the smaller pitch.
+        The photos.  Positions in metres are relative to the origin of the plan.  If a plan has no
+        location, it is given the location at which most of its sites have a photo. tolerance_m
+        Largest distance between a photo and its site; default: half the smaller pitch.
     longest_s
         Longest time of the top-up, from take-off to landing.
     folder, progress, on_trial
@@ -204,9 +199,9 @@ def review(
     Raises
     ------
     RequestError
-        As `plan` does, and if a place is too far from the plan.
-    InfeasibleError
-        As `plan` does, and if no missing photo can be taken within the time of the top-up.
+        In the same cases as `plan`.  Also if a position is too far from the plan.  InfeasibleError
+        In the same cases as `plan`.  Also if no missing photo can be taken within the time of the
+        top-up.
     """
     # The flight is compared with the whole plan, not only with the part of the last battery.
     wanted = replace(wanted, resume_at=None, sensitivity=False)
@@ -282,7 +277,9 @@ def review(
 def _topup_of(
     planned: Plan, missing: list[int], area: _AreaReview | None, longest_s: float
 ) -> TopUp | None:
-    """The flight to the missing sites, over an area to those that close its gaps."""
+    """The flight to the missing sites.  Over an area, it is the flight to the missing sites that
+    close gaps.
+    """
     gains = np.ones(len(missing))
     if area is not None:
         missing, gains = [missing[place] for place in area.closing], area.gains
@@ -290,7 +287,7 @@ def _topup_of(
 
 
 class _AreaReview:
-    """Coverage of an area by photos, and the missing sites that close its gaps."""
+    """Coverage of an area by photos, and the missing sites that close gaps of the coverage."""
 
     def __init__(
         self,
@@ -304,7 +301,8 @@ class _AreaReview:
         from aosplan.maps.coverage_map import Coverage
 
         self._ground = ground = Coverage(planned)
-        # All photos of a site are counted once, at the position of the site.
+        # For the count of sites, all photos of a site are counted once, at the position of the
+        # site.
         self._points_m = points_m
         self._sites_m = np.vstack([sites_m[np.unique(site_of[near])], points_m[~near]])
         self.coverage = ground.of(points_m, self._sites_m)
@@ -313,7 +311,7 @@ class _AreaReview:
         self.gains = gains.astype(np.float64)
 
     def after(self, more_m: NDArray[np.float64]) -> CoverageMap:
-        """The coverage with additional photos."""
+        """The coverage with additional photos at given positions."""
         if not len(more_m):
             return self.coverage
         points, sites = (np.vstack([each, more_m]) for each in (self._points_m, self._sites_m))
@@ -321,7 +319,7 @@ class _AreaReview:
 
 
 def _mean_detections(coverage: CoverageMap, after: CoverageMap) -> FlownDetection | None:
-    """Probability of detection as means over an area; None for a plan without a target."""
+    """Mean probabilities of detection over an area; None for a plan without a target."""
     inside = coverage.cells.inside_rows
     planned, flown, completed = (
         None if each is None else float(each[inside].mean())
@@ -337,7 +335,9 @@ def _mean_detections(coverage: CoverageMap, after: CoverageMap) -> FlownDetectio
 def _detections(
     planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
 ) -> FlownDetection | None:
-    """Probability that the target is found with photos at the positions that `_predictions` uses."""
+    """Probability that the target is found, with photos at the same positions as in
+    `_predictions`.
+    """
     if planned.detection is None:
         return None
     from aosplan.planning.plan_detection import detection_at
@@ -353,7 +353,9 @@ def _detections(
 
 
 def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
-    """The plan with its origin where its sites fit the photos, and number of equally good places."""
+    """The plan, with the origin at which its sites fit the photos best, and the number of origins
+    that fit equally well.
+    """
     from aosplan.geodesy import to_wgs84
     from aosplan.postflight.registration import registered
 
@@ -362,7 +364,7 @@ def _laid_on(planned: Plan, views: Views, reach_m: float) -> tuple[Plan, int]:
     found = registered(taken, np.column_stack(views.local_m(planned.origin)), reach_m)
     if found is None:
         return planned, 1
-    assert planned.origin is not None  # the caller gave it one
+    assert planned.origin is not None  # The caller has given the plan an origin.
     (latitude,), (longitude,) = to_wgs84(planned.origin, *found.offset_m.reshape(2, 1).tolist())
     origin = latitude, longitude
     request = planned.request.filled({"origin": origin})
@@ -398,7 +400,9 @@ def _sees_middle(planned: Plan, points_m: NDArray[np.float64]) -> NDArray[np.boo
 
 
 def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
-    """Why there is no single prediction for the sites and photos; None if there is one."""
+    """The reason why there is no single prediction for the sites and photos; None if there is a
+    prediction.
+    """
     if planned.layout.survey is not None or sites != planned.solution.pattern.samples:
         message = "the sites are not a single aperture, so missing sites are reported without a visibility"
         return Message("no_single_aperture", message)
@@ -411,7 +415,7 @@ def _unpredictable(planned: Plan, sites: int, photos: int) -> Message | None:
 def _predictions(
     planned: Plan, flown_m: NDArray[np.float64], missing_m: NDArray[np.float64]
 ) -> tuple[Prediction | None, Prediction]:
-    """Prediction for the photos, and for the photos together with those of the missing sites."""
+    """Prediction for the photos, and for the photos together with photos at the missing sites."""
     completed = predicted(planned, in_axes(planned, *np.vstack([flown_m, missing_m]).T))
     if not len(missing_m):
         return completed, completed
@@ -454,9 +458,11 @@ def _of_blind(count: int) -> Iterator[Message]:
 
 
 def _of_altitudes(planned: Plan, views: Views) -> Iterator[Message]:
-    """A warning if photos were taken at another altitude than planned, as far as both are known."""
+    """A warning if photos were not taken at the planned altitude.  There is no warning if one of
+    the altitudes is not known.
+    """
     if planned.route.datum is not None:
-        return  # files do not say what the heights of a flight over terrain are relative to
+        return  # For a flight over terrain, files do not contain the reference of the heights.
     expected = planned.altitude_m + planned.inputs.focal_height_m
     known = np.array([each for each in views.altitudes_m if each is not None])
     off = known[np.abs(known - expected) > ALTITUDE_SHARE * expected]

@@ -13,12 +13,15 @@ if TYPE_CHECKING:
     from aosplan.mission.mission import Mission
 
 MISSION_ENDINGS = (".waypoints", ".plan", ".kmz", ".mavlink", ".csv")
-"""Extensions of mission files; a ``.csv`` is Litchi's, or has latitudes and longitudes."""
+"""Extensions of mission files.  A ``.csv`` file is one of Litchi, or it has latitudes and
+longitudes.
+"""
 
 
 def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, ...]:
-    """Read the missions of a saved plan, or the sites of a mission file for formats that are not
-    flown.
+    """Read the missions of a saved plan, or the sites of a mission file.
+
+    Sites of a mission file can only be converted to formats that are not for autopilots.
 
     Parameters
     ----------
@@ -30,7 +33,8 @@ def read_saved_missions(path: str, chosen: Sequence[Format]) -> tuple[Mission, .
     Raises
     ------
     RequestError
-        If the file is neither, or if it is a mission file and one of the formats is flown.
+        If the file is neither of these, or if it is a mission file and one of the formats is for
+        autopilots.
     """
     if not path.lower().endswith(MISSION_ENDINGS):
         from aosplan.planning.saved_plan import read_missions

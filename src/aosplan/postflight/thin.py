@@ -1,4 +1,4 @@
-"""Thinning of a recording: the best of its views for a scene, compared with all of them."""
+"""Thinning of a recording: selects its best views for a scene, and compares them with all views."""
 
 from __future__ import annotations
 
@@ -26,20 +26,23 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 QUANTITIES = ("normalized", "visibility", "similarity")
-"""Quantities that a choice may maximise: V̂, V, or the similarity to the integral of all views."""
+"""Quantities that a selection can maximise: V̂, V, or the similarity to the integral of all
+views.
+"""
 
 MORE_HIDDEN = 0.02
-"""Increase of the density by a choice for V̂ above which there is a warning."""
+"""If a selection that maximises V̂ increases the density by more than this, there is a warning."""
 
 ADDED = "original_index"
-"""Name of the column with the index of a view among those it was chosen from."""
+"""Name of the column with the index of a view among all views of the original recording."""
 
 
 class Thinning(NamedTuple):
-    """The chosen views by their indices (increasing), and predictions for them and for all views.
+    """The indices of the chosen views in increasing order, and predictions for these views and for
+    all views.
 
-    The plan provides the scene and the model; its sites are not used.  `detection` is the
-    probability of detection with all views and with the chosen ones, if there is a target.
+    The plan provides the scene and the model.  Its sites are not used.  If there is a target,
+    `detection` has the probability of detection with all views and with the chosen views.
     """
 
     plan: Plan
@@ -60,7 +63,7 @@ class Thinning(NamedTuple):
         return self.kept._replace(shortfall=1.0 / len(self.chosen))
 
     def document(self) -> dict[str, Any]:
-        """The choice as plain values, which ``thin --json`` prints."""
+        """The selection as plain values: the output of ``thin --json``."""
         request = self.plan.request.document()
         return {
             "schema": SCHEMA,
@@ -96,8 +99,9 @@ class Thinning(NamedTuple):
     def render(self) -> bytes:
         """The chosen views in their original format, with their indices in the column `ADDED`.
 
-        The result is a CSV, or, for a folder of photos, their names, one per line.  If the file
-        already has this column, it is kept: its indices refer to the original recording.
+        The result is a CSV file.  For a folder of photos, it has one name of a photo per line.  If
+        the file already has the column `ADDED`, the column is kept, because its indices refer to
+        the original recording.
         """
         rows = [self.views.rows[index] for index in self.chosen]
         if self.views.is_folder:
@@ -125,8 +129,8 @@ def thin_views(
     Parameters
     ----------
     wanted
-        Scene, altitude, camera and model; for views with latitude and longitude also their origin,
-        by default their centre.
+        Scene, altitude, camera and model.  If views have latitude and longitude, also their origin;
+        by default it is their centre.
     views
         The recorded views.
     samples
@@ -151,7 +155,7 @@ def thin_views(
     if views.places is not None and origin is None:
         origin = views.middle(wanted.heading)
     kept = {name: getattr(wanted, name) for name in SHOWING}
-    # A plan with one photo is only evaluated; it provides the scene, the model and their checks.
+    # A plan with one photo is computed. It provides the scene and the model, and checks them.
     scene = plan(
         PlanRequest(**kept, samples=1, baseline=1.0),
         folder=folder,
@@ -165,7 +169,7 @@ def thin_views(
     hidden = None if best == "normalized" else model.hidden_at(points)
     chosen = choose_views(points, samples, model.correlation, hidden, alike=best == "similarity")
     every, few = predicted(scene, points), predicted(scene, points[chosen])
-    # The warning about few photos is about that plan, which is not flown.
+    # The warning about few photos refers to this plan with one photo, so that it is removed.
     notices = [notice for notice in scene.notices if notice.code != "detection_few_photos"]
     warnings = [*notices, *views.messages()]
     if hidden is None and few.density > every.density + MORE_HIDDEN:
@@ -195,7 +199,7 @@ def thin_views(
 def _detections(
     scene: Plan, every_m: NDArray[np.float64], chosen_m: NDArray[np.float64]
 ) -> tuple[float, float] | None:
-    """Probability that the target is found with all views, and with the chosen ones."""
+    """Probability that the target is found with all views, and with the chosen views."""
     if scene.inputs.find is None:
         return None
     from aosplan.planning.plan_detection import detection_at

@@ -1,4 +1,4 @@
-"""The flight that takes missing photos: all of them, or as many as a time allows."""
+"""The flight that takes missing photos: all missing photos, or as many as a time allows."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from aosplan.planning.result import Plan
 
 STARTS = 12
-"""Number of sites at which a part of the path is allowed to start."""
+"""Number of sites at which a part of the path can start."""
 
 
 class TopUp(NamedTuple):
@@ -33,9 +33,8 @@ class TopUp(NamedTuple):
     plan
         The plan with the path of this flight.
     sites
-        Its waypoints of the plan, in increasing order.
-    wanted, all_s
-        Number of all sites that were asked for, and the time of the flight to them.
+        Waypoints of the plan that it visits, in increasing order. wanted, all_s Number of all
+        requested sites, and the time of a flight to all of them.
     """
 
     plan: Plan
@@ -44,7 +43,7 @@ class TopUp(NamedTuple):
     all_s: float
 
     def messages(self, longest_s: float) -> list[Message]:
-        """What the user should know of the flight."""
+        """Messages to the user about the flight."""
         found = [*self.plan.notices]
         if len(self.sites) < self.wanted:
             text = (
@@ -86,7 +85,9 @@ def topup_within(
     gain_of = dict(zip(sites, gains.tolist(), strict=True))
 
     def number_from(start: int) -> int:
-        """The number of sites, from a start on, to which a flight takes at most the time."""
+        """The largest number of consecutive sites, beginning at a start, to which a flight takes at
+        most the given time.
+        """
         return last_number(
             len(order) - start,
             lambda count: _time_s(planned, order[start : start + count]) <= longest_s,
@@ -136,7 +137,7 @@ def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> li
     column, row = np.rint((points - points.min(axis=0)) / pitch_m).astype(np.int64).T
     stride = int(column.max()) + 2
     order = np.argsort(row * stride + column)
-    assert planned.layout.area is not None  # a plan with a survey has an area
+    assert planned.layout.area is not None  # A plan with a survey has an area.
     zones = shapely.transform(
         planned.layout.area.keep_out, lambda each: along_heading(each[:, 0], each[:, 1], heading)
     )
@@ -151,8 +152,8 @@ def _toured(planned: Plan, sites: list[int], pitch_m: tuple[float, float]) -> li
 
 
 def _topup(planned: Plan, missing: list[int]) -> Plan:
-    """The plan with a path through the missing sites only, in their order and from its take-off
-    point.
+    """The plan with a path through the missing sites only, in their order, from the take-off point
+    of the plan.
     """
     ways, inputs = planned.waypoints, planned.inputs
     if planned.route.takeoff is not None:

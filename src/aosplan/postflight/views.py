@@ -1,4 +1,4 @@
-"""Recorded views: positions of photos from any source, in the metres of a plan."""
+"""Recorded views: positions of photos from any source, converted to the coordinates of a plan."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
 
 
 class Views(NamedTuple):
-    """Photos with their positions, on earth or in metres, and other data of their source.
+    """Photos with their positions (on earth or in metres) and other data of their source.
 
-    `header` and `rows` are the columns of the source; for a folder, `rows` has the names of the
-    photos. `unplaced` has the names of photos without a position, `doubtful` the reason for some of
-    them, and `paired` those that are left out because another photo of the same shot is used.
+    `header` and `rows` are the columns of the source.  For a folder, `rows` has the names of the
+    photos.  `unplaced` has the names of photos without a position, and `doubtful` has the reason
+    for some of them.  `paired` has the photos that are left out because another photo of the same
+    shot is used.
     """
 
     path: str
@@ -56,14 +57,18 @@ class Views(NamedTuple):
         return len(self.rows)
 
     def name(self, index: int) -> str | None:
-        """Name of a photo, if it has one; characters that are not Unicode become question marks."""
+        """Name of a photo, if it has one.  Characters that are not Unicode are replaced by question
+        marks.
+        """
         return _readable(self.rows[index][0]) if self.is_folder else None
 
     def middle(self, heading_deg: float) -> tuple[float, float]:
-        """Latitude and longitude of the centre of the rectangle along a heading around all places."""
+        """Latitude and longitude of the centre of a rectangle around all places.  The rectangle is
+        parallel to a heading.
+        """
         from aosplan.geodesy import to_wgs84
 
-        assert self.places is not None  # only called for views with places
+        assert self.places is not None  # This method is called only for views with places.
         first = self.places[0][:2]
         points = along_heading(*local_m(self.places, first, self.path, "the first"), heading_deg)
         x, y = 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -72,11 +77,13 @@ class Views(NamedTuple):
         return latitude, longitude
 
     def local_m(self, origin: tuple[float, float] | None) -> tuple[list[float], list[float]]:
-        """Metres east and north of an origin; positions that are in metres are returned unchanged."""
+        """Positions in metres east and north of an origin.  Positions that are already in metres
+        are returned unchanged.
+        """
         if self.places is None:
             east, north = zip(*self.positions_m, strict=True)
             return list(east), list(north)
-        assert origin is not None  # the caller has an origin if there are places
+        assert origin is not None  # If there are places, the caller gives an origin.
         return local_m(self.places, origin, self.path, "the plan's origin")
 
     def messages(self) -> Iterator[Message]:
@@ -122,7 +129,7 @@ def read_views(path: str, *, on_earth: bool) -> Views:
     Raises
     ------
     RequestError
-        If there is no position, or one that cannot be read; the message names its place.
+        If there are no positions, or if a position cannot be read.  The message gives its place.
     """
     if os.path.isdir(path):
         from aosplan.postflight.photo_positions import read_photos
@@ -144,7 +151,8 @@ def read_views(path: str, *, on_earth: bool) -> Views:
         rows = [["" if value is None else repr(value) for value in place] for place in places]
         return _views(path, [PLACE_NAMES[0][0], PLACE_NAMES[0][1], ALTITUDES[0]], rows, places)
     table = read_csv(path)
-    # raises an error that names both if the table has neither
+    # If the table has neither of the two pairs of columns, this raises an error that names both
+    # pairs.
     table.columns((*PLACE_NAMES, *NAMES_M))
     rows = [row for _, row in table.rows]
     if table.pair(PLACE_NAMES) and (on_earth or not table.pair(NAMES_M)):
@@ -190,8 +198,8 @@ def along_heading(east_m: ArrayLike, north_m: ArrayLike, heading_deg: float) -> 
 def in_axes(plan: Plan, east_m: ArrayLike, north_m: ArrayLike) -> NDArray[np.float64]:
     """Positions along the axes of a plan's model, shape (N, 2).
 
-    The axes of a measured stand are east and north.  Those of uniform and layered scenes are the
-    axes of the plan.
+    For a measured stand, these axes are east and north.  For uniform and layered scenes, they are
+    the axes of the plan.
     """
     if plan.problem is not None and plan.problem.model.heading_deg is not None:
         return np.column_stack([east_m, north_m])

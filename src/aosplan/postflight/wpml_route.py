@@ -1,4 +1,4 @@
-"""Sites of a WPML route (``.kmz``) for DJI Pilot 2, DJI Fly or Autel Enterprise."""
+"""Reading of the sites of a WPML route (``.kmz``) for DJI Pilot 2, DJI Fly or Autel Enterprise."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from aosplan.files import read_bytes
 from aosplan.units import number
 
 MEMBER = "waylines.wpml"
-"""The member that the drone flies; the other one is displayed by the application."""
+"""Name of the document that the drone flies.  The application displays the other document."""
 
 SHOOTING = {"takePhoto", "orientedShoot", "accurateShoot"}
 """Actions that take a photo."""
 
 
 def read_route(path: str) -> list[tuple[str, Any, Any, Any, int, float | None]]:
-    """Read the waypoints of a route in order, and where photos are taken.
+    """Read the waypoints and photos of a route in order.
 
-    For each waypoint: its place in the file, latitude, longitude, height, the number of photos
-    taken there, and the distance between photos from there on (0: no more photos; None:
-    unchanged).  Photos by distance are taken from the first waypoint of an action group to the
-    last.
+    For each waypoint, the result has its place in the file, latitude, longitude, height, the number
+    of photos at the waypoint, and the distance between photos from this waypoint on (0: no more
+    photos; None: unchanged).  Photos by distance are taken from the first waypoint of an action
+    group to the last.
 
     Raises
     ------
     RequestError
-        If the file is not such an archive; the message says what is wrong.
+        If the file is not such an archive.  The message describes the fault.
     """
     content = read_bytes(path)
     if content[:2] != b"PK":
@@ -78,7 +78,8 @@ class _Reader:
         parser.CharacterDataHandler = self.text.append
         try:
             parser.Parse(content, True)
-        except (expat.ExpatError, LookupError, ValueError) as error:  # also for unknown encodings
+        # Unknown encodings raise these errors too.
+        except (expat.ExpatError, LookupError, ValueError) as error:
             raise RequestError(f"'{self.path}': {MEMBER} is not valid XML: {error}") from None
 
     def _doctype(self, *_: Any) -> None:
@@ -127,8 +128,8 @@ class _Reader:
                 self.switches[first] = spacing
                 self.switches.setdefault(last, 0.0)
             else:
-                # With another trigger, such as time, a photo is assumed at each waypoint of the
-                # group.
+                # If a group has another trigger, such as time, one photo at each of its waypoints
+                # is assumed.
                 self.shots |= dict.fromkeys(range(max(first, 0), min(last, 65_535) + 1), 1)
 
     def _site(self) -> None:

@@ -1,18 +1,10 @@
 """Comparison of a plan's prediction with its simulation.
 
-**Prediction.**  The model predicts for the rays of the experiment, which are not those of the plan.  A plan is
-for a target below the middle of its grid, and the uniform and the layered model predict for vertical rays.
-Photos look at their area at a slant, and cross more leaves, or side faces of cubes
-(`aosplan.models.area_rays`).  The measured model predicts for the view of the experiment, telecentric or
-perspective.  Noise patterns are the experiment of the paper; the prediction is that of the plan.
+**Prediction.**  The prediction is for the rays of the experiment, which differ from those of the plan. A plan is for a target below the middle of its grid, and the uniform and the layered model assume vertical rays. In the experiment, rays to the targets of an area are slanted. They cross more leaves, or side faces of cubes (`aosplan.models.area_rays`). The measured model predicts for the view of the experiment, telecentric or perspective. For noise patterns, which are the experiment of the paper, the prediction is that of the plan.
 
-**Agreement.**  Prediction and experiment agree if each of p, V and V̂ differs by at most
-`MOST_ERRORS` standard errors plus the systematic error of the experiment: the effect of voxels on
-p, V and K (`TOLERANCE`), and the effect of cubes on K.  Slanted rays see cubes that are up to 1 + s
-times as wide, for slopes whose sum is s.  Their effect is therefore computed as the change of K of independent
-slices at a disparity that is smaller by this factor.
+**Agreement.**  Prediction and experiment agree if the difference of each of p, V and V̂ is at most `MOST_ERRORS` standard errors plus the systematic error of the experiment. The systematic error is the effect of voxels on p, V and K (`TOLERANCE`), plus the effect of cubes on K. For slanted rays, cubes are effectively wider, by the factor 1 + s for a slope s. Their effect is therefore computed as the change of K of independent slices, at a disparity that is smaller by this factor.
 
-**As flown.**  The plan's own numbers may not hold although prediction and experiment agree; `as_flown` lists them.
+**As flown.**  Even if prediction and experiment agree, the numbers of the plan may differ from the experiment, because their rays differ. `as_flown` lists these differences.
 """
 
 from __future__ import annotations
@@ -51,7 +43,9 @@ if TYPE_CHECKING:
     from aosplan.scenes.scene import Scene
 
 OCCLUDERS = ("cubes", "leaves")
-"""What the volumes of a simulation are made of: cubes with side faces, or leaves of random direction."""
+"""Kinds of occluders in the volumes of a simulation: cubes with side faces, or leaves of random
+direction.
+"""
 
 FORESTS = ("noise", "uniform", "layered", "clumped", "cloud")
 """Names of the forests on which a plan can be simulated."""
@@ -67,20 +61,24 @@ QUANTITIES = ("density", "expected", "normalized")
 SYMBOLS = {"density": "p", "expected": "V", "normalized": "V̂"}
 
 LEAST_UNLIKE = 0.01
-"""Difference from the plan's own numbers that is not worth a word."""
+"""Difference from the numbers of the plan that is too small to be reported."""
 
 MOST_ERRORS = 4.0
-"""Largest difference in standard errors that can be due to chance, less than once in a thousand."""
+"""Largest difference in standard errors that is attributed to chance.  Larger differences occur
+less than once in a thousand.
+"""
 
 MOST_TARGETS = 100_000_000
-"""Default limit of the number of targets of a simulation."""
+"""Default for the largest number of targets of a simulation."""
 
 TOLERANCE = {"density": 0.003, "expected": 0.003, "normalized": 0.03}
-"""Systematic error of voxel volumes: of p and V, and of V̂ as a share of 1 - V̂."""
+"""Systematic error of voxel volumes: the error of p and V, and the error of V̂ as a share of 1 -
+V̂.
+"""
 
 
 class Settings(NamedTuple):
-    """How a plan is simulated.
+    """Settings of a simulation.
 
     Attributes
     ----------
@@ -91,13 +89,13 @@ class Settings(NamedTuple):
     forest
         One of `FORESTS`; None for the forest that corresponds to the scene.
     view
-        ``perspective``: targets on the ground that all samples see, under one aperture.
+        ``perspective``: the targets are on the ground that all samples see, below one aperture.
         ``telecentric``: each target is at the centre of its own aperture.
     occluders
         One of `OCCLUDERS`, for generated volumes.
     most_targets
-        Number of targets after which the simulation stops at any precision, but not before
-        `FEWEST_SAMPLES` volumes.
+        Number of targets at which the simulation stops, even if `precision` is not reached.  It
+        does not stop before `FEWEST_SAMPLES` volumes.
     """
 
     seed: int = 1
@@ -114,18 +112,18 @@ class Simulation(NamedTuple):
     Attributes
     ----------
     plan, settings
-        What was simulated and how; `settings.forest` is the name of the forest.
+        The plan, and the settings of the simulation.  `settings.forest` is the name of the forest.
     predicted
         Prediction of the model for the experiment.
     simulated
         Result of the experiment, with standard errors.
     views, targets, samples
-        Number of views of each target; number of targets in total; number of independent
-        volumes, patterns or blocks.
+        Number of views of each target, total number of targets, and number of independent volumes,
+        patterns or blocks.
     tolerance
         Systematic error of the experiment for each quantity.
     experiment
-        The experiment, for pictures; None if there are no occluders.
+        The experiment, from which pictures are made; None if there are no occluders.
     """
 
     plan: Plan
@@ -152,12 +150,12 @@ class Simulation(NamedTuple):
 
     @property
     def as_flown(self) -> list[str]:
-        """What of the plan's own numbers does not hold for its photos, a sentence each."""
+        """The numbers of the plan that are not valid for its photos, in one sentence each."""
         return [text for name in QUANTITIES if (text := self._unlike_the_plan(name))]
 
     @property
     def occluders(self) -> str | None:
-        """What the volumes are made of; None if they were not generated."""
+        """Kind of occluders in the volumes; None if the volumes were not generated."""
         return self.settings.occluders if self.settings.forest in OF_OCCLUDERS else None
 
     @property
@@ -194,7 +192,7 @@ class Simulation(NamedTuple):
     def _difference(self, name: str, tolerance: float) -> str:
         predicted, found = getattr(self.predicted, name), getattr(self.simulated, name)
         error = getattr(self.simulated, f"{name}_standard_error")
-        # V̂ is undefined if nothing is hidden; 1e-9 covers rounding.
+        # V̂ is not defined if nothing is hidden. The term 1e-9 is for rounding errors.
         if math.isnan(found) or abs(predicted - found) <= MOST_ERRORS * error + tolerance + 1e-9:
             return ""
         return (
@@ -208,7 +206,8 @@ class Simulation(NamedTuple):
         error = getattr(self.simulated, f"{name}_standard_error")
         if self.settings.forest == "noise" or math.isnan(found):
             return ""
-        if self._difference(name, self.tolerance[name]):  # the model is wrong, not the rays
+        # The model differs from the experiment, so the rays are not the reason.
+        if self._difference(name, self.tolerance[name]):
             return ""
         if abs(planned - found) <= MOST_ERRORS * error + max(self.tolerance[name], LEAST_UNLIKE):
             return ""
@@ -237,7 +236,7 @@ def simulate(
     Raises
     ------
     RequestError
-        As `experiment_of` does.
+        In the same cases as `experiment_of`.
     """
     settings, experiment, predicted = experiment_of(plan, settings or Settings())
     views = plan.solution.pattern.samples
@@ -268,7 +267,8 @@ def simulate(
         worst = _worst(estimate(samples))
         if worst <= settings.precision:
             break
-        # The standard error is random, too; checking it often would stop too early.
+        # The standard error is random too. Frequent checks would therefore stop the simulation too
+        # early.
         check = math.ceil(1.25 * len(samples))
         if progress is not None:
             progress(len(samples), math.ceil(len(samples) * (worst / settings.precision) ** 2))
@@ -287,8 +287,9 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
     Raises
     ------
     RequestError
-        If the forest does not suit the scene, if there is no target area, if there are more than
-        `aosplan.simulation.experiments.MOST_VIEWS` views, or if the plan has position noise or oblique rays.
+        If the kind of forest is not possible for the scene, if there is no target area, if there
+        are more than `aosplan.simulation.experiments.MOST_VIEWS` views, or if the plan has position
+        noise or oblique rays.
     """
     check_views(plan.solution.pattern.samples)
     if plan.inputs.hold_error_m > 0.0:
@@ -314,11 +315,12 @@ def experiment_of(plan: Plan, settings: Settings) -> tuple[Settings, Experiment 
 
 
 class Pictures(NamedTuple):
-    """PNG files of a simulation, and the similarity (SSIM) of its images to the infinite limit.
+    """PNG files of a simulation, and the similarity (SSIM) of its images to the image of infinitely
+    many views.
 
-    `picture` shows a resolution chart through the trees: in the middle view, in the integral image,
-    and for infinitely many views.  `occlusion_map` is the share of views that see each target;
-    white is all.
+    `picture` shows a resolution chart behind the trees: in the middle view, in the integral image,
+    and for infinitely many views.  `occlusion_map` shows the share of views that see each target.
+    White means that all views see it.
     """
 
     picture: bytes
@@ -328,7 +330,8 @@ class Pictures(NamedTuple):
 
 
 def pictures(simulation: Simulation) -> Pictures:
-    """Draw the first volume, pattern or plot of a simulation; the far end of the area is on top.
+    """Draw the first volume, pattern or plot of a simulation.  The far end of the area is at the
+    top.
 
     Raises
     ------
@@ -359,7 +362,9 @@ def _worst(found: Estimate) -> float:
 
 
 def _forest(plan: Plan, settings: Settings) -> str:
-    """Name of the forest for the simulation, after checking that it suits the scene."""
+    """Name of the forest for the simulation.  It is checked that this kind of forest is possible
+    for the scene.
+    """
     if plan.approximation is not None:
         raise RequestError(
             f"scene '{plan.inputs.scene_name}' contains a correlogram but no voxels to simulate",
@@ -384,12 +389,12 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
     """The experiment, and the prediction of the model for it."""
     h = plan.altitude_m
     if settings.forest == "noise":
-        assert plan.coverage is not None  # a scene without occluders is not simulated
+        assert plan.coverage is not None  # Scenes without occluders are not simulated.
         in_occluders = _sites(plan, 0.0) / plan.coverage.baseline_m
         predicted = _of_one_height(plan)
         return NoiseExperiment(settings.seed, predicted.density, in_occluders), predicted
     if settings.forest == "cloud":
-        assert plan.volume is not None  # the forest was checked before
+        assert plan.volume is not None  # `_forest` has checked that there are voxels.
         plot = VoxelViews(
             plan.volume, h, view=settings.view, focal_height_m=plan.inputs.focal_height_m
         )
@@ -414,8 +419,10 @@ def _experiment(plan: Plan, above: Scene, settings: Settings) -> tuple[Experimen
 
 
 def _of_one_height(plan: Plan) -> Prediction:
-    """The plan's prediction for occluders at one height, as noise patterns have."""
-    assert plan.problem is not None  # a scene without occluders is not simulated
+    """The plan's prediction for occluders at a single height, because noise patterns have only one
+    height.
+    """
+    assert plan.problem is not None  # Scenes without occluders are not simulated.
     model, solution = plan.problem.model, plan.solution
     if not isinstance(model, UniformModel) or plan.reading != "slices":
         return solution.prediction
@@ -423,7 +430,9 @@ def _of_one_height(plan: Plan) -> Prediction:
 
 
 def _shortfall(plan: Plan, above: Scene) -> float:
-    """K of the plan, increased by what occluders below those of the coverage rule still share."""
+    """K of the plan, increased by the effect of occluders that are lower than the one that
+    determines the coverage rule.
+    """
     solution, shortfall = plan.solution, plan.solution.prediction.shortfall
     if plan.reading != "rule":
         return shortfall
@@ -442,7 +451,7 @@ def _target_area(plan: Plan, view: ViewKind) -> tuple[float, float]:
     """Size of the ground that all samples see, across and along the heading."""
     along, across = plan.common_footprint_m
     if view == "telecentric":
-        return across, along  # no effect: each target has its own aperture
+        return across, along  # The size has no effect, because each target has its own aperture.
     if min(along, across) <= 0.0:
         raise RequestError(
             "no ground is seen by all samples, so there are no targets to simulate",
@@ -462,7 +471,7 @@ def _tolerance(
         model = LayeredModel(above.slices(), plan.altitude_m)
         pattern, baseline = plan.solution.pattern, plan.solution.baseline_m
         straight, slope = cube_terms(above)
-        # The mean slope along one axis, from its effect on the transparency.
+        # The mean slope of rays along one axis is computed from its effect on the transparency.
         mean_slope = 0.5 * (math.log(predicted.transparency) - straight) / slope
         wide = model.predict(pattern, baseline / (1.0 + max(mean_slope, 0.0)))
         wider = wide.shortfall - model.predict(pattern, baseline).shortfall

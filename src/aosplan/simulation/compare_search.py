@@ -4,12 +4,13 @@ The prediction is that of `aosplan.models.detection` or `aosplan.models.counted_
 scene of the plan.  The search (`aosplan.simulation.search`) uses forests that the model has not
 seen: random slices or stands, or the voxels of a point cloud with other radiances.
 
-Two comparisons are made.  *At the same threshold*: the share of targets that the detector finds
-with the predicted threshold.  This tests the probability of detection itself, which agrees within
-`TOLERANCE` for nine photos or more.  *At the same false-alarm rate*: the number of false alarms per
-hectare with the predicted threshold, and the share of targets found with the threshold that gives
-the stated rate in the searched forests.  With a few hectares, this threshold is an extrapolation,
-and the rate may differ by a factor of 2 to 3.
+Two comparisons are made.  *At the same threshold*: the predicted probability of detection is
+compared with the share of targets that the detector finds with the predicted threshold.  They agree
+within `TOLERANCE` for nine photos or more.  *At the same false-alarm rate*: the number of false
+alarms per hectare is counted at the predicted threshold.  Then the share of targets is computed
+that the detector finds with another threshold: the one that gives the specified rate of false
+alarms in the searched forests.  If only a few hectares are searched, this threshold is an
+extrapolation, and the rate may differ by a factor of 2 to 3.
 """
 
 from __future__ import annotations
@@ -39,10 +40,10 @@ FORESTS = 8
 """Default number of forests that are searched."""
 
 TOLERANCE = 0.05
-"""Allowed systematic difference at the same threshold."""
+"""Largest systematic difference at the same threshold that is accepted."""
 
 MOST_ERRORS = 2.5
-"""Allowed number of standard errors of the simulation in addition to `TOLERANCE`."""
+"""Largest number of standard errors that is accepted in addition to `TOLERANCE`."""
 
 
 class SearchComparison(NamedTuple):
@@ -56,14 +57,12 @@ class SearchComparison(NamedTuple):
         Share of the targets found with the predicted threshold, and its standard error from the
         variation between forests.
     simulated_at_rate
-        Share found with the threshold that gives the stated false-alarm rate in the searched
-        forests.
-    false_alarms_per_hectare, stated_per_hectare
-        False alarms per hectare with the predicted threshold, and the stated number.
-    seen, seen_errors
-        Simulated probability of a seen share of at least each of `SHARES`, with standard errors.
-    seen_predicted
-        Predicted probability of the same.
+        Share of the targets found with the threshold that gives the specified rate of false alarms
+        in the searched forests. false_alarms_per_hectare, stated_per_hectare False alarms per
+        hectare with the predicted threshold, and the specified number. seen, seen_errors For each s
+        of `SHARES`, the simulated probability of a seen share of at least s, and its standard
+        error. seen_predicted For each s of `SHARES`, the predicted probability of a seen share of
+        at least s.
     forest, forests, targets, hectares, seed
         Kind and number of forests, number of targets, searched area, random seed.
     """
@@ -127,7 +126,8 @@ def compare_search(
     seed
         Random seed of forests, radiances, places and directions.
     forest
-        ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for the forest of the scene.
+        ``uniform``, ``layered``, ``clumped`` or ``cloud``; None for the forest that corresponds to
+        the scene.
     forests
         Number of forests, at least 2; default `FORESTS`.
     progress
@@ -136,7 +136,7 @@ def compare_search(
     Raises
     ------
     RequestError
-        If the plan has no target to search for, or the forest cannot be searched.
+        If the plan has no target to find, or if the forest cannot be searched.
     """
     detection = plan.detection
     if detection is None:
@@ -173,11 +173,12 @@ def compare_search(
 
 
 def _searches(plan: Plan, forest: str, seed: int, forests: int) -> Iterator[Searched]:
-    """The results of the search for one forest after the other."""
+    """Yield the results of the search for one forest after the other."""
     detection = plan.detection
     assert detection is not None
     contrast, offset, crowns = detection.signature
-    sign = -1.0 if contrast < 0.0 else 1.0  # a cold target is found like a warm one
+    # A cold target is found in the same way as a warm target.
+    sign = -1.0 if contrast < 0.0 else 1.0
     look = TargetRadiance(*detection.target, sign * contrast, sign * offset, crowns)
     above = plan.scene.above(plan.request.focal_height)
     pattern, baseline, altitude = plan.solution.pattern, plan.solution.baseline_m, plan.altitude_m

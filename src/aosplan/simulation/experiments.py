@@ -1,7 +1,7 @@
 """Experiments: independent samples of a forest, each with the same views.
 
-A sample is determined by its `index` alone, so `counts` and `images` describe the same sample.  All
-samples of an experiment have the same distribution and are independent.
+The index and the seed determine a sample, so that `counts` and `images` describe the same sample.
+All samples of an experiment have the same distribution and are independent.
 """
 
 from __future__ import annotations
@@ -31,43 +31,57 @@ if TYPE_CHECKING:
     Blocked = NDArray[np.int32]
 
 NOISE_PX = 8.0
-"""Pixels along the edge of an occluder in a noise pattern; views are shifted by fractions of them."""
+"""Number of pixels along the edge of an occluder in a noise pattern.  Shifts of views may be
+fractions of a pixel.
+"""
 
 NOISE_CELLS = 40
-"""Occluders along each side of a noise pattern."""
+"""Number of occluders along each side of a noise pattern."""
 
 PATCH_OCCLUDERS = {"telecentric": 50.0, "perspective": 150.0}
-"""Largest side of a patch of targets, in occluders; a patch is at least a few occluders wide."""
+"""Largest side of a patch of targets, in occluders.  A patch is at least a few occluders wide."""
 
 FEW_OCCLUDERS = 10.0
 
 PLOT_VOXELS = 1 << 25
-"""Approximate limit of the voxels of a plot, three per occluder edge; it limits the patches."""
+"""Approximate limit of the number of voxels of a plot, with three voxels per occluder edge.  It
+also limits the patches.
+"""
 
 TARGETS_AN_OCCLUDER = {"telecentric": 6, "perspective": 3}
-"""Approximate targets per edge of the smallest occluder; telecentric rays are rounded to them."""
+"""Approximate number of targets per edge of the smallest occluder.  Telecentric rays are rounded to
+this lattice.
+"""
 
 MOST_VIEWS = 10_000
-"""Largest number of views that is simulated."""
+"""Largest number of views of a simulation."""
 
 MOST_RAYS = 10_000_000_000
-"""Largest number of views times targets, about a minute; patches are made smaller to keep it."""
+"""Largest product of views and targets, which takes about a minute.  Patches are made smaller if it
+would be exceeded.
+"""
 
 FEWEST_SAMPLES = 16
 """Smallest number of samples, because fewer give no reliable standard error."""
 
 PICTURE_PX = 300
-"""Targets along the shorter side of a picture, which needs more of them than counts do."""
+"""Number of targets along the shorter side of a picture.  Pictures need more targets than
+counts.
+"""
 
 STEEPEST = 1.0
-"""Largest slope of a ray along each axis, so that it crosses at most one more voxel per slice."""
+"""Largest slope of a ray along each axis.  With this slope, a ray crosses at most one more voxel
+per slice.
+"""
 
 PLOT_BLOCKS = 4
-"""Blocks along each side of a real plot; their variation gives the standard error."""
+"""Number of blocks along each side of a real plot.  The variation between blocks gives the standard
+error.
+"""
 
 
 def check_views(samples: int | None) -> None:
-    """Refuse to simulate more than `MOST_VIEWS` samples, whether planned or asked for."""
+    """Refuse to simulate more than `MOST_VIEWS` samples."""
     if samples is not None and samples > MOST_VIEWS:
         raise RequestError(
             f"the plan has {samples} samples, but at most {MOST_VIEWS} are simulated",
@@ -83,7 +97,9 @@ class Experiment(Protocol):
         """Whether the samples are the blocks of one plot, so that their number is limited."""
 
     def samples(self) -> Iterator[Counts]:
-        """Yield the counts of one sample after the other: endlessly, or for all blocks of one plot."""
+        """Yield the counts of one sample after the other: without end, or for all blocks of one
+        plot.
+        """
 
     def images(self) -> tuple[Blocked, Blocked]:
         """Number of blocked views at each target of the first sample: of all views; of the middle
@@ -92,7 +108,7 @@ class Experiment(Protocol):
 
 
 class NoiseExperiment(NamedTuple):
-    """Averaged noise patterns; positions are x and y in units of occluders, shape (N, 2)."""
+    """Averaged noise patterns.  Positions are x and y in units of occluders, shape (N, 2)."""
 
     seed: int
     density: float
@@ -105,7 +121,9 @@ class NoiseExperiment(NamedTuple):
             yield counts_of(self._blocked(index), len(self.positions))
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the first pattern: of all views; of the middle view alone."""
+        """Number of blocked views of the first pattern, among all views and for the middle view
+        alone.
+        """
         return self._blocked(0), self._blocked(0, only=middle_of(self.positions))
 
     def _blocked(self, index: int, only: int | None = None) -> Blocked:
@@ -131,7 +149,7 @@ class ForestExperiment(NamedTuple):
     occluder_size_m
         Size of the smallest occluder.
     view
-        ``perspective``: targets are in `area_m`, a patch of it in each volume.
+        ``perspective``: targets are in `area_m`; each volume has one patch of this area.
         ``telecentric``: each target is at the centre of its own aperture.
     area_m
         Size of the target area along x and y; it is centred below the pattern.
@@ -154,7 +172,9 @@ class ForestExperiment(NamedTuple):
             yield views.counts(positions)
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the first patch: of all views; of the middle view alone."""
+        """Number of blocked views of the first patch, among all views and for the middle view
+        alone.
+        """
         views, positions = self._sample(0, least_px=PICTURE_PX)
         middle = middle_of(self.positions_m)
         return views.blocked_views(positions), views.blocked_views(positions[[middle]])
@@ -165,7 +185,7 @@ class ForestExperiment(NamedTuple):
         Raises
         ------
         RequestError
-            If rays are too oblique for voxels, or occluders too small for a volume.
+            If rays are too oblique for voxels, or if occluders are too small for a volume.
         """
         aside = self.area_m if self.view == "perspective" else (0.0, 0.0)
         steepest = max(
@@ -205,8 +225,8 @@ class ForestExperiment(NamedTuple):
         return (self.area_m[0] / number[0], self.area_m[1] / number[1]), (number[0], number[1])
 
     def _reach(self) -> tuple[float, float]:
-        """Distance along x and y between the rays of two views of one target at the top of the
-        canopy.
+        """Largest distance along x and y between the rays of two views of a target, at the top of
+        the canopy.
         """
         x, y = (np.ptp(self.positions_m, axis=0) * (self.top_m / self.altitude_m)).tolist()
         return x, y
@@ -241,7 +261,9 @@ class ForestExperiment(NamedTuple):
         return views, self.positions_m - moved
 
     def _plot_m(self, axis: int, patch_m: float) -> float:
-        """Size of a plot on which neither two views of a patch nor one ray meet a tree twice."""
+        """Size of a plot that is large enough: neither two views of a patch nor a single ray meet
+        the same tree twice.
+        """
         reach, rise = self._reach()[axis], self.top_m / self.altitude_m
         if self.view == "telecentric":
             return patch_m + reach + self.occluder_size_m
@@ -250,7 +272,7 @@ class ForestExperiment(NamedTuple):
 
 
 class PlotExperiment(NamedTuple):
-    """One real plot with all its targets; its blocks are the samples."""
+    """One real plot with all its targets.  The blocks of the plot are the samples."""
 
     views: VoxelViews
     positions_m: Positions
@@ -262,20 +284,22 @@ class PlotExperiment(NamedTuple):
             yield self.views.within(window).counts(self.positions_m)
 
     def images(self) -> tuple[Blocked, Blocked]:
-        """Blocked views of the plot: of all views; of the middle view alone."""
+        """Number of blocked views of the plot, among all views and for the middle view alone."""
         middle = self.positions_m[[middle_of(self.positions_m)]]
         return self.views.blocked_views(self.positions_m), self.views.blocked_views(middle)
 
 
 def middle_of(positions: Positions) -> int:
-    """Index of the position nearest to the centre; of several, the first."""
+    """Index of the position nearest to the centre.  If several are equally near, it is the
+    first.
+    """
     apart = positions - 0.5 * (positions.min(axis=0) + positions.max(axis=0))
-    # Rounded, so that ties are the same on every machine.
+    # The distances are rounded, so that ties are the same on every machine.
     return int(np.round((apart * apart).sum(axis=1), 9).argmin())
 
 
 def _middle_window(volume: VoxelVolume, per_voxel: int, size_m: tuple[float, float]) -> PlotWindow:
-    """The targets in the middle of a plot, over a rectangle of a size along x and y."""
+    """The targets in a rectangle in the middle of a plot."""
     _, rows, columns = volume.occupied.shape
     pitch = volume.voxel_m / per_voxel
     across, along = (

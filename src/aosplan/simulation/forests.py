@@ -1,16 +1,16 @@
-"""Random forests as voxels: slices of cubes, and stands of trees.
+"""Random forests as voxels.
 
-Both kinds match the statistics of a scene:
+There are two kinds, which match the statistics of a scene:
 
-- `uniform_forest` and `layered_forest`: independent slices.  Each is a plane of square cells with a
-  random phase, occupied with the density of the slice.  If the slice allows it, cells are as thick
-  as they are wide, so that oblique rays meet their sides.
-- `clumped_forest`: trees with a trunk and a crown of leafy clumps.  They are thinned until they
-  hide the wanted share of the ground from vertically above.  Like in real stands, slices are not
-  independent.
+- `uniform_forest` and `layered_forest`: independent slices.  A slice is a plane of square cells
+  with a random phase.  The density of the slice is the probability that a cell is occupied.  If the
+  slice is thick enough, cells are as thick as they are wide, so that oblique rays meet their sides.
+- `clumped_forest`: trees with a trunk and a crown of leafy clumps.  Leaves are removed until the
+  stand hides the required share of the ground from vertically above.  As in real stands, slices are
+  not independent.
 
-All random numbers come from one `numpy.random.Generator`; `generator` makes it the same on every
-platform.  Plots are periodic.
+All random numbers come from one `numpy.random.Generator`; `generator` gives the same numbers on
+every platform.  Plots are periodic.
 """
 
 from __future__ import annotations
@@ -34,24 +34,26 @@ if TYPE_CHECKING:
     from aosplan.scenes.scene import Layer, Scene
 
 MOST_VOXELS = 1 << 26
-"""Largest number of voxels of a volume; if a forest needs more, its voxels are made larger."""
+"""Largest number of voxels of a volume.  If a forest needs more voxels, they are made larger."""
 
 VOXELS_AN_OCCLUDER = 3
-"""Voxels along the edge of a cube, if the volume does not become too large."""
+"""Number of voxels along the edge of a cube, unless the volume would be too large."""
 
 BISECTIONS = 40
 
 
 def generator(seed: int, index: int = 0) -> np.random.Generator:
-    """The random generator for sample `index` of a simulation, the same on every platform."""
+    """The random generator for sample `index` of a simulation.  It gives the same numbers on every
+    platform.
+    """
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
 
 
 def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """Voxel size [m] for cubes: a third, half or all of their edge, or larger if there are too
-    many.
+    """Voxel size [m] for cubes: a third, half or all of their edge, or more if there would be too
+    many voxels.
 
-    If voxels are smaller than a cube, cells of different slices start at different positions.
+    If voxels are smaller than a cube, cells of different slices can start at different positions.
     """
     for parts in range(VOXELS_AN_OCCLUDER, 0, -1):
         voxel_m = occluder_size_m / parts
@@ -61,7 +63,9 @@ def voxel_for(occluder_size_m: float, size_m: tuple[float, float], top_m: float)
 
 
 def _smallest_voxel_m(wanted_m: float, size_m: tuple[float, float], top_m: float) -> float:
-    """The wanted voxel size, or the smallest one for which the volume is not too large."""
+    """The requested voxel size, or the smallest voxel size for which the volume is not too
+    large.
+    """
     width, depth = (max(length, wanted_m) for length in size_m)
     return max(wanted_m, math.cbrt(width * depth * max(top_m, wanted_m) / MOST_VOXELS))
 
@@ -96,7 +100,8 @@ def uniform_forest(
     top_m = volume_base_m + volume_height_m
     voxel_m = voxel_for(occluder_size_m, size_m, top_m)
     canvas = _Canvas(size_m, voxel_m, top_m, of_leaves=of_leaves)
-    # Whole slices from the base up. The rest of the volume is a slice of parts of cubes.
+    # The volume has whole slices from the base upwards. The rest of the volume is one slice with
+    # parts of cubes.
     slices = volume_height_m / occluder_size_m
     if voxel_m > occluder_size_m:
         canvas.add(rng, volume_base_m, top_m, _thinned(slice_density, 1.0 / slices), voxel_m)
@@ -122,9 +127,9 @@ def layered_forest(
     rng
         Random generator of the forest.
     layers
-        Bottom, top [m], share D that blocks a vertical ray, and occluder size [m] of each layer.
-        A layer that is thicker than its occluders is filled with several independent slices,
-        which together block the share D.
+        For each layer: bottom and top [m], share D that blocks a vertical ray, and occluder size
+        [m].  A layer that is thicker than its occluders is filled with several independent slices.
+        Together, these slices block the share D.
     size_m
         Size of the plot along x and y.
     """
@@ -153,8 +158,8 @@ def clumped_forest(
     """A stand of trees that hides a given share of the ground from vertically above.
 
     Trees are placed at random until their crowns cover half of the ground that would otherwise be
-    open.  A crown is an ellipsoid in which whole clumps are either leafy or empty.  Of the leafy
-    voxels, as many are kept as the density requires.  Trunks reach from the base of the volume into
+    open.  A crown is an ellipsoid in which whole clumps are either leafy or empty.  Only as many
+    leafy voxels are kept as the density requires.  Trunks extend from the base of the volume into
     the crown.
 
     Parameters
@@ -162,19 +167,19 @@ def clumped_forest(
     rng
         Random generator of the forest.
     density
-        p, share of the ground that vertical rays do not reach, below 1.
+        p, share of the ground that vertical rays do not reach; less than 1.
     occluder_size_m
         Edge length of a voxel, which is the smallest occluder.
     volume_base_m, volume_height_m
-        Height of the bottom of the canopy, and its thickness.  The tallest tree reaches the top,
-        and crowns start in the lower half.
+        Height of the bottom of the canopy, and thickness of the canopy.  The tallest tree reaches
+        the top, and crowns start in the lower half.
     size_m
         Size of the plot along x and y.
 
     Raises
     ------
     RequestError
-        If the density is not a share below 1.
+        If the density is not a share that is less than 1.
     """
     if not 0.0 <= density < 1.0:
         raise RequestError(f"forest: density {density:g} is not a share below 1")
@@ -190,7 +195,8 @@ def clumped_forest(
     while covered.mean() < 0.5 * (1.0 + density) or trunks.any(axis=0).mean() == 0.0:
         _plant(rng, crowns, trunks, covered, voxel_m, volume_base_m, top_m)
     leaves = crowns & leafy
-    # If empty clumps leave too few voxels to hide the share, all voxels of crowns are leafy.
+    # If the leafy clumps have too few voxels to hide the share, all voxels of crowns are made
+    # leafy.
     if leaves.any(axis=0).mean() <= density:
         leaves = crowns
     if trunks.any(axis=0).mean() > density:
@@ -203,7 +209,9 @@ def clumped_forest(
 
 
 def maker(above: Scene, forest: str, *, of_leaves: bool = False) -> Callable[..., Any]:
-    """Function that creates a volume of a scene from a random generator and a size along x and y."""
+    """Function that creates a volume of a scene.  Its arguments are a random generator and a size
+    along x and y.
+    """
     if forest == "uniform":
         assert isinstance(above, UniformScene)
         density = above.density
@@ -251,7 +259,7 @@ class _Canvas:
         share = _thinned(density, count)
         for k in range(count):
             first, last = (low + (high - low) * edge // count for edge in (k, k + 1))
-            if self.of_leaves:  # a ray meets a plate once, at the middle of its slice
+            if self.of_leaves:  # A ray meets a plate once, at the middle of the slice.
                 first = (first + last) // 2
                 last = first + 1
             self.occupied[first:last] |= _cells(rng, self.occupied.shape[1:], size, share)
@@ -271,7 +279,7 @@ class _Canvas:
 
 
 def _thinned(density: float, count: float) -> float:
-    """Density of each of `count` independent slices that together block a share."""
+    """Density of each of `count` independent slices that together block the given share."""
     return 1.0 if density >= 1.0 else -math.expm1(math.log1p(-density) / count)
 
 
@@ -292,10 +300,11 @@ def _cells(
 
 @lru_cache
 def cell_width(size: float) -> float:
-    """Width of cells [voxels] that have a given integral range after conversion to voxels.
+    """Width of cells [voxels] whose integral range after conversion to voxels has a given value.
 
-    The correlation of a plane of voxels equals the triangle of its cells at whole lags, and is
-    linear in between.  For a width w = n + f its integral is w + f (1 - f)/w, slightly more than w.
+    At whole lags, the correlation of a plane of voxels equals the triangle of its cells.  Between
+    whole lags, it is linear.  For a width w = n + f with a whole number n, the integral of this
+    correlation is w + f (1 - f)/w, which is slightly more than w.
     """
     low, high = float(math.floor(size)), size
     for _ in range(BISECTIONS):
@@ -306,7 +315,7 @@ def cell_width(size: float) -> float:
 
 
 def _clumps(rng: np.random.Generator, shape: tuple[int, ...], clump: int) -> NDArray[np.bool_]:
-    """Blocks of `clump` voxels along each axis, half of which are leafy."""
+    """Blocks of `clump` voxels along each axis.  Half of the blocks are leafy."""
     leafy = rng.random([-(-count // clump) for count in shape]) < 0.5
     for axis in range(3):
         leafy = leafy.repeat(clump, axis=axis)
@@ -322,7 +331,7 @@ def _plant(
     base_m: float,
     top_m: float,
 ) -> None:
-    """Add one tree: its crown, its trunk, and the ground that they cover."""
+    """Add one tree: its crown, its trunk, and the ground that both cover."""
     _, rows, columns = crowns.shape
     east, north, *variation = rng.random(5).tolist()
     height = base_m + (top_m - base_m) * (0.7 + 0.3 * variation[0])
@@ -348,7 +357,9 @@ def _plant(
 
 
 def _around(count: int, place: float, reach: float) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Cells within reach of a place on a periodic axis, each once, and their distances from it."""
+    """Cells within a distance of a place on a periodic axis, each once, and their distances from
+    the place.
+    """
     span = min(2 * math.ceil(reach) + 1, count)
     cells = math.floor(place) - span // 2 + np.arange(span)
     return cells % count, np.abs(cells + 0.5 - place)

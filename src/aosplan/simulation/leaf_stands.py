@@ -1,8 +1,9 @@
-"""Stands of individual leaves, through which rays are cast: a reference for opacity from pulses.
+"""Stands of individual leaves, through which rays are cast.  They are the reference for tests of
+opacity from pulses.
 
-A stand is a periodic plot over level ground.  It contains round, opaque leaves of random direction,
-in shoots within crowns.  Rays are intersected with the discs themselves, without voxels,
-attenuation or a model.
+A stand is a periodic plot over level ground.  It contains round, opaque leaves of random direction.
+Leaves form shoots, and shoots form crowns.  Intersections of rays with leaves are computed exactly,
+without voxels, attenuation or a model.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 LAYER_M = 0.25
-"""Thickness of the layers by which leaves are looked up."""
+"""Thickness of the layers into which leaves are sorted, so that they are found quickly."""
 
 
 class LeafStand(NamedTuple):
@@ -27,9 +28,8 @@ class LeafStand(NamedTuple):
     Attributes
     ----------
     size_m
-        Edge of the plot, which is periodic along x and y.
-    centre_m
-        Shape (3, n): centres of the leaves, within the plot.
+        Edge length of the plot.  The plot is periodic along x and y. centre_m Shape (3, n): centres
+        of the leaves, within the plot.
     normal
         Shape (3, n): unit vectors normal to the leaves.
     radius_m
@@ -47,7 +47,8 @@ class LeafStand(NamedTuple):
         return float(self.centre_m[2].max(initial=0.0)) + self.radius_m
 
     def first_hits(self, ground_m: Floats, slope: Floats) -> Floats:
-        """Height at which rays from above meet the first leaf, or 0 for the ground; shape (n,).
+        """Height at which rays from above meet the first leaf, shape (n,).  It is 0 for rays that
+        meet the ground.
 
         Parameters
         ----------
@@ -56,7 +57,8 @@ class LeafStand(NamedTuple):
         slope
             Shape (2, n): change of x and y along the rays per metre of height.
         """
-        # At the middle of a layer, a ray is within half a cell of the leaves that it may meet.
+        # The cells are so large that a leaf which a ray may meet is at most half a cell away from
+        # the ray at the middle of the layer.
         steepest = float(np.abs(slope).max(initial=0.0))
         reach = self.radius_m + steepest * (0.5 * LAYER_M + self.radius_m)
         count = max(int(self.size_m / max(2.0 * reach, 0.1)), 1)
@@ -79,7 +81,7 @@ class LeafStand(NamedTuple):
                     cell = (k * count + y) * count + x
                     ray, leaf = _pairs(open_rays, starts[cell], starts[cell + 1])
                     self._meet(height, ray, order[leaf], ground_m, slope)
-            # A leaf of the layer below may extend into this layer.
+            # A leaf in the next lower layer may extend into this layer.
             reached = height[open_rays]
             open_rays = open_rays[(reached == 0.0) | (reached < k * LAYER_M + self.radius_m)]
         return height
@@ -95,8 +97,10 @@ class LeafStand(NamedTuple):
         """Update the heights of first hits for pairs of a ray and a leaf."""
         lean, normal, centre = slope[:, ray], self.normal[:, leaf], self.centre_m[:, leaf]
         apart = centre[:2] - ground_m[:, ray] - lean * centre[2]
-        apart -= self.size_m * np.round(apart / self.size_m)  # offset to the nearest periodic copy
-        # From the ray's position at the height of the leaf, along the ray to the plane of the leaf.
+        # This gives the offset to the nearest periodic copy.
+        apart -= self.size_m * np.round(apart / self.size_m)
+        # The next lines follow the ray from its position at the height of the leaf's centre to the
+        # plane of the leaf.
         along = normal[0] * lean[0] + normal[1] * lean[1] + normal[2]
         rise = (normal[0] * apart[0] + normal[1] * apart[1]) / np.where(along == 0.0, 1e-30, along)
         x, y = lean[0] * rise - apart[0], lean[1] * rise - apart[1]
@@ -133,8 +137,7 @@ def crowned_stand(
     rng
         Random generator of the stand.
     size_m
-        Edge of the periodic plot.
-    leaf_area_index
+        Edge length of the periodic plot. leaf_area_index
         Area of the leaves divided by that of the plot.
     crowns, crown_radius_m, base_m, top_m
         Number of crowns, their radius, and the heights of their bottom and top.
@@ -168,10 +171,10 @@ def crowned_stand(
 
 
 class LaserReturns(NamedTuple):
-    """Returns of simulated pulses in the order of measurement, arrays of length n.
+    """Returns of simulated pulses in the order of measurement.  The arrays have the length n.
 
-    `xyz_m` has shape (3, n).  `energy` is the share of the pulse's energy.  `on_ground` is true for
-    returns from the ground.
+    `xyz_m` has shape (3, n).  `energy` is the share of the pulse's energy in the return.
+    `on_ground` is true for returns from the ground.
     """
 
     xyz_m: Floats
@@ -197,16 +200,16 @@ def laser_scan(
 ) -> LaserReturns:
     """Scan a stand from lines along y with a moving sensor.
 
-    Each pulse consists of seven rays of equal energy, one in the middle and six around it.  Rays
-    that meet leaves at ranges closer than the resolution make one return, at their mean range on
-    the axis of the pulse.
+    Each pulse consists of seven rays of equal energy, one in the middle and six around it.  If the
+    difference of the ranges of several rays is less than the resolution, they make a single return.
+    It is on the axis of the pulse, at their mean range.
 
     Parameters
     ----------
     rng
         Random generator of the pulses.
     stand
-        The stand to scan; pulses outside the plot meet its periodic copies.
+        The stand to scan.  Pulses outside the plot meet its periodic copies.
     pulses_a_m2
         Pulses of all lines per square metre of ground.
     altitude_m, offsets_m
@@ -218,7 +221,8 @@ def laser_scan(
     speed_mps
         Speed of the sensor.
     most_returns
-        Largest number of returns of a pulse; the energy of further ones is added to the last.
+        Largest number of returns of a pulse.  The energy of further returns is added to the last
+        return.
     """
     parts = [
         _one_line(
@@ -243,18 +247,20 @@ def _one_line(
     most_returns: int,
 ) -> LaserReturns:
     side, top = stand.size_m, stand.top_m
-    # All pulses that may cross the plot below the top; along the track, pulses are vertical.
+    # The area includes all pulses that may cross the plot below its top. Along the track, pulses
+    # are vertical.
     lean = top * np.array([min(offset_m - 0.5 * side, 0.0), max(offset_m + 0.5 * side, 0.0)])
     low, high = -lean[1] / altitude_m, side - lean[0] / altitude_m
-    # One pulse at a random position in each cell of a lattice, because scanners space pulses
-    # evenly.
+    # There is one pulse at a random position in each cell of a lattice, because scanners distribute
+    # pulses evenly.
     across, along = (max(round(each * math.sqrt(pulses_a_m2)), 1) for each in (high - low, side))
     count = across * along
     place = np.stack(np.meshgrid(np.arange(across), np.arange(along))).reshape(2, -1)
     aim = (place + rng.random((2, count))) / np.array([[across], [along]])
     aim *= np.array([[high - low], [side]])
     aim[0] += low
-    # A line scanner looks across the track, so the time depends on the position along the track.
+    # A line scanner looks across the track, so that the time of a pulse depends on its position
+    # along the track.
     aim = aim[:, np.argsort(aim[1])]
     time_s = 1000.0 * line + aim[1] / speed_mps
     sensor = np.stack([np.full(count, 0.5 * side + offset_m), aim[1], np.full(count, altitude_m)])
@@ -290,12 +296,12 @@ def _one_line(
 def hidden_share(
     stand: LeafStand, altitude_m: float, positions_m: Floats, pitch_m: float = 0.1
 ) -> Floats:
-    """Share of telecentric views in which each target of a stand is hidden, by casting rays.
+    """Share of telecentric views in which each target of a stand is hidden, found by casting rays.
 
     Parameters
     ----------
     stand
-        The stand, which is periodic, so that every target has a canopy.
+        The stand.  It is periodic, so that every target has a canopy.
     altitude_m
         Height of the cameras.
     positions_m
@@ -306,7 +312,7 @@ def hidden_share(
     Returns
     -------
     ndarray
-        Shape (targets,).  The mean is p̄, and V is 1 minus the mean square.
+        Shape (targets,).  The mean of the shares is p̄, and V is 1 minus the mean of their squares.
     """
     count = round(stand.size_m / pitch_m)
     line = (np.arange(count) + 0.5) * (stand.size_m / count)

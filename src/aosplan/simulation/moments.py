@@ -1,16 +1,17 @@
-"""Visibility and its standard errors from counts of hidden targets.
+"""Visibility and its standard errors, computed from counts of hidden targets.
 
-For each target, a simulation counts the number c of its N views that are blocked.  X = c/N is the
-integral image of a black target below white occluders.  There are R samples of the forest:
+For each target, a simulation counts the number c of blocked views among its N views.  X = c/N is
+the integral image of a black target below white occluders.  There are R samples of the forest:
 independent volumes, patterns, or blocks of one plot.  Each has the mean x_r of X and the mean m_r
 of X².  Then
 
     p = mean x,   V = 1 - mean m,   V̂ = 1 - K,   K = (m - p²)/(p - p²).
 
-Targets of one volume see the same trees, so only whole samples are independent.  Standard errors
-are therefore computed from their variation (for K with its derivatives with respect to p and m).
-p² is estimated from pairs of different samples, p² = (R p̄² - mean x²)/(R - 1).  p̄² would be too
-large by the variance of p̄, which would make V̂ too large.
+All targets of a volume are below the same trees, so that only whole samples are independent.
+Standard errors are therefore computed from the variation between samples.  For K, the derivatives
+with respect to p and m are used. p² is estimated from pairs of different samples, p² = (R p̄² -
+mean x²)/(R - 1).  The square of the mean p̄ would be too large by the variance of p̄, and V̂ would
+then also be too large.
 """
 
 from __future__ import annotations
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 
 
 class Counts(NamedTuple):
-    """Exact sums Σ c and Σ c² over the targets of one sample, where c of `views` are blocked."""
+    """Exact sums Σ c and Σ c² over the targets of one sample.  For a target, c of the `views` views
+    are blocked.
+    """
 
     views: int
     targets: int
@@ -43,7 +46,7 @@ class Counts(NamedTuple):
         return self.squares / (self.views**2 * self.targets)
 
     def __add__(self, other: object) -> Counts:
-        """Sums over the targets of both."""
+        """Sums over the targets of both samples."""
         assert isinstance(other, Counts)
         assert other.views == self.views
         return Counts(
@@ -75,12 +78,10 @@ def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
     Parameters
     ----------
     samples
-        At least one sample; samples are independent.
-    one_plot
-        Whether the samples are the blocks of one plot.  The estimate is then exactly the result
-        for all targets: p² is the square of their mean.  Blocks of one plot are not quite
-        independent, and under one aperture they are not alike, so their standard error is only
-        approximate.
+        The samples, at least one.  They are independent. one_plot Whether the samples are the
+        blocks of one plot.  In this case the estimate is exactly the result for all targets, and p²
+        is the square of the mean of all targets.  The standard error is only approximate: blocks of
+        one plot are not completely independent, and below one aperture their distributions differ.
     """
     weights = np.array([sample.targets for sample in samples], dtype=np.float64)
     weights /= weights.mean()
@@ -102,7 +103,7 @@ def estimate(samples: Sequence[Counts], *, one_plot: bool = False) -> Estimate:
 
 
 def _standard_error(changes: np.ndarray) -> float:
-    """Standard error of a mean, from the contribution of each sample to it."""
+    """Standard error of a mean, computed from the contribution of each sample."""
     count = len(changes)
     if count < 2:
         return math.inf

@@ -1,9 +1,9 @@
 """Averaged noise patterns: the experiment of the paper (Kurmi et al. 2019, Figs. 3 and 4).
 
-A pattern is a plane of square cells of o x o pixels with a random phase; each cell is occupied with
-probability p.  Views are shifted copies of the pattern.  Their average is the integral image X of a
-black target, and V = 1 - mean X².  There is no volume and no camera, so the experiment tests only
-the statistics of shifted occluders.
+A pattern is a plane of square cells of o x o pixels with a random phase.  Each cell is occupied
+with probability p.  Views are shifted copies of the pattern.  Their average is the integral image X
+of a black target, and V = 1 - mean X².  There is no volume and no camera.  The experiment therefore
+tests only the statistics of shifted occluders.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class NoisePattern(NamedTuple):
-    """A plane of occupied cells, which continues to the right of and below its first pixel.
+    """A plane of occupied cells.  It extends to the right of its first pixel and below it.
 
     Attributes
     ----------
@@ -37,7 +37,9 @@ class NoisePattern(NamedTuple):
     phase_px: tuple[float, float]
 
     def view(self, shape: tuple[int, int], shift_px: tuple[float, float]) -> NDArray[np.bool_]:
-        """The pixels of a view whose occluders are shifted by `shift_px`, x and y, at least 0."""
+        """The pixels of a view whose occluders are shifted by `shift_px` along x and y; shifts are
+        at least 0.
+        """
         rows, columns = (
             np.floor((np.arange(count) + 0.5 + phase + shift) / self.occluder_px).astype(np.intp)
             for count, phase, shift in zip(shape, self.phase_px, shift_px[::-1], strict=True)
@@ -59,13 +61,13 @@ def noise_pattern(
     shape: tuple[int, int],
     reach_px: tuple[float, float] = (0.0, 0.0),
 ) -> NoisePattern:
-    """A random pattern that is large enough for views of a shape with shifts up to a reach (x, y)
-    [px].
+    """A random pattern that is large enough for views of a given shape and shifts up to `reach_px`
+    along x and y.
 
     Raises
     ------
     RequestError
-        If the density is not a share, or the size of an occluder is not positive.
+        If the density is not a share, or if the size of an occluder is not positive.
     """
     if not 0.0 <= density <= 1.0:
         raise RequestError(f"noise pattern: density {density:g} is not between 0 and 1")
@@ -88,8 +90,8 @@ def blocked_views(
     *,
     only: int | None = None,
 ) -> NDArray[np.int32]:
-    """Number of blocked views of one random pattern at each pixel; divided by N, the integral
-    image.
+    """Number of blocked views of one random pattern at each pixel.  Divided by N, it is the
+    integral image.
 
     Parameters
     ----------
@@ -98,13 +100,14 @@ def blocked_views(
     density
         p, probability that a cell is occupied.
     occluder_px
-        o, edge length of a cell [px]; it may be a fraction.
+        o, edge length of a cell [px].  It need not be a whole number.
     shifts_px
-        Shape (N, 2), x and y: shift of each view [px]; fractions are allowed.
+        Shape (N, 2): shift of each view along x and y [px].  Shifts need not be whole numbers.
     shape
         Rows and columns of the image.
     only
-        Index of the only view to count; None for all. The pattern is the same.
+        Index of the only view that is counted; None for all views.  The pattern does not depend on
+        it.
     """
     shifts = np.asarray(shifts_px, dtype=np.float64)
     shifts = shifts - shifts.min(axis=0)
@@ -117,6 +120,6 @@ def blocked_views(
 
 
 def counts_of(blocked: NDArray[np.int32], views: int) -> Counts:
-    """Counts over the pixels of an image of blocked views, each of which is a target."""
+    """Counts over the pixels of an image of blocked views.  Each pixel is a target."""
     flat = blocked.ravel().astype(np.int64)
     return Counts(views, flat.size, int(flat.sum()), int(flat @ flat))

@@ -1,9 +1,9 @@
-"""Pictures: a resolution chart seen through the trees, and PNG files.
+"""Pictures of a resolution chart behind trees, and PNG files.
 
-Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3), with the
-top row first.  In the limit of infinitely many views, an integral image is the target below a
-uniform veil, a share p of the occluders' colour.  A finite number of views leaves some structure of
-the occluders, which makes the image less similar to this limit.
+Images are arrays of floats from 0 to 1, of shape (rows, columns) or (rows, columns, 3).  The top
+row is the first.  In the limit of infinitely many views, an integral image is a mixture of the
+target and a uniform veil.  The veil is a share p of the occluders' colour.  With a finite number of
+views, some structure of the occluders remains, so that the image is less similar to this limit.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def resolution_chart(rows: int, columns: int) -> Image:
     Parameters
     ----------
     rows, columns
-        Size of the image, at least 1; the chart fills it.
+        Size of the image, at least 1.  The chart fills the image.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def resolution_chart(rows: int, columns: int) -> Image:
         along = (x - low) / (high - low)
         bars = (along * pairs) % 1.0 < 0.5
         _fill(chart, (y > 0.05) & (y < 0.2), (along >= 0.0) & (along < 1.0), bars[np.newaxis])
-        # The same group with horizontal bars, along the left and the right side.
+        # The same groups with horizontal bars are along the left and the right side.
         down = (y - low * 0.62 - 0.22) / ((high - low) * 0.62)
         lines = ((down * pairs) % 1.0 < 0.5)[:, np.newaxis]
         for side in (0.05, 0.83):
@@ -81,7 +81,8 @@ def _fill(
 
 
 def integral_image(target: Image, blocked_share: Image) -> Image:
-    """A grey target below trees: a share X of the views shows the colour of the occluders instead.
+    """A grey target below trees.  At each pixel, the share X of the views shows the colour of the
+    occluders instead.
 
     Parameters
     ----------
@@ -101,7 +102,8 @@ def integral_image(target: Image, blocked_share: Image) -> Image:
 
 
 class Panels(NamedTuple):
-    """A chart through the trees: in one view, in the integral of all views, and in the limit.
+    """A chart behind trees: in one view, in the integral of all views, and in the limit of
+    infinitely many views.
 
     `share` is X, the share of the views that do not see each target.
     """
@@ -118,8 +120,8 @@ def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Pane
     Parameters
     ----------
     every, one
-        Number of blocked views, of all and of the middle view alone; shape (rows, columns), with
-        the near end first.
+        Number of blocked views, among all views and for the middle view alone.  Their shape is
+        (rows, columns), with the near end first.
     views
         Number of all views.
     """
@@ -131,7 +133,7 @@ def panels(every: NDArray[np.int32], one: NDArray[np.int32], views: int) -> Pane
 
 
 def check_extra() -> None:
-    """Check that pictures can be drawn, before work is done for them.
+    """Check that pictures can be drawn, before any work for them.
 
     Raises
     ------
@@ -145,14 +147,15 @@ def check_extra() -> None:
 
 
 def side_by_side(images: list[Image]) -> Image:
-    """Images of the same height in a row, with white gaps between them."""
+    """One image with several images of the same height side by side, separated by white gaps."""
     gap = np.ones((images[0].shape[0], GAP_PX, *images[0].shape[2:]))
     parts = [part for image in images for part in (image, gap)]
     return np.concatenate(parts[:-1], axis=1)
 
 
 def png(image: Image) -> bytes:
-    """An image as a PNG file; the bytes depend only on the image and the version of Pillow.
+    """The bytes of a PNG file with an image.  They depend only on the image and the version of
+    Pillow.
 
     Raises
     ------

@@ -1,10 +1,11 @@
-"""Simulated search: targets on the ground of a forest, the integral image, and the detector.
+"""Simulated search: places targets on the ground of a forest, computes the integral image, and
+applies the detector.
 
 Targets have random places and directions, and the ground has a texture.  The detector is that of
 `aosplan.scenes.matched_window`.  A target is found if the output near it exceeds the threshold.
-Each peak above the threshold elsewhere is a false alarm.
+Each peak above the threshold at another place is a false alarm.
 
-This module does not use the prediction (`aosplan.simulation.compare_search` does).
+This module does not use the prediction.  `aosplan.simulation.compare_search` compares both.
 """
 
 from __future__ import annotations
@@ -38,13 +39,15 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 PLACINGS = 8
-"""Number of times that targets are placed on the ground of one forest."""
+"""Number of times that new targets are placed on the ground of a forest."""
 
 APART_M = 8.0
-"""Side of the cells in which targets are placed, one in each."""
+"""Side of the cells in which targets are placed.  Each cell has one target."""
 
 NEAR_M = 0.3
-"""Largest distance of an output from the centre of a target, along x and y, that can find it."""
+"""Largest distance along x and y between the centre of a target and an output that can find the
+target.
+"""
 
 MOST_PEAKS = 400
 """Number of highest peaks that are kept for a forest."""
@@ -61,7 +64,7 @@ class TargetRadiance(NamedTuple):
     width_m, length_m
         Size of the target.
     contrast, canopy_offset, crown_share
-        C, M, and the share of the canopy's variance that is common to crowns.
+        C, M, and the share of the canopy's variance that is common to whole crowns.
     """
 
     width_m: float
@@ -109,9 +112,8 @@ def search(
     integral
         Integral image of one forest.
     look
-        Targets and radiances.
-    wraps
-        Whether the integral image is periodic, like that of a periodic plot.
+        Target and radiances. wraps Whether the integral image is periodic, because the plot is
+        periodic.
     """
     shape, pitch = integral.seen.shape, integral.pitch_m
     ground = TEXTURE * gaussian_field(rng, (shape[0], shape[1]), pitch[0], TEXTURE_LENGTH_M)
@@ -120,7 +122,8 @@ def search(
     margin = 0 if wraps else math.ceil(0.5 * detector.box_m / min(pitch)) + 1
     inner = tuple(slice(margin, count - margin) for count in shape)
     heights = peaks(detector.output(plain)[inner], pitch)
-    # In a periodic image all places are equivalent, but a target must not cross its edges.
+    # In a periodic image, all places are equivalent, but a target must not cross the edges of the
+    # image.
     room = max(margin, *detector.cover(0.0).shape)
     outputs, shares = [], []
     for _ in range(PLACINGS):
@@ -157,7 +160,8 @@ def _places(
     for i in range(cells[0]):
         for k in range(cells[1]):
             cell = np.array([inner[0] / cells[0], inner[1] / cells[1]])
-            # Half of a cell stays free, so that a box rarely contains parts of two targets.
+            # Targets are only in half of each cell, so that a box rarely contains parts of two
+            # targets.
             row, column = (margin + (np.array([i, k]) + 0.5 * rng.random(2)) * cell).tolist()
             places.append((int(row), int(column), float(rng.random() * math.pi)))
     return places
@@ -193,8 +197,8 @@ def search_volume(
 ) -> Searched:
     """Search the ground below the voxels of a stand, with random radiances.
 
-    Every target has the cameras around itself; if `parallel` is false, they are around the centre
-    of the plot.
+    The positions of the cameras are relative to each target.  If `parallel` is false, they are
+    relative to the centre of the plot.
     """
     rng = generator(seed, index)
     planes = planes_of_volume(rng, volume, look.canopy, focal_height_m)

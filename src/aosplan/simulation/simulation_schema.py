@@ -33,7 +33,7 @@ class ToleranceDocument(OpenDocument):
 
 
 class SimilarityDocument(OpenDocument):
-    """SSIM of images of the ground relative to the image of infinitely many views."""
+    """Similarity (SSIM) of images of the ground to the image of infinitely many views."""
 
     single: Finite
     integral: Finite
@@ -59,7 +59,7 @@ class SearchDocument(OpenDocument):
 
 
 class SimulationDocument(PlanDocument):
-    """What `aosplan simulate --json` prints."""
+    """The output of `aosplan simulate --json`."""
 
     predicted: PredictedDocument
     simulated: SimulatedDocument

@@ -1,9 +1,9 @@
 """SSIM of two images in the area that both cover.
 
-Structural similarity as defined by Wang, Bovik, Sheikh and Simoncelli (2004), with scikit-image:
-Gaussian windows of σ = 1.5 pixels that are 11 pixels wide.  A window counts if all its pixels are
-covered in both images.  The images are not normalised: a veil or a different exposure reduces the
-similarity.
+SSIM is the structural similarity as defined by Wang, Bovik, Sheikh and Simoncelli (2004).  It is
+computed by scikit-image, with Gaussian windows of σ = 1.5 pixels that are 11 pixels wide.  Only
+windows whose pixels are all covered in both images are used.  The images are not normalised, so
+that a veil or a different exposure reduces the similarity.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WINDOW_PX = 11
 
 
 class Similarity(NamedTuple):
-    """Mean SSIM over the windows that count, and the number of these windows."""
+    """Mean SSIM over the used windows, and the number of these windows."""
 
     ssim: float
     pixels: int
@@ -35,22 +35,21 @@ def similarity(
     covered: NDArray[np.bool_] | None = None,
     span: float | None = None,
 ) -> Similarity:
-    """SSIM of an image relative to a reference; it is 1 for equal images.
+    """SSIM of an image and a reference.  It is 1 for equal images.
 
     Parameters
     ----------
     image, reference
         Shape (rows, columns) or (rows, columns, bands).
     covered
-        Shape (rows, columns): pixels that both images cover; None for all.
-    span
-        Dynamic range of the values, such as 255 for 8-bit images; None for the reference's range.
+        Shape (rows, columns): pixels that both images cover; None for all pixels. span Dynamic
+        range of the values, such as 255 for 8-bit images; None for the range of the reference.
 
     Raises
     ------
     RequestError
-        If the shapes differ, no window is covered, or all pixels of the reference have the same
-        value.
+        If the shapes differ, if no window is covered, or if all pixels of the reference have the
+        same value.
     MissingExtraError
         If scikit-image is not installed.
     """

@@ -1,8 +1,8 @@
 """Counts of the targets below a voxel volume that views hide, with limited memory.
 
-The views are bit masks (`aosplan.scenes.occlusion`), which are combinations of shifted slices of
-voxels.  Here they are summed for one tile of targets and one batch of views at a time.  The memory
-therefore depends neither on the number of targets nor of views.
+The views are bit masks, which are computed from shifted slices of voxels
+(`aosplan.scenes.occlusion`).  This module adds them up for one tile of targets and one batch of
+views at a time.  The required memory therefore does not depend on the number of targets or views.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from aosplan.scenes.voxels import VoxelVolume
 
 TILE_TARGETS = 1 << 23
-"""Number of targets of a tile: one megabyte per view."""
+"""Number of targets of a tile.  A view of a tile takes one megabyte."""
 
 BATCH_OCTETS = 1 << 26
 """Memory for the views of a tile that are computed at once [bytes]."""
@@ -46,15 +46,15 @@ class VoxelViews:
     volume
         The voxels of the plot, which is periodic.
     altitude_m
-        Altitude above the focal plane; it has to be above all voxels.
+        Altitude above the focal plane.  It has to be above all voxels.
     view
         ``telecentric`` or ``perspective``, as in `aosplan.scenes.occlusion`.
     targets_per_voxel
-        Targets along each side of a voxel; None for the number that suits the volume.
+        Number of targets along each side of a voxel; None for the default of the volume.
     focal_height_m
         Height of the focal plane above the ground.
     window
-        The part of the targets to count; None for the whole plot.
+        The targets that are counted; None for the whole plot.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class VoxelViews:
         _, rows, columns = volume.occupied.shape
         whole = PlotWindow(0, 0, rows * targets_per_voxel, columns * targets_per_voxel)
         self.window = window or whole
-        # Arguments that are the same for all parts of the targets.
+        # These arguments are the same for all parts of the targets.
         self._given: _Given = {
             "volume": volume,
             "altitude_m": altitude_m,
@@ -82,11 +82,13 @@ class VoxelViews:
         }
 
     def within(self, window: PlotWindow) -> VoxelViews:
-        """The same views of a part of the targets."""
+        """The same views of some of the targets."""
         return VoxelViews(**self._given, window=window)
 
     def counts(self, positions_m: ArrayLike) -> Counts:
-        """Counts of how often targets are hidden; cameras have shape (N, 2), east and north."""
+        """Sums over the numbers of views that hide each target.  Camera positions have the shape
+        (N, 2), east and north.
+        """
         total: Counts | None = None
         for tile in tiles(self.window, TILE_TARGETS):
             occlusion = Occlusion(**self._given, window=tile)
@@ -96,14 +98,15 @@ class VoxelViews:
                     tally.add(mask)
             found = Counts(tally.views, occlusion.targets, *tally.moments())
             total = found if total is None else total + found
-        assert total is not None  # a window has at least one tile
+        assert total is not None  # A window has at least one tile.
         return total
 
     def blocked_views(self, positions_m: ArrayLike) -> NDArray[np.int32]:
-        """Number of views that hide each target, shape (rows, columns), north and east.
+        """Number of views that hide each target, shape (rows, columns); rows are northwards,
+        columns eastwards.
 
-        Divided by N, it is the integral image of black ground below white trees, and 1 minus the
-        share of views that see each target.
+        Divided by N, it is the integral image of black ground below white trees.  It is also 1
+        minus the share of views that see each target.
         """
         window = self.window
         blocked = np.zeros((window.rows, window.columns), dtype=np.int32)
@@ -132,7 +135,7 @@ def tiles(window: PlotWindow, most_targets: int) -> Iterator[PlotWindow]:
 
 
 def blocks(window: PlotWindow, rows: int, columns: int) -> list[PlotWindow]:
-    """A window divided into rows x columns blocks, of equal size up to one target."""
+    """A window, divided into rows x columns blocks.  Their sizes differ by at most one target."""
     y = [window.row + window.rows * k // rows for k in range(rows + 1)]
     x = [window.column + window.columns * k // columns for k in range(columns + 1)]
     return [
@@ -145,7 +148,8 @@ def blocks(window: PlotWindow, rows: int, columns: int) -> list[PlotWindow]:
 
 def _batches(occlusion: Occlusion, positions_m: ArrayLike) -> Iterator[NDArray[np.uint64]]:
     positions = np.asarray(positions_m, dtype=np.float64)
-    # Views with the same position along x share work, so they are computed one after the other.
+    # Views with the same position along x share part of the computation. They are therefore
+    # computed one after the other.
     positions = positions[np.lexsort((positions[:, 1], positions[:, 0]))]
     step = max(BATCH_OCTETS // (8 * occlusion.words), 1)
     for start in range(0, len(positions), step):

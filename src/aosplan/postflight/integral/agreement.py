@@ -1,13 +1,15 @@
-"""Agreement of integrals of disjoint halves of the views, which shows what is in focus.
+"""Agreement of the integral images of two disjoint halves of the views, which is a measure of
+focus.
 
-The contrast of an integral image does not show this: it decreases steadily as the focal plane
-rises, because fewer occluders are blurred.  Two integrals of different photos, however, agree only
-in what is on the focal plane.  Everything else is blurred differently by different views.
+The contrast of an integral image is not a measure of focus: it decreases steadily as the focal
+plane rises, because fewer occluders are blurred.  Two integral images of different photos, however,
+agree only in objects on the focal plane.  All other objects are blurred differently in the two
+images.
 
-Let v_i be the detail of view i at a pixel.  Its mean over all pairs of different views is
-c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and the mean of a view with itself is
-d = Σ v² / n.  The correlation of two integrals of n/2 views each, averaged over all ways to halve
-the views, is then c / (c + 2 (d - c) / n), so no halves have to be drawn.
+Let v_i be the detail of view i at a pixel.  The mean of the product v_i v_j over all pairs of
+different views is c = Σ_{i≠j} v_i v_j / (n (n-1)) = ((Σ v)² - Σ v²) / (n (n-1)), and the mean of
+v_i² is d = Σ v² / n.  The correlation of two integrals of n/2 views each, averaged over all ways to
+halve the views, is then c / (c + 2 (d - c) / n).  Halves therefore need not be drawn.
 """
 
 from __future__ import annotations
@@ -31,20 +33,28 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 FINE_PX, COARSE_PX = 0.7, 6.0
-"""Standard deviations of the two blurs whose difference is the detail [px of the reduced image]."""
+"""Standard deviations of two Gaussian blurs, in pixels of the reduced image.  The detail is the
+difference of the two blurred images.
+"""
 
 BLOCKS = 4
-"""Blocks along each side of the raster; each is left out once to estimate the error of a peak."""
+"""Number of blocks along each side of the raster.  Each block is left out once to estimate the
+error of a peak.
+"""
 
 LONGEST_PX = 480
 """Longest side of the images from which detail is computed."""
 
 CLIP = 4.0
-"""Detail is limited to this many standard deviations, so that single hot pixels do not dominate."""
+"""Detail is limited to this number of standard deviations, so that single hot pixels do not
+dominate.
+"""
 
 
 class Detail(NamedTuple):
-    """Detail of one view: its reduced image without low frequencies, in standard deviations."""
+    """Detail of one view: the reduced image without low frequencies, divided by its standard
+    deviation.
+    """
 
     view: View
     intrinsics: Intrinsics
@@ -113,7 +123,9 @@ class DetailSums:
 
 
 class Agreement(NamedTuple):
-    """Agreement of halves, and the same with each block of the raster left out, shape (BLOCKS²,)."""
+    """Agreement of halves of the views, and the agreement without each block of the raster, shape
+    (BLOCKS²,).
+    """
 
     value: float
     without: Floats
@@ -165,9 +177,7 @@ def agreement_at(
 
 
 class Peak(NamedTuple):
-    """Position of the largest value of a curve, the value, and the standard deviation of the
-    position.
-    """
+    """A peak of a curve: its position, its value, and the standard deviation of the position."""
 
     place: float
     value: float
@@ -175,7 +185,9 @@ class Peak(NamedTuple):
 
 
 def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
-    """The peak of a parabola through three points of a curve, with its variation between blocks."""
+    """The peak of a parabola through three points of a curve.  Its standard deviation follows from
+    the variation between blocks.
+    """
     inside = min(max(index, 1), len(places) - 2)
     part = slice(inside - 1, inside + 2)
     whole = vertex(places[part], np.array([each.value for each in curve[part]]))
@@ -189,7 +201,9 @@ def peak_near(places: Floats, curve: Sequence[Agreement], index: int) -> Peak:
 
 
 def vertex(places: Floats, values: Floats) -> float:
-    """Position of the maximum of the parabola through three points, limited to their range."""
+    """Position of the maximum of a parabola through three points.  It is limited to the range of
+    the points.
+    """
     slope = np.diff(values) / np.diff(places)
     bend = (slope[1] - slope[0]) / (places[2] - places[0])
     if not bend < 0.0:

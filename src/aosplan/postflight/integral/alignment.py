@@ -1,12 +1,14 @@
-"""Small errors of poses, estimated from the shift of each view relative to the integral of the
+"""Estimation of small errors of poses, from the shift of each view relative to the integral of the
 others.
 
-The detail of a view with a wrong recorded position is shifted on the focal plane.  Over all views,
-the shifts e_i at positions b_i (relative to their centre) have a part that grows with b_i and a
-part that rotates around the centre.  The first part is due to a wrong height of the plane, e = -b
-(h* - h)/(A - h*), where A is the height of the cameras and h* the true height of the plane.  The
-second part is due to a common yaw error ψ, e = ψ × b.  The rest are errors of the positions.
-Errors of positions contain both parts by chance, so the standard errors of height and yaw are σ (A
+If the recorded position of a view is wrong, its detail is shifted on the focal plane.  Let e_i be
+the shifts of all views, and b_i their positions relative to their centre.  The shifts have a part
+that is proportional to b_i, and a part that rotates around the centre.  The first part is due to a
+wrong height h of the plane, e = -b (h* - h)/(A - h*), where A is the height of the cameras and h*
+the true height of the plane.  The second part is due to a common yaw error ψ, e = ψ × b.  The
+remaining shifts are errors of the positions.  By chance, errors of positions also contain both
+parts.  With the standard deviation σ of the positions, the standard errors of height and yaw are
+therefore σ (A
 - h)/√Σb² and σ/√Σb².
 """
 
@@ -31,7 +33,9 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 CLEAR = 3.0
-"""Robust standard deviations by which a shift's correlation has to exceed that of other shifts."""
+"""Number of robust standard deviations by which the correlation of a shift has to exceed that of
+other shifts.
+"""
 
 
 class Correction(NamedTuple):
@@ -54,7 +58,7 @@ class Correction(NamedTuple):
         return cls(0.0, np.zeros((count, 2)))
 
     def applied(self, views: Sequence[View], frame: Floats) -> list[View]:
-        """Views with corrected poses; the rows of `frame` are the axes of the plane."""
+        """Views with corrected poses.  The rows of `frame` are the axes of the plane."""
         c, s = math.cos(math.radians(self.yaw_deg)), math.sin(math.radians(self.yaw_deg))
         clockwise = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         turn = frame.T @ clockwise @ frame
@@ -65,8 +69,8 @@ class Correction(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Components of the shifts of views: growth and rotation per distance from the centre; rest
-    [m].
+    """Components of the shifts of views: growth and rotation, both divided by the distance from the
+    centre, and the rest [m].
     """
 
     growth: float
@@ -131,7 +135,7 @@ def _between(values: Floats, index: int) -> float:
 
 
 def fitted(shifts_m: Floats, clear: NDArray[np.bool_], positions_m: Floats) -> Fit:
-    """Growth, rotation and rest of shifts, by least squares over the significant ones."""
+    """Growth, rotation and rest of shifts, from a least-squares fit to the significant shifts."""
     from_middle = positions_m - positions_m.mean(axis=0)
     x, y = from_middle.T
     ones, zeros = np.ones_like(x), np.zeros_like(x)

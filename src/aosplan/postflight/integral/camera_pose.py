@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 ROTATION_TOLERANCE = 1e-3
-"""Largest deviation of a published rotation from orthonormality, in any element of R Rᵀ."""
+"""Largest deviation of any element of R Rᵀ from the unit matrix, for a rotation R in a file."""
 
 FARTHEST_M = 1e9
 """Greatest distance of a camera from the origin of its world."""
@@ -55,13 +55,13 @@ class Intrinsics(NamedTuple):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Directions after lens distortion; nan beyond the fold of its polynomial.
 
-        The model is COLMAP's RADIAL and OPENCV, with DJI's third term.  With r² = x² + y²,
-        x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²); for y', x and y and p1 and
-        p2 are exchanged.
+        The model contains COLMAP's models RADIAL and OPENCV, plus the third radial term of DJI.
+        With r² = x² + y², x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²); The
+        formula of y' is the same with x and y exchanged, and p1 and p2 exchanged.
         """
         r2 = x * x + y * y
         scale = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        # Directions beyond the fold would be imaged inside the image again.
+        # Directions beyond the fold of the polynomial would wrongly appear inside the image.
         scale = np.where(r2 < self._fold(), scale, np.nan)
         return (
             x * scale + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
@@ -84,7 +84,8 @@ class Intrinsics(NamedTuple):
                 return float(guess[0]), float(guess[1])
             try:
                 guess = guess - np.linalg.solve((there[:, 1:] - there[:, :1]) / 1e-7, error)
-            except np.linalg.LinAlgError:  # the lens polynomial folds here
+            # The matrix is singular, because the lens polynomial folds here.
+            except np.linalg.LinAlgError:
                 break
         there = np.stack(self.distorted(guess[:1], guess[1:]))[:, 0]
         close = np.abs(there - (x, y)).max() < 1e-9
@@ -113,16 +114,15 @@ class Intrinsics(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """One image: file name, pose, and camera if it is known.
+    """One image: file name, pose, and the camera if it is known.
 
     Parameters
     ----------
     name
         Name of the image file in the folder of images.
     rotation, translation
-        R, shape (3, 3), and t, shape (3,): from world to camera.
-    intrinsics
-        The camera; None if the file of poses does not have it.
+        R, shape (3, 3), and t, shape (3,), which transform world coordinates to camera coordinates.
+        intrinsics The camera; None if the file of poses does not contain it.
     """
 
     name: str
@@ -153,14 +153,14 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
     Raises
     ------
     RequestError
-        If it has another shape, or its left part is not a rotation.
+        If the matrix has another shape, or if its left part is not a rotation.
     """
     rows = matrix if isinstance(matrix, list) and len(matrix) == 3 else []
     if not rows or any(not isinstance(row, list) or len(row) != 4 for row in rows):
         raise RequestError(f"{place}: M3x4 is not 3 rows of 4 numbers")
     numbers = np.array([[number(value, f"{place}: M3x4") for value in row] for row in rows])
     rotation, translation = numbers[:, :3], numbers[:, 3]
-    # larger elements are not those of a rotation, and this avoids overflow
+    # Larger elements cannot belong to a rotation. Limiting them avoids overflow.
     within = np.clip(rotation, -2.0, 2.0)
     off = np.abs(within @ within.T - np.eye(3)).max()
     if not off < ROTATION_TOLERANCE or np.linalg.det(rotation) < 0.0:
@@ -174,7 +174,7 @@ def pose(matrix: Any, place: str) -> tuple[NDArray[np.float64], NDArray[np.float
 
 
 LENS = {"fx": 1e7, "fy": 1e7, "cx": 1e6, "cy": 1e6, "k1": 1e6, "k2": 1e6, "p1": 1e3, "p2": 1e3}
-"""Largest allowed values of a lens: fx to cy [px], the others are distortion coefficients."""
+"""Largest allowed values of a lens: fx, fy, cx and cy [px], and distortion coefficients."""
 
 
 def checked_intrinsics(width: int, height: int, values: list[float], place: str) -> Intrinsics:
@@ -215,7 +215,7 @@ def named_camera(
     Raises
     ------
     RequestError
-        If both are given, or the camera is unknown.
+        If both are given, or if the camera is unknown.
     """
     if name is not None and fov_deg is not None:
         raise RequestError("--camera and --fov both give the camera", "leave one of them out")
@@ -227,7 +227,7 @@ def named_camera(
 
 
 def from_camera(camera: Camera) -> Callable[[int, int], Intrinsics]:
-    """Function that returns intrinsics of a camera for its images, also if they are scaled."""
+    """Function that returns the intrinsics of a camera for any size of its images."""
 
     def made(width: int, height: int) -> Intrinsics:
         own = (camera.image_width_px, camera.image_height_px)

@@ -1,11 +1,7 @@
-"""Poses of a COLMAP reconstruction, from its text or binary files.
+"""Reading of poses from a COLMAP reconstruction, in text or binary files.
 
-``cameras.txt`` has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has
-two lines per image: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and its points, which are
-skipped.  ``cameras.bin`` and ``images.bin`` contain the same values in little-endian order, after a
-count of 8 bytes.  The quaternion and T are from world to camera; the centre of the first pixel is
-(0.5, 0.5).  The world is in metres with z up only if the reconstruction was aligned (``colmap
-model_aligner``).
+``cameras.txt`` has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS…  ``images.txt`` has two lines per image. The first is IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME. The second has the points of the image and is skipped.  ``cameras.bin`` and ``images.bin`` contain the same values in little-endian order, after a
+count of 8 bytes.  The quaternion and T transform world coordinates to camera coordinates. The centre of the first pixel is (0.5, 0.5). Only if the reconstruction was aligned (``colmap model_aligner``), the world is in metres and z points upwards.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MODELS = {
-    # Names of the parameters in order; f is the focal length along both axes.
+    # The parameters of each model in order. f is the focal length along both axes.
     "SIMPLE_PINHOLE": "f cx cy",
     "PINHOLE": "fx fy cx cy",
     "SIMPLE_RADIAL": "f cx cy k1",
@@ -38,7 +34,7 @@ MODELS = {
 """Supported camera models by name, with their parameters."""
 
 BY_NUMBER = [
-    # Names by the model's number in binary files, with the number of parameters.
+    # Models in the order of their numbers in binary files, with their numbers of parameters.
     ("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
     ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
     ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12),
@@ -58,7 +54,7 @@ def read_colmap(path: str) -> list[View]:
     Raises
     ------
     RequestError
-        If a file is missing, or has an invalid line; the message says where.
+        If a file is missing or has an invalid line.  The message gives the place.
     """
     folder = path if os.path.isdir(path) else os.path.dirname(path) or "."
     text = os.path.join(folder, "images.txt")
@@ -71,7 +67,9 @@ def read_colmap(path: str) -> list[View]:
 
 
 def _lines(path: str) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers, read one at a time because lines with points are long."""
+    """Lines with their numbers.  They are read one at a time, because lines with points are
+    long.
+    """
     try:
         with open(path, encoding="utf-8-sig") as file:
             yield from enumerate((line.strip() for line in file), 1)
@@ -120,7 +118,7 @@ def _intrinsics(model: str, width: int, height: int, values: list[float], place:
 
 
 class _Binary:
-    """Reads consecutive values of a binary file."""
+    """A binary file whose values are read one after the other."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -177,7 +175,7 @@ def _binary_views(path: str, cameras: dict[int, Intrinsics]) -> Iterator[View]:
     for index in range(file.take("Q")[0]):
         _, *pose, camera = file.take("i7di")
         name = file.text()
-        file.skip(24 * file.take("Q")[0])  # x, y and the index of each point, 8 bytes each
+        file.skip(24 * file.take("Q")[0])  # Each point has x, y and an index, with 8 bytes each.
         place = f"'{path}', image {index + 1} ({shown(name)})"
         values = [number(value, f"{place}: number") for value in pose]
         if max(map(abs, values)) > FARTHEST_M:
@@ -213,10 +211,12 @@ def _views(path: str, cameras: dict[str, Intrinsics]) -> Iterator[View]:
 
 
 def _are_points(text: str) -> bool:
-    """Whether a line has the points of an image, X Y POINT3D_ID each, rather than the next image.
+    """Whether a line has the points of an image (X Y POINT3D_ID for each) instead of the next
+    image.
 
-    Programs that remove empty lines also remove those of images without points.  The line of an
-    image has a name at a place where lines with points have numbers.
+    The line with points may be missing: for an image without points it is empty, and some programs
+    remove empty lines.  The line of an image has its name at a position where a line with points
+    has a number.
     """
     words = text.split(maxsplit=12)[:12]
     if len(words) < 10:

@@ -1,8 +1,8 @@
-"""The focal plane: its axes in the world, and what a view sees of it.
+"""The focal plane: its axes in the world, and the part of it that a view sees.
 
 Positions on the plane are (x, y) in metres.  If z is up, they are x and y of the world.  If z is
-down, as in the AOS project, x is that of the world and y is minus that of the world.  The plane is
-therefore always seen from above, with x to the right and y up.
+down, as in the AOS project, x is the x of the world, and y is minus the y of the world.  The plane
+is therefore always seen from above, with x to the right and y upwards in the image.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ UPS = {"z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0), "y": (0.0, 1.0, 0.0), "-y":
 """Directions of the world that may be up, by name."""
 
 MOST_PIXELS = 64_000_000
-"""Largest integral image; in colour, its sums need 2 GB."""
+"""Largest number of pixels of an integral image.  In colour, its sums need 2 GB."""
 
 
 class Plane(NamedTuple):
@@ -48,7 +48,7 @@ class Plane(NamedTuple):
 
     @property
     def frame(self) -> NDArray[np.float64]:
-        """Axes in the world as rows: x of the plane, y of the plane, up."""
+        """Directions in the world, as rows: the axes x and y of the plane, and upwards."""
         up = np.array(UPS[self.up])
         x = np.array([1.0, 0.0, 0.0])
         return np.stack([x, np.cross(up, x), up])
@@ -68,7 +68,7 @@ class Plane(NamedTuple):
 
 
 def heights_above(plane: Plane, view: View) -> NDArray[np.float64]:
-    """Change of the point given by `Plane.to_camera` per metre above the plane, shape (3,)."""
+    """Change of the result of `Plane.to_camera` per metre above the plane, shape (3,)."""
     lift: NDArray[np.float64] = view.rotation @ plane.frame[2]
     return lift
 
@@ -79,7 +79,7 @@ def upward(views: Sequence[View]) -> str:
     Raises
     ------
     RequestError
-        If the cameras look along the horizon on average.
+        If the mean viewing direction of the cameras is horizontal.
     """
     down = float(np.mean([view.forward[2] for view in views]))
     if abs(down) < 0.1:
@@ -112,12 +112,13 @@ class Raster:
 
     @classmethod
     def over(cls, extent_m: Sequence[float], gsd_m: float) -> Raster:
-        """Pixels that cover (x from, y from, x to, y to), starting at the upper left.
+        """The raster that covers (smallest x, smallest y, largest x, largest y), beginning at the
+        upper left corner.
 
         Raises
         ------
         RequestError
-            If there are too many pixels, or the extent is empty.
+            If there are too many pixels, or if the extent is empty.
         """
         left, bottom, right, top = extent_m
         if not (right > left and top > bottom):
@@ -125,7 +126,7 @@ class Raster:
                 f"extent {left:g},{bottom:g},{right:g},{top:g} is empty",
                 "write XMIN,YMIN,XMAX,YMAX in metres on the plane",
             )
-        # If a side is a whole number of pixels up to rounding, no pixel is added.
+        # The tolerance is for rounding: if a side is a whole number of pixels, no pixel is added.
         sides = [
             max(math.ceil(min((b - a) / gsd_m, 1e12) - 1e-6), 1)
             for a, b in ((left, right), (bottom, top))
@@ -139,7 +140,7 @@ class Raster:
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:
-        """x from, y from, x to, y to."""
+        """The smallest x, smallest y, largest x and largest y."""
         return (
             self.left_m,
             self.top_m - self.rows * self.gsd_m,
@@ -161,7 +162,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
     Raises
     ------
     RequestError
-        If the camera is not above the plane, or the horizon is in the image.
+        If the camera is not above the plane, or if the image contains the horizon.
     """
     above_m = plane.camera_m(view)[2]
     if not above_m > 0.0:
@@ -182,7 +183,7 @@ def footprint_m(plane: Plane, view: View, intrinsics: Intrinsics) -> NDArray[np.
                     "calibrate the camera again, or undistort the images first",
                 )
         east, north, scale = inverse @ (x, y, 1.0)
-        if not scale > 0.0:  # this corner looks above the horizon
+        if not scale > 0.0:  # This corner of the image is above the horizon.
             raise RequestError(
                 f"image '{view.name}' shows the horizon, so its footprint is infinite",
                 "give --extent XMIN,YMIN,XMAX,YMAX and --gsd M",

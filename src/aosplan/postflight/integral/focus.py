@@ -1,9 +1,10 @@
-"""The height at which the views agree, and small corrections of their poses.
+"""Search for the height at which the views agree, with small corrections of their poses.
 
-The curve of agreement over height (`aosplan.postflight.integral.agreement`) has a peak at the
-ground and often one at the crowns.  Errors of positions and of the compass flatten both.  Poses are
-therefore aligned (`aosplan.postflight.integral.alignment`) at the highest point of a coarse curve.
-The peaks of a fine curve are then clearer.  The ground is the lowest peak.
+The agreement as a function of height (`aosplan.postflight.integral.agreement`) has a peak at the
+ground, and often another peak at the crowns.  Errors of positions and of the compass flatten both
+peaks.  Poses are therefore corrected (`aosplan.postflight.integral.alignment`) at the highest point
+of a coarse curve.  With corrected poses, a fine curve has clearer peaks.  The ground is the lowest
+peak.
 """
 
 from __future__ import annotations
@@ -37,10 +38,12 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 ALIGNMENTS = ("none", "yaw", "positions")
-"""Corrections: none, one yaw for all views, or also the position of each view."""
+"""Kinds of corrections: no correction, one yaw for all views, or this yaw and the position of each
+view.
+"""
 
 BELOW, ABOVE = 0.25, 0.55
-"""Default range of heights below and above the plane, as shares of the cameras' height."""
+"""Default range of heights below and above the plane, as shares of the height of the cameras."""
 
 STEP_PX = 1.3
 """Shift of the outermost views between two neighbouring planes of the search, in pixels."""
@@ -55,7 +58,7 @@ ROUNDS = 4
 """Number of times that shifts are measured and corrected at each resolution."""
 
 LEAST_VIEWS = 4
-"""Smallest number of views; with fewer, heights cannot be distinguished."""
+"""Smallest number of views.  With fewer views, heights cannot be distinguished."""
 
 PROMINENCE = 3.0
 """Smallest prominence of a significant peak, in standard deviations."""
@@ -70,13 +73,14 @@ class Focus(NamedTuple):
     Attributes
     ----------
     heights_m
-        Heights that were examined, along the world's upward axis, increasing.
+        Heights that were examined, along the world's upward axis, in increasing order.
     curve
         Agreement of halves of the views at each height.
     ground, crowns
-        Peaks of the curve: the lowest one, and the highest one above it (None if there is none).
+        Peaks of the curve: the lowest peak, and the highest peak above it (None if there is no
+        other peak).
     correction
-        Corrections of the recorded poses; zero without an alignment.
+        Corrections of the recorded poses.  They are zero without an alignment.
     yaw_deviation_deg
         Standard deviation of the yaw correction.
     aligned
@@ -120,7 +124,7 @@ def read_heights(text: str) -> tuple[float, float] | float | None:
     Raises
     ------
     RequestError
-        If it is none of these.
+        If the text has none of these forms.
     """
     from aosplan.postflight.integral.camera_pose import FARTHEST_M
     from aosplan.units import number
@@ -144,7 +148,7 @@ def search_of(
     Raises
     ------
     RequestError
-        If ``--focus`` is not valid, or contradicts another option.
+        If ``--focus`` is not valid, or if it contradicts another option.
     """
     if focus is None:
         return None, focal_height_m
@@ -169,7 +173,8 @@ def focus_recording(
     align: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Focus | None:
-    """Find the focus of a recording (`find_focus`), and move its plane and its views there.
+    """Find the focus of a recording (`find_focus`), and apply it to the plane and the views of the
+    recording.
 
     Parameters
     ----------
@@ -184,7 +189,7 @@ def focus_recording(
     Raises
     ------
     RequestError
-        As from `find_focus`.
+        In the same cases as `find_focus`.
     """
     if heights_m is None:
         return None
@@ -229,14 +234,15 @@ def find_focus(
     align
         One of `ALIGNMENTS`.
     sigma_m
-        Standard deviation of recorded positions; shifts of up to three times this are examined.
-    progress
-        Function that is called with the number of steps done and their total.
+        Standard deviation of recorded positions.  Shifts of up to three times this value are
+        examined. progress Function that is called with the number of finished steps and the total
+        number of steps.
 
     Raises
     ------
     RequestError
-        If there are too few views, a camera is below a plane, or the views agree at no height.
+        If there are too few views, if a camera is below a plane, or if the views do not agree at
+        any height.
     """
     if len(indices) < LEAST_VIEWS:
         raise RequestError(
@@ -290,7 +296,7 @@ def find_focus(
 def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | None]:
     """Indices of the lowest significant peak, and of the highest peak above it.
 
-    The largest value counts as a peak even if it is at an end of the curve.
+    The largest value is treated as a peak even if it is at an end of the curve.
     """
     from scipy.signal import find_peaks
 
@@ -298,8 +304,8 @@ def peaks_of(places: Floats, curve: Sequence[Agreement]) -> tuple[int, int | Non
     without = np.array([each.without for each in curve])
     count = without.shape[1]
     spread = np.sqrt(count - 1.0) * without.std(axis=1)
-    # Errors of neighbouring values are correlated. What matters is the error of their difference,
-    # which is much smaller than the error of each value.
+    # Errors of neighbouring values are correlated. The error of their difference is used, because
+    # it is much smaller than the error of each value.
     best = int(np.argmax(values))
     found, about = find_peaks(values, prominence=0.05 * max(values[best], 0.0))
     clear = [
@@ -346,8 +352,8 @@ class _Search:
         return self._plane.height_m - BELOW * height, self._plane.height_m + ABOVE * height
 
     def heights_between(self, low: float, high: float) -> Floats:
-        """Heights whose planes the outermost views can distinguish; they are denser near the
-        cameras.
+        """Heights whose planes the outermost views can distinguish.  The heights are denser near
+        the cameras.
         """
         if not low < high:
             raise RequestError(
@@ -366,7 +372,8 @@ class _Search:
         focal = self._sources[0].intrinsics.fx_px * min(
             LONGEST_PX / max(self._sources[0].intrinsics[:2]), 1.0
         )
-        # Between two planes, a view b from the centre shifts by f b (1/(A-h) - 1/(A-h')) pixels.
+        # Between planes at h and h', a view at the distance b from the centre shifts by f b
+        # (1/(A-h) - 1/(A-h')) pixels.
         near, far = 1.0 / (self.camera_m - high), 1.0 / (self.camera_m - low)
         steps = math.ceil((near - far) * focal * 0.5 * extent / STEP_PX)
         steps = min(max(steps, 8), MOST_STEPS)
@@ -374,8 +381,8 @@ class _Search:
         return places
 
     def level(self, coarser: int) -> _Level:
-        """Detail of all views in images that are `coarser` times smaller, and a raster for their
-        pixels.
+        """Detail of all views in images that are reduced by the factor `coarser`, and a raster for
+        their pixels.
         """
         own = max(self._sources[0].intrinsics[:2])
         most = math.sqrt(MOST_PIXELS / len(self._sources))
@@ -404,7 +411,7 @@ class _Search:
     def align(
         self, level: _Level, height_m: float, correction: Correction, align: str
     ) -> tuple[float, Correction, int]:
-        """Height and corrections for which the shifts of views neither grow nor rotate."""
+        """Height and corrections for which the shifts of views have neither growth nor rotation."""
         clear = 0
         for _ in range(ROUNDS):
             plane = self._plane._replace(height_m=height_m)
@@ -430,7 +437,7 @@ class _Search:
         index: int,
         correction: Correction,
     ) -> Peak:
-        """The peak, located more accurately between the heights beside it."""
+        """The peak, with a more accurate position between the neighbouring heights."""
         first, last = places[max(index - 2, 0)], places[min(index + 2, len(places) - 1)]
         closer = np.linspace(first, last, 9)
         found = self.curve(level, closer, correction)
@@ -438,7 +445,9 @@ class _Search:
         return peak_near(closer, found, best)
 
     def doubt(self, correction: Correction, align: str) -> float:
-        """Standard error of growth (relative) and rotation [rad] due to errors of the positions."""
+        """Standard errors of growth (relative) and rotation [rad] because of errors of the
+        positions.
+        """
         if align != "positions":
             return 0.0
         sigma = float(np.sqrt(np.mean(correction.shifts_m**2)))

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Georeference(NamedTuple):
-    """Map coordinates of the world: x and y of the plane plus an offset.
+    """Location of the world: map coordinates are x and y of the plane plus an offset.
 
     Parameters
     ----------
@@ -27,7 +27,9 @@ class Georeference(NamedTuple):
 
     @classmethod
     def around(cls, latitude: float, longitude: float) -> Georeference:
-        """Metres east and north of a place (azimuthal equidistant, as in `aosplan.geodesy`)."""
+        """The location of a world in metres east and north of a place (azimuthal equidistant, as in
+        `aosplan.geodesy`).
+        """
         return cls(local_crs(latitude, longitude))
 
     def places(self, x_m: ArrayLike, y_m: ArrayLike) -> tuple[NDArray, NDArray]:  # type: ignore[type-arg]

@@ -31,7 +31,7 @@ def integral_geotiff(
     raster
         Extent and pixel size of the image.
     georeference
-        Location of the world; if it is None, coordinates are those of the world, without a
+        Location of the world.  If it is None, the file has the coordinates of the world and no
         coordinate reference system.
     names
         Descriptions of the bands.

@@ -1,4 +1,6 @@
-"""Candidates for targets: anomalies of single photos, and hot spots of the integral image."""
+"""Search for candidates of targets: anomalies in single photos, and hot spots in the integral
+image.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ RX_SHARE = 0.99
 """Quantile of a photo's RX scores above which a pixel is an anomaly."""
 
 CLEAR = 4.0
-"""Standard deviations by which a hot spot differs from its surroundings."""
+"""Smallest difference between a hot spot and its surroundings, in standard deviations."""
 
 WINDOW_M = 4.0
 """Standard deviation of the Gaussian window for the surroundings of a spot."""
@@ -31,10 +33,11 @@ MOST_SPOTS = 200
 
 
 def anomalies(_source: ViewSource, picture: Picture) -> Picture:
-    """Anomalies of a photo as 1, all other pixels as 0.
+    """A picture in which anomalies of a photo are 1 and all other pixels are 0.
 
-    This is the RX detector of Reed and Yu: the squared Mahalanobis distance of a pixel's values
-    from those of the photo, compared with its 99 % quantile.
+    This is the RX detector of Reed and Yu.  The score of a pixel is the squared Mahalanobis
+    distance of its values from those of the photo.  A pixel is an anomaly if its score exceeds the
+    quantile `RX_SHARE` of all scores.
     """
     from PIL import Image
 
@@ -57,7 +60,7 @@ class HotSpot(NamedTuple):
     x_m, y_m
         Centre on the plane, weighted by the difference.
     area_m2, size_m
-        Area in which the difference is at least half of its maximum, and side of a square of this
+        Area in which the difference is at least half of its maximum, and side of a square with this
         area.
     contrast
         Mean value minus that of the surroundings, in the units of the photos.
@@ -74,8 +77,8 @@ class HotSpot(NamedTuple):
 
 
 def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
-    """Places of an integral image that are brighter or darker than their surroundings, clearest
-    first.
+    """Places of an integral image that are brighter or darker than their surroundings.  The
+    clearest place is the first.
     """
     from scipy.ndimage import find_objects, gaussian_filter, label
 
@@ -88,7 +91,7 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
         return blurred / np.maximum(gaussian_filter(weight, window), 1e-9)
 
     weight = seen.astype(np.float64)
-    for _ in range(3):  # spots are excluded from their own surroundings
+    for _ in range(3):  # Spots are excluded from the surroundings with which they are compared.
         mean = smooth(grey, weight)
         spread = np.sqrt(np.maximum(smooth((grey - mean) ** 2, weight), 1e-12))
         score = np.where(seen, (grey - mean) / spread, 0.0)
@@ -101,7 +104,8 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
             if part.sum() < 2:
                 continue
             above = np.where(part, sign * (grey[box] - mean[box]), 0.0)
-            part = above >= 0.5 * above.max()  # the part above half of the maximum
+            # the part of the spot in which the difference is at least half of its maximum
+            part = above >= 0.5 * above.max()
             rows, columns = np.nonzero(part)
             off = np.abs(grey[box] - mean[box])[part]
             row = float(np.average(rows, weights=off)) + box[0].start + 0.5
@@ -122,7 +126,7 @@ def hot_spots(integral: Integral, seen: NDArray[np.bool_]) -> list[HotSpot]:
 
 
 def geojson_bytes(spots: Sequence[HotSpot], georeference: Georeference | None) -> bytes:
-    """Hot spots as GeoJSON points, clearest first.
+    """Hot spots as GeoJSON points.  The clearest spot is the first.
 
     Raises
     ------

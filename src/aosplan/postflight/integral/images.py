@@ -1,4 +1,4 @@
-"""Image files as arrays, and integral images as files.
+"""Reading of image files as arrays, and writing of integral images.
 
 Images of any mode that Pillow supports are read.  The result is float32 in the units of the file:
 grey values, or red, green and blue.
@@ -24,34 +24,37 @@ if TYPE_CHECKING:
 EXTRA = "pictures"
 
 PLAIN_PIXELS = 25_000_000
-"""Number of pixels that any image may have."""
+"""Number of pixels that every image may have, for any size of its file."""
 
 PIXELS_A_BYTE = 100
-"""Pixels per byte of the file that a larger image may have; photos have about one."""
+"""Largest number of pixels per byte of the file, for larger images.  Photos have about one pixel
+per byte.
+"""
 
 BANDS = {
-    # Pillow's modes: the mode to convert to, and whether values are between 0 and 255.
+    # For each of Pillow's modes: the mode to which it is converted.
     "1": "L", "L": "L", "LA": "LA", "La": "LA",
     "P": "RGBA", "PA": "RGBA", "RGB": "RGB", "RGBX": "RGB", "RGBA": "RGBA", "RGBa": "RGBA",
     "CMYK": "RGB", "YCbCr": "RGB", "LAB": "RGB", "HSV": "RGB",
     "I": "F", "F": "F", "I;16": "F", "I;16L": "F", "I;16B": "F", "I;16N": "F",
 }  # fmt: skip
-"""The mode that each of Pillow's modes is converted to."""
+"""The mode to which each of Pillow's modes is converted."""
 
 
 BITS_PER_SAMPLE, SAMPLE_FORMAT = 258, 339
-"""TIFF tags; the sample format is 1 for unsigned, 2 for signed integers, 3 for floats."""
+"""TIFF tags.  The sample format is 1 for unsigned integers, 2 for signed integers, and 3 for
+floats.
+"""
 
 
 class Picture(NamedTuple):
-    """An image as float bands of Pillow.
+    """An image as Pillow images with float values, one for each band.
 
     Parameters
     ----------
     bands
-        One band of grey values, or three bands of red, green and blue, mode F.
-    weight
-        Alpha between 0 and 1, mode F, if the image has it.
+        One band of grey values, or three bands of red, green and blue, in mode F. weight Alpha
+        between 0 and 1, in mode F, if the image has alpha.
     is_byte
         Whether values are between 0 and 255.
     """
@@ -67,7 +70,7 @@ class Picture(NamedTuple):
 
 
 class ImageFolder:
-    """A folder of images, which are found by the names in the poses.
+    """A folder in which images are found by the names in the poses.
 
     Parameters
     ----------
@@ -77,7 +80,7 @@ class ImageFolder:
     Raises
     ------
     RequestError
-        If there is no such folder.
+        If the folder does not exist.
     """
 
     def __init__(self, path: str) -> None:
@@ -99,7 +102,7 @@ class ImageFolder:
             self._by_stem.setdefault(os.path.splitext(name)[0].lower(), []).append(name)
 
     def holds(self, name: str) -> bool:
-        """Whether there is at least one file for a name.
+        """Whether the folder has at least one file for a name.
 
         Raises
         ------
@@ -119,14 +122,14 @@ class ImageFolder:
     def file_of(self, name: str) -> str:
         """Path of an image.
 
-        The files that poses were computed from are often not the published ones.  A file with the
-        same name but another extension or other capitals is therefore accepted if there is only
-        one.
+        Poses are often computed from other files than those that are published.  A file whose name
+        differs only in its extension or in capital letters is therefore accepted, if there is only
+        one such file.
 
         Raises
         ------
         RequestError
-            If there is no such file, or more than one.
+            If there is no such file, or if there are several.
         """
         path = os.path.join(self.path, name)
         if os.path.isfile(path):
@@ -152,7 +155,7 @@ def image_size(path: str) -> tuple[int, int]:
     Raises
     ------
     RequestError, SurroundingsError
-        As `read_picture` does.
+        In the same cases as `read_picture`.
     """
     with _opened(path) as image:
         return image.size
@@ -164,9 +167,8 @@ def read_picture(path: str) -> Picture:
     Raises
     ------
     RequestError
-        If it is not an image, is damaged, or is too large for its file.
-    SurroundingsError
-        If it cannot be read.
+        If the file is not an image or is damaged, or if the image has too many pixels for the size
+        of the file.  SurroundingsError If the file cannot be read.
     MissingExtraError
         If Pillow is not installed.
     """
@@ -200,7 +202,7 @@ def _deep(image: Image, path: str) -> NDArray[np.generic] | None:
 
             pixels: NDArray[np.generic] = tifffile.imread(path)
             if pixels.ndim == 3 and pixels.shape[:2] != image.size[::-1]:
-                pixels = np.moveaxis(pixels, 0, 2)  # stored band after band
+                pixels = np.moveaxis(pixels, 0, 2)  # The file stores one band after the other.
         else:
             import rasterio
 
@@ -222,7 +224,9 @@ def _first(value: Any, otherwise: int) -> int:
 
 
 def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
-    """Bands of an array of shape (rows, columns) or (rows, columns, bands); a 2nd or 4th is alpha."""
+    """Bands of an array of shape (rows, columns) or (rows, columns, bands).  A second or fourth
+    band is alpha.
+    """
     if pixels.ndim == 2:
         return Picture((_float_band(pixels),), None, is_byte=False)
     colours = pixels.shape[2] - (pixels.shape[2] in (2, 4))
@@ -235,7 +239,7 @@ def _deep_bands(pixels: NDArray[np.generic]) -> Picture:
 
 def _floats(image: Image, mode: str) -> Picture:
     """The bands of an image, converted to a mode whose values Pillow reads correctly."""
-    if image.mode.startswith("I;16"):  # Pillow's own conversion would clip values
+    if image.mode.startswith("I;16"):  # The conversion of Pillow would clip values.
         return Picture((_float_band(np.asarray(image)),), None, is_byte=False)
     if image.mode == "P" and "transparency" not in image.info:
         mode = "RGB"
@@ -292,7 +296,7 @@ def _check_size(image: Image, path: str) -> None:
 def png_bytes(
     values: NDArray[np.float64], seen: NDArray[np.bool_], limits: tuple[float, float]
 ) -> bytes:
-    """An 8-bit PNG, transparent where nothing is seen.
+    """An 8-bit PNG.  Pixels that are not seen are transparent.
 
     Parameters
     ----------
@@ -317,7 +321,7 @@ def png_bytes(
 
 
 def tiff_bytes(values: NDArray[np.float64], seen: NDArray[np.bool_]) -> bytes:
-    """A TIFF with one float32 band, nan where nothing is seen."""
+    """A TIFF with one float32 band.  Pixels that are not seen are nan."""
     return _saved(_float_band(np.where(seen, values[..., 0], np.nan)), "TIFF")
 
 

@@ -1,11 +1,12 @@
 """Integral images: views are warped onto the focal plane and averaged.
 
 A pixel of the raster is the mean of the views that show it, weighted by their alpha.  Grey values
-that are not finite are ignored.  Only one image is in memory at a time, in addition to the sums, so
-the memory depends on the raster and not on the number of images.
+that are not finite are ignored.  In addition to the sums, only one image is in memory at a time.
+The required memory therefore depends on the raster and not on the number of images.
 
 Between its pixels, an image is interpolated bilinearly.  If a pixel of the raster is at least twice
-as large as those of the image, these are averaged in blocks first, so that none is skipped.
+as large as a pixel of the image, the pixels of the image are first averaged in blocks, so that no
+pixel is skipped.
 """
 
 from __future__ import annotations
@@ -55,7 +56,9 @@ def whole_box(raster: Raster) -> RasterWindow:
 
 
 class Relief(NamedTuple):
-    """Heights of a focal surface above its plane, and their effect per metre in a camera's frame."""
+    """Heights of a focal surface above its plane, and the change of a point in the camera's frame
+    per metre of height.
+    """
 
     heights_m: NDArray[np.float64]
     lift: NDArray[np.float64]
@@ -70,14 +73,14 @@ class Integral:
     raster
         Pixels of the image on the focal plane.
     values
-        Shape (rows, columns, bands), with one band or three: means in the units of the images, nan
-        where no view sees the plane.
+        Shape (rows, columns, bands), with one band or three: means in the units of the images.
+        Pixels that no view sees are nan.
     coverage
         Shape (rows, columns): number of views that see each pixel.
     views
         Number of views that were integrated.
     blind
-        Number of views that see nothing of the raster.
+        Number of views that do not see any part of the raster.
     is_byte
         Whether all images had values between 0 and 255.
     """
@@ -91,7 +94,8 @@ class Integral:
 
     def seen(self, least_views: int) -> NDArray[np.bool_]:
         """Mask of the pixels that at least `least_views` views see, shape (rows, columns)."""
-        # The tolerance includes views whose weight is slightly below 1 at the edge of their image.
+        # With this tolerance, a view is counted even if its weight is slightly below 1 at the edge
+        # of its image.
         mask: NDArray[np.bool_] = self.coverage >= least_views - 1e-3
         return mask
 
@@ -110,7 +114,7 @@ def integrate(
     Parameters
     ----------
     sources
-        The views; each image is read when it is needed.
+        The views.  Each image is read when it is needed.
     plane, raster
         Plane and pixels of the integral image.
     relief_m
@@ -182,14 +186,15 @@ def add_view(
     coverage: NDArray[np.float64],
     relief_m: NDArray[np.float64] | None = None,
 ) -> bool:
-    """Add one view to the sums; return whether it sees any of the raster."""
+    """Add one view to the sums.  Returns whether the view sees any part of the raster."""
     above_m = plane.camera_m(source.view)[2] - (0.0 if relief_m is None else np.nanmax(relief_m))
     if not above_m > 0.0:
         raise RequestError(
             f"image '{source.view.name}': its camera is not above the focal plane",
             "--focal-height is measured along the upward axis of the world, which --up sets",
         )
-    # Maps (column, row, 1) of the raster to the camera's frame; the third row is the depth.
+    # This matrix maps (column, row, 1) of the raster to the camera's frame. Its third row gives the
+    # depth.
     ray = plane.to_camera(source.view) @ raster.to_plane
     box = _reached(ray, source.intrinsics, raster)
     relief = None
@@ -222,7 +227,9 @@ def _product(band: Image, weight: Image) -> Image:
 def _reached(
     ray: NDArray[np.float64], intrinsics: Intrinsics, raster: Raster
 ) -> RasterWindow | None:
-    """The part of the raster that an image can reach; all of it if this is not known."""
+    """The part of the raster that an image may show.  If this is not known, it is the whole
+    raster.
+    """
     whole = whole_box(raster)
     if not intrinsics.is_pinhole:
         return whole
@@ -231,7 +238,7 @@ def _reached(
         np.array([0.0, 0.0, 1.0, 1.0]) * intrinsics.height_px - intrinsics.cy_px
     ) / intrinsics.fy_px
     columns, rows, scale = np.linalg.solve(ray, np.stack([x, y, np.ones(4)]))
-    if not (scale > 0.0).all():  # the horizon is in the image
+    if not (scale > 0.0).all():  # The image contains the horizon.
         return whole
     columns, rows = columns / scale, rows / scale
     box = RasterWindow(
@@ -253,7 +260,7 @@ def warped(
     """Bands warped to a part of the raster.
 
     `ray` maps (column, row, 1) of the raster to the camera's frame.  Outside the image, values are
-    0, and nan in the last band.
+    0; in the last band they are nan.
     """
     corners = np.array(
         [[box.left, box.right, box.right, box.left], [box.top, box.top, box.bottom, box.bottom]]
@@ -272,8 +279,8 @@ def warped(
 def _blocks(
     bands: list[Image], intrinsics: Intrinsics, ray: NDArray[np.float64], box: RasterWindow
 ) -> tuple[list[Image], int]:
-    """Bands averaged in square blocks, with about the size of a raster step, and side of a block
-    [px].
+    """Bands that are averaged in square blocks, and the side of a block [px].  A block is about as
+    large as a pixel of the raster.
     """
     middle = np.array([0.5 * (box.left + box.right), 0.5 * (box.top + box.bottom), 1.0])
     x, y, depth = ray @ middle
@@ -327,7 +334,9 @@ def _by_coordinates(
     block: int,
     relief: Relief | None,
 ) -> list[NDArray[np.float32]]:
-    """Bands of any image, warped point by point with lens distortion, and only below the horizon."""
+    """Bands of any image, warped point by point with lens distortion.  Points above the horizon are
+    left out.
+    """
     from scipy.ndimage import map_coordinates
 
     arrays = [np.asarray(band) for band in bands]

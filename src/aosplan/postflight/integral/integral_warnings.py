@@ -20,7 +20,7 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
     recording, integral
         The recording, and the integral image of some of its views.
     least
-        Number of views that have to see a pixel for it to be shown.
+        Smallest number of views that have to see a pixel so that it is shown.
     """
     found = [(message.code, message.message) for message in recording.messages]
     if recording.missing:
@@ -58,7 +58,7 @@ def integral_warnings(recording: Recording, integral: Integral, least: int) -> l
 
 
 def focus_warnings(focus: Focus | None) -> list[Message]:
-    """Warnings about a focus; none without a search for it."""
+    """Warnings about the focus; empty if there was no search for the focus."""
     found = []
     if focus is None:
         return []

@@ -1,4 +1,4 @@
-"""Integral images at several heights: a multi-page TIFF, and an animation through the canopy."""
+"""Integral images at several heights, as a TIFF with several pages and as an animation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FILM_PX = 800
 
 
 def stack_bytes(pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float]) -> bytes:
-    """A TIFF with one float32 page per height, nan where too few views see it.
+    """A TIFF with one float32 page per height.  Pixels that too few views see are nan.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def stack_bytes(pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float]
 def film_bytes(
     pages: Sequence[NDArray[np.float64]], heights_m: Sequence[float], limits: tuple[float, float]
 ) -> bytes:
-    """A GIF that shows the pages with their heights, first upwards and then downwards.
+    """An animated GIF that shows the pages with their heights, first upwards and then downwards.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def film_bytes(
 
 
 def label(pen: object, place: tuple[float, float], text: str, size: int = 26) -> None:
-    """White text with a black outline, which is legible on any background."""
+    """Draw white text with a black outline, which is legible on any background."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size)

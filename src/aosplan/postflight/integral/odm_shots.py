@@ -1,10 +1,11 @@
-"""Poses from OpenDroneMap's ``shots.geojson``.
+"""Reading of poses from OpenDroneMap's ``shots.geojson``.
 
-Each feature has the position of a photo as latitude and longitude, and the following properties:
-``filename``, ``width`` and ``height``; ``focal`` (focal length divided by the longer side);
-``translation`` (position of the camera in metres, in the UTM zone of the reconstruction);
-``rotation`` (world to camera, as an axis times an angle).  The file has no lens distortion, so it
-should be used with undistorted images.
+Each feature has the position of a photo as latitude and longitude.  Its properties are
+``filename``, ``width`` and ``height``, and three others.  ``focal`` is the focal length divided by
+the longer side of the image.  ``translation`` is the position of the camera in metres, in the UTM
+zone of the reconstruction.  ``rotation`` is the rotation from world to camera, as an axis times an
+angle.  The file does not contain lens distortion.  It should therefore be used with undistorted
+images.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ if TYPE_CHECKING:
 def read_shots(path: str) -> PosedViews:
     """Read the views of an OpenDroneMap reconstruction.
 
-    The world is the map of its UTM zone, shifted to the centre of the photos.  Heights are those of
-    the reconstruction.
+    The origin of the world is the centre of the photos.  Its axes are those of the UTM zone.
+    Heights are those of the reconstruction.
 
     Raises
     ------
     RequestError
-        If a property of a feature is missing or not valid; the message names the feature.
+        If a property of a feature is missing or not valid.  The message names the feature.
     """
     features = read_table(path).get("features")
     if not isinstance(features, list) or not features:
@@ -63,8 +64,8 @@ def read_shots(path: str) -> PosedViews:
     x, y = map_of_it.to_world(*places.T)
     off = np.hypot(x - (positions - middle)[:, 0], y - (positions - middle)[:, 1]).max()
     if off > 1.0:
-        # In another zone, or with local coordinates, the integral image is correct but has no
-        # location.
+        # If the positions are in another zone or are local coordinates, the integral image is
+        # correct but has no location.
         message = Message(
             "map",
             f"'{path}': translations differ by {off:.3g} m from those of "
@@ -109,7 +110,7 @@ def _triple(value: Any, name: str) -> NDArray[np.float64]:
 
 
 def _by_axis(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotation by an axis whose length is the angle in radians (Rodrigues)."""
+    """The rotation around an axis.  The length of the axis is the angle in radians (Rodrigues)."""
     angle = math.hypot(*turn)
     if angle == 0.0:
         return np.eye(3)

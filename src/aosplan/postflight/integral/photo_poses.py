@@ -1,7 +1,7 @@
-"""Poses of a folder of photos, from their metadata and, for missing values, from a plan.
+"""Poses of the photos in a folder, from their metadata.  Missing values are taken from a plan.
 
-The world is east, north and up in metres.  Its origin is that of the plan, or the centre of the
-photos.  Heights are above the take-off point.
+The axes of the world are east, north and up, in metres.  Its origin is the origin of the plan, or
+the centre of the photos.  Heights are above the take-off point.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ FARTHEST_M = 20_000.0
 """Greatest distance between photos of one recording."""
 
 LEVEL_DEG = -30.0
-"""Pitch above which a camera sees the horizon rather than the ground."""
+"""Pitch above which a camera shows the horizon instead of the ground."""
 
 PLAN = "plan.json"
 """Name of the file of a plan in the folder of photos."""
 
 
 class PhotoOptions(NamedTuple):
-    """Values for metadata that the photos do not have, and the choice of photos.
+    """The choice of photos, and values for metadata that the photos do not have.
 
     Parameters
     ----------
     band
-        One of `aosplan.postflight.photo_metadata.BANDS`; None if the folder has one band only.
+        One of `aosplan.postflight.photo_metadata.BANDS`; None if the folder has only one band.
     plan
         File of a plan; None for ``plan.json`` in the folder, if it exists.
     altitude_m
@@ -72,7 +72,7 @@ class PosedViews(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """Values of a plan that photos may lack."""
+    """Values of a plan that may be missing in photos."""
 
     altitude_m: float | None = None
     heading_deg: float | None = None
@@ -90,15 +90,14 @@ def read_photo_poses(
     folder
         Folder with photos that have GPS positions.
     options
-        The choice of photos, and values that they lack.
-    camera
-        Function that returns the intrinsics of a photo, which are used instead of its metadata.
+        The choice of photos, and values for missing metadata. camera Function that returns the
+        intrinsics of a photo.  They replace the metadata of the photo.
 
     Raises
     ------
     RequestError
-        If a photo lacks a value that neither the options nor a plan have, or if the folder has
-        photos of several bands and none is chosen.
+        If a value is missing in a photo, in the options and in a plan.  Also if the folder has
+        photos of several bands and no band is chosen.
     """
     plan, messages = _plan_of(folder, options)
     places, doubtful = photo_places(folder)
@@ -134,7 +133,7 @@ def read_photo_poses(
     views = []
     for index, name in enumerate(names):
         if _pixels_of(folder, name) != name and _pixels_of(folder, name) in known:
-            continue  # its TIFF is a view of its own
+            continue  # The TIFF of this photo is a separate view.
         position = np.array([east[index], north[index], heights[index]])
         rotation = turned[index]
         views.append(View(_pixels_of(folder, name), rotation, -rotation @ position, lenses[index]))
@@ -182,7 +181,8 @@ def _of_band(
     """Photos of one of the drone's cameras."""
     kinds = {name: found.band for name, found in tags.items() if found.band != "screen"}
     if "thermal" in kinds.values():
-        # Beside thermal photos, photos without the name of their camera are from the visible one.
+        # If there are thermal photos, photos without the name of a camera are from the visible
+        # camera.
         kinds = {name: kind or "visible" for name, kind in kinds.items()}
     there = sorted({kind for kind in kinds.values() if kind is not None})
     if band is None:
@@ -266,7 +266,9 @@ def _left_out(
 
 
 def _turned(tags: Mapping[str, PhotoMetadata]) -> list[Message]:
-    """Report the photos that viewers turn, because their pixels are used as they are stored."""
+    """Warning about photos that image viewers rotate.  Their pixels are used in the order in which
+    they are stored.
+    """
     turned = [name for name, found in tags.items() if found.orientation != 1]
     if not turned:
         return []
@@ -284,7 +286,7 @@ def _middle(places: Sequence[Place]) -> tuple[float, float]:
     """Centre of the bounding box of some places, rounded to about 0.1 m."""
     latitudes = [place.latitude for place in places]
     first = places[0].longitude
-    # Near the antimeridian, longitudes are unwrapped from the first one.
+    # Near the antimeridian, longitudes are converted to values within 180° of the first longitude.
     longitudes = [first + (place.longitude - first + 180.0) % 360.0 - 180.0 for place in places]
     latitude = 0.5 * (min(latitudes) + max(latitudes))
     longitude = 0.5 * (min(longitudes) + max(longitudes))
@@ -297,8 +299,10 @@ def _heights(
     above_takeoff: Sequence[float | None],
     plan: _Plan,
 ) -> tuple[NDArray[np.float64], list[Message]]:
-    """Heights above the take-off point: barometric, or their mean plus the differences of RTK
-    heights.
+    """Heights above the take-off point.
+
+    They are the barometric heights.  If there are RTK heights, they are the mean barometric height
+    plus the differences of the RTK heights.
     """
     relative = [
         one if one is not None else other.relative_altitude_m
@@ -375,15 +379,16 @@ def _rotations(
 
 
 def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> NDArray[np.float64]:
-    """Rotation from world (east, north, up) to camera, from its angles in the north-east-down
-    frame.
+    """Rotation from world (east, north, up) to camera, from the angles of the camera in the
+    north-east-down frame.
 
     Parameters
     ----------
     yaw_deg, pitch_deg, roll_deg
-        Rotations around down, right and forward, in this order, of a camera that looks north with
-        the top of its image up.  With a pitch of -90 degrees it looks straight down, and the top of
-        the image points to the yaw.
+        Angles of rotations around the axes down, right and forward, in this order.  Before the
+        rotations, the camera looks north, and the top of its image is upwards.  With a pitch of -90
+        degrees, it looks straight down, and the top of its image points in the direction of the
+        yaw.
 
     Returns
     -------
@@ -392,7 +397,8 @@ def camera_rotation(yaw_deg: float, pitch_deg: float, roll_deg: float) -> NDArra
     """
     y, p, r = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
     cy, sy, cp, sp, cr, sr = (f(a) for a in (y, p, r) for f in (math.cos, math.sin))
-    # Columns: forward, right and down of the camera, in north, east, down.
+    # The columns are the directions forward, right and down of the camera, in the north-east-down
+    # frame.
     body = np.array(
         [
             [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -411,7 +417,11 @@ def _lenses(
     camera: Callable[[int, int], Intrinsics] | None,
     plan: _Plan,
 ) -> tuple[list[Intrinsics], list[Message]]:
-    """Intrinsics of each photo: as given, its calibration, its focal length, or the plan's camera."""
+    """Intrinsics of each photo.
+
+    They are taken from the first available source: the given camera, the calibration of the photo,
+    its focal length, or the camera of the plan.
+    """
     from aosplan.postflight.integral.camera_pose import from_camera
 
     found, lacking = [], []
@@ -448,8 +458,8 @@ def _lenses(
 
 
 def _pixels_of(folder: str, name: str) -> str:
-    """Name of the radiometric TIFF that belongs to a JPEG and has its pixels, or of the photo
-    itself.
+    """Name of the file with the pixels of a photo: the radiometric TIFF that belongs to a JPEG, or
+    the photo itself.
     """
     stem, ending = os.path.splitext(name)
     if ending.lower() in (".jpg", ".jpeg"):
@@ -465,7 +475,7 @@ def check_band(text: str | None) -> str | None:
     Raises
     ------
     RequestError
-        If it is not one of `BANDS`.
+        If the name is not one of `BANDS`.
     """
     if text is not None and text not in BANDS:
         raise RequestError(f"--band '{text}' is not one of {', '.join(BANDS)}")
@@ -473,7 +483,7 @@ def check_band(text: str | None) -> str | None:
 
 
 def is_photo_folder(path: str) -> bool:
-    """Whether a path is a folder that has no files of a COLMAP model."""
+    """Whether a path is a folder without the files of a COLMAP model."""
     return os.path.isdir(path) and not any(
         os.path.exists(os.path.join(path, f"{name}.{ending}"))
         for name in ("images", "cameras")

@@ -1,7 +1,8 @@
 """Poses and intrinsics of images, from the AOS project's JSON or from COLMAP.
 
-A pose is M = [R|t], from world to camera: a point X of the world is R X + t in the camera's frame,
-whose x points to the right of the image, y down and z forward.  Lengths are in metres.
+A pose is M = [R|t], which transforms world coordinates to camera coordinates: a point X of the
+world is at R X + t in the camera's frame.  In this frame, x points to the right of the image, y
+downwards and z forwards.  Lengths are in metres.
 """
 
 from __future__ import annotations
@@ -21,15 +22,16 @@ def read_poses(path: str) -> list[View]:
     Parameters
     ----------
     path
-        The AOS project's JSON: ``images``, each with ``imagefile`` and ``M3x4``, and optionally
-        ``camera`` with ``width``, ``height``, ``fx``, ``fy``, ``cx``, ``cy`` in pixels, for all
-        images or for one.  Or COLMAP's files: the folder with ``cameras.txt`` and ``images.txt``
-        (or ``.bin``), or the path of one of them.
+        A JSON file of the AOS project, or the files of COLMAP.  The JSON file has ``images``, each
+        with ``imagefile`` and ``M3x4``.  It may also have ``camera`` with ``width``, ``height``,
+        ``fx``, ``fy``, ``cx``, ``cy`` in pixels, for all images or for a single image.  For COLMAP,
+        the path is the folder with ``cameras.txt`` and ``images.txt`` (or ``.bin``), or one of
+        these files.
 
     Raises
     ------
     RequestError
-        If the file is not such a document; the message names the image.
+        If the file is not such a document.  The message names the image.
     """
     if os.path.isdir(path) or path.lower().endswith((".txt", ".bin")):
         from aosplan.postflight.integral.colmap import read_colmap

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
     from aosplan.postflight.integral.view_subset import ViewSubset
 
 EXTENTS = ("centre", "all")
-"""Extents by name: what the central view shows of the plane, or what any view shows."""
+"""Names of extents: the part of the plane that the central view shows, or the part that any view
+shows.
+"""
 
 
 class Recording:
@@ -41,13 +43,14 @@ class Recording:
     Parameters
     ----------
     poses, images
-        A folder of photos with positions, a file of poses
-        (`aosplan.postflight.integral.poses_file.read_poses`), or OpenDroneMap's ``shots.geojson``;
-        and the folder of images, None for the photos themselves.
+        `poses` is a folder of photos with positions, a file of poses
+        (`aosplan.postflight.integral.poses_file.read_poses`), or OpenDroneMap's ``shots.geojson``.
+        `images` is the folder of the images; None if the images are the photos in the folder
+        `poses`.
     focal_height_m, slope
         Height of the focal plane along the world's upward axis, and its rise along x and y.
     up
-        Name of this axis; None for z or -z, whichever is opposite to the viewing directions.
+        Name of the upward axis; None for z or -z, whichever is opposite to the viewing directions.
     camera
         Function that returns the intrinsics for an image size; None to take them from the poses.
     photos
@@ -96,7 +99,7 @@ class Recording:
         self.views = [view for view in posed if folder.holds(view.name)]
         self.missing = [view.name for view in posed if not folder.holds(view.name)]
         if not self.views:
-            folder.file_of(self.missing[0])  # raises an error about this image
+            folder.file_of(self.missing[0])  # This raises an error about the first missing image.
         if up is not None and up not in UPS:
             raise RequestError(f"--up '{up}' is not one of {', '.join(UPS)}")
         self.plane = Plane(upward(self.views) if up is None else up, focal_height_m, slope)
@@ -137,20 +140,19 @@ class Recording:
     def raster(
         self, extent: str | Sequence[float] = "centre", gsd_m: float | None = None
     ) -> Raster:
-        """Pixels of the integral image, the same for any subset of views.
+        """Pixels of the integral image.  They are the same for any subset of the views.
 
         Parameters
         ----------
         extent
-            ``centre``, ``all``, or (x from, y from, x to, y to) [m] on the plane.
-        gsd_m
-            Side of a pixel; None for that of the central view's pixels on the plane.
+            ``centre``, ``all``, or (smallest x, smallest y, largest x, largest y) [m] on the plane.
+            gsd_m Side of a pixel; None for the size of the central view's pixels on the plane.
 
         Raises
         ------
         RequestError
-            If a footprint is infinite because it contains the horizon, or there are too many
-            pixels.
+            If a footprint is infinite because the image contains the horizon, or if there are too
+            many pixels.
         """
         middle = self.central
         if gsd_m is None:
@@ -196,7 +198,7 @@ class Recording:
         return float(x), float(y)
 
     def nearest_m(self, indices: NDArray[np.intp]) -> float | None:
-        """Median distance of a view to the nearest other one [m]; None for a single view."""
+        """Median distance between a view and its nearest neighbour [m]; None for a single view."""
         if len(indices) < 2:
             return None
         from scipy.spatial import cKDTree
@@ -211,7 +213,7 @@ def _cameras(
     paths: Sequence[str],
     camera: Callable[[int, int], Intrinsics] | None,
 ) -> list[Intrinsics]:
-    """Intrinsics of each view: its own, or those of one camera for all."""
+    """Intrinsics of each view: those in its pose, or those of the given camera for all views."""
     missing = next((view for view in views if view.intrinsics is None), None)
     if camera is not None:
         known = next((view for view in views if view.intrinsics is not None), None)
@@ -221,7 +223,7 @@ def _cameras(
                 "line gives another one",
                 "leave out --camera and --fov",
             )
-        # One camera has one size; images of another size are refused when they are read.
+        # A camera has a single image size. Images of another size are refused when they are read.
         return [camera(*image_size(paths[0]))] * len(views)
     if missing is not None:
         raise RequestError(
@@ -237,7 +239,7 @@ def _posed(
     camera: Callable[[int, int], Intrinsics] | None,
     photos: PhotoOptions,
 ) -> PosedViews:
-    """Views from any of the sources of poses."""
+    """Views with their poses, from a source of any kind."""
     if is_photo_folder(poses):
         return read_photo_poses(poses, photos, camera)
     if images is None:
@@ -255,9 +257,11 @@ def _posed(
 
 
 def _fitted(view: View, path: str) -> Intrinsics:
-    """The intrinsics of a photo for its file, which may be smaller or larger than the original."""
+    """The intrinsics of a photo for the size of its file.  The file may be smaller or larger than
+    the original.
+    """
     own = view.intrinsics
-    assert own is not None  # views of photos have intrinsics
+    assert own is not None  # Views of photos always have intrinsics.
     width, height = image_size(path)
     if abs(width * own.height_px - height * own.width_px) > max(own.width_px, own.height_px):
         raise RequestError(
@@ -273,7 +277,7 @@ def least_views(text: str, views: int) -> int:
     Raises
     ------
     RequestError
-        If it is neither, or more than there are views.
+        If the text is neither of these, or if the number exceeds the number of views.
     """
     from aosplan.units import share, whole
 

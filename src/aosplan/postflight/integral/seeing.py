@@ -21,17 +21,19 @@ if TYPE_CHECKING:
     Adjust = Callable[[ViewSource, Picture], Picture]
 
 RIM = 0.15
-"""Share of a photo's side over which its weight decreases to zero at the edge."""
+"""Width of the rim in which the weight of a photo decreases to zero, as a share of its side."""
 
 SHOWN_PX = 600
-"""Approximate size to which a small picture with a scale is enlarged."""
+"""Approximate size to which a small picture is enlarged before a scale bar is added."""
 
 EXPOSURE_PX = 96
-"""Longer side of the integral image in which exposures are compared."""
+"""Longer side of the reduced integral image in which exposures are compared."""
 
 
 def together(steps: Sequence[Adjust]) -> Adjust | None:
-    """Several adjustments one after another; None if there are none."""
+    """An adjustment that applies several adjustments one after the other; None if there are
+    none.
+    """
     if not steps:
         return None
 
@@ -51,7 +53,9 @@ def adjustment(
     equalize: bool = False,
     feather: bool = False,
 ) -> Adjust | None:
-    """The requested adjustments of each photo, exposure first; None if there are none."""
+    """The requested adjustments of each photo, beginning with the exposure; None if there are
+    none.
+    """
     steps: list[Adjust] = []
     if equalize:
         chosen = [recording.sources[index] for index in indices]
@@ -62,8 +66,8 @@ def adjustment(
 
 
 def faded(_source: ViewSource, picture: Picture) -> Picture:
-    """A picture whose weight decreases towards its edges, so that the edges of photos are
-    invisible.
+    """A picture whose weight decreases towards its edges.  The edges of photos are then invisible
+    in the integral image.
     """
     from PIL import Image
 
@@ -77,10 +81,11 @@ def faded(_source: ViewSource, picture: Picture) -> Picture:
 
 
 def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Adjust:
-    """Adjustment of each photo to the common exposure, from the ground that several photos see.
+    """Adjustment of each photo to a common exposure, computed from the ground that several photos
+    see.
 
-    Byte values are multiplied, like a change of exposure.  Other values, such as temperatures, are
-    shifted, like the drift of a thermal camera.
+    Byte values are multiplied by a factor, because the exposure differs between photos.  To other
+    values, such as temperatures, an offset is added, because thermal cameras drift.
     """
     from PIL import Image
 
@@ -113,7 +118,7 @@ def equalized(sources: Sequence[ViewSource], plane: Plane, raster: Raster) -> Ad
                 change[index] *= float(mean[there].mean() / max(image[there].mean(), 1e-6))
             else:
                 change[index] += float(mean[there].mean() - image[there].mean())
-    # The mean brightness of all photos does not change.
+    # The changes are scaled so that the mean brightness of all photos does not change.
     change = change / np.exp(np.log(change).mean()) if is_byte else change - change.mean()
     by_name = {source.path: float(value) for source, value in zip(sources, change, strict=True)}
 
@@ -151,7 +156,7 @@ def local_contrast(
     Returns
     -------
     ndarray
-        Values in local standard deviations, nan where nothing is seen.
+        Values in local standard deviations.  Pixels that are not seen are nan.
     """
     from scipy.ndimage import gaussian_filter
 
@@ -170,7 +175,7 @@ def local_contrast(
 
 
 def with_scale(png: bytes, integral: Integral) -> bytes:
-    """A PNG with a scale bar and a north arrow below the image; small images are enlarged."""
+    """A PNG with a scale bar and a north arrow below the image.  Small images are enlarged."""
     from PIL import Image, ImageDraw
 
     from aosplan.postflight.integral.layers import label
@@ -200,7 +205,9 @@ def with_scale(png: bytes, integral: Integral) -> bytes:
 
 
 def _round(length: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not above a length."""
+    """The largest number of the form 1, 2 or 5 times a power of ten that is not larger than a
+    length.
+    """
     power = 10.0 ** math.floor(math.log10(length))
     return float(
         max(step * power for step in (1.0, 2.0, 5.0) if step * power <= length * (1 + 1e-9))

@@ -1,4 +1,6 @@
-"""Focal surfaces from elevation models: height of the ground at every pixel of the integral image."""
+"""Focal surfaces from elevation models: the height of the ground at every pixel of the integral
+image.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ def read_slope(text: str) -> tuple[float, float]:
     Raises
     ------
     RequestError
-        If it is not two numbers between -2 and 2.
+        If the text does not contain two numbers between -2 and 2.
     """
     from aosplan.units import number
 
@@ -54,13 +56,13 @@ def relief_of(
 ) -> NDArray[np.float64]:
     """Heights of an elevation model above the take-off point at the pixels of a raster.
 
-    The shape is (rows, columns).  The take-off point is assumed to be below the first photo, which
-    is at `first_m` along x and y.
+    The shape is (rows, columns).  The take-off point is assumed to be below the first photo.  The
+    first photo is at `first_m` along x and y.
 
     Raises
     ------
     RequestError
-        If the recording has no location, or the model does not cover it.
+        If the recording has no location, or if the elevation model does not cover the raster.
     """
     from aosplan.flight.terrain import Terrain
 
@@ -108,7 +110,7 @@ def read_stack(text: str) -> list[float]:
     Raises
     ------
     RequestError
-        If it is neither, or has more than 500 heights.
+        If the text has neither of these forms, or if it gives more than 500 heights.
     """
     from aosplan.units import number, positive
 

@@ -1,8 +1,8 @@
-"""Subsets of views: all of them, those within a smaller aperture, a thinned set, a list.
+"""Subsets of views: all views, views within a smaller aperture, a thinned set of views, or a list.
 
 A subset is written as ``all``, or as one or more of ``pitch=M``, ``aperture=M`` and ``views=LIST``,
-separated by spaces.  First the listed views are taken, of these the ones within the aperture, and
-of these some that are at least the pitch apart.
+separated by spaces.  The conditions are applied in this order: first the list, then the aperture,
+then the pitch.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class ViewSubset(NamedTuple):
     pitch_m
         Smallest distance between views; None for no limit.
     aperture_m
-        Side of a square around the centre of the recording within which views are taken.
-    views
-        Numbers from 1, ranges and names, separated by commas, or a file with them; None for all.
+        Side of a square around the centre of the recording.  Only views in this square are used.
+        views Numbers from 1, ranges and names, separated by commas, or a file that contains these;
+        None for all views.
     """
 
     pitch_m: float | None = None
@@ -83,7 +83,7 @@ def view_subset_of(
 def chosen(
     choice: ViewSubset, names: Sequence[str], positions_m: NDArray[np.float64]
 ) -> NDArray[np.intp]:
-    """Indices of the views of a subset, increasing.
+    """Indices of the views of a subset, in increasing order.
 
     Parameters
     ----------
@@ -103,7 +103,8 @@ def chosen(
     middle = 0.5 * (positions_m.min(axis=0) + positions_m.max(axis=0))
     offsets = positions_m - middle
     if choice.aperture_m is not None:
-        # The tolerance includes a grid of exactly this aperture, despite rounding errors.
+        # The tolerance is for rounding errors: all views of a grid with exactly this aperture are
+        # inside.
         reach = 0.5 * choice.aperture_m * (1.0 + 1e-9) + 1e-9
         left = left[np.abs(offsets[left]).max(axis=1) <= reach]
     if choice.pitch_m is not None and len(left):
@@ -119,9 +120,10 @@ def chosen(
 def _thinned(
     left: NDArray[np.intp], offsets: NDArray[np.float64], pitch_m: float
 ) -> NDArray[np.intp]:
-    """Views that are at least a pitch apart, chosen from the centre outwards.
+    """Views that are at least one pitch apart, chosen from the centre outwards.
 
-    No view could be added: each one that is left out is closer than the pitch to a chosen one.
+    No further view can be added: the distance of each view that is left out to some chosen view is
+    less than the pitch.
     """
     from scipy.spatial import cKDTree
 
@@ -132,7 +134,8 @@ def _thinned(
     for index in np.argsort(np.hypot(*points.T), kind="stable"):
         if free[index]:
             kept.append(index)
-            # The tolerance keeps all sites of a grid of exactly this pitch.
+            # The tolerance is for rounding errors: all sites of a grid with exactly this pitch are
+            # chosen.
             free[tree.query_ball_point(points[index], pitch_m * (1.0 - 1e-9))] = False
     return np.sort(left[kept])
 
