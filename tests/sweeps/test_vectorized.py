@@ -10,10 +10,10 @@ from support.sweeps import by_plan, results_of
 
 from aosplan.planning.planner import plan
 from aosplan.planning.request import PlanRequest
+from aosplan.sweeps.block import STATUSES
 from aosplan.sweeps.scenarios import ScenarioProduct, column_of, read_scenarios
 from aosplan.sweeps.solve_block import solve_block
 from aosplan.sweeps.solve_rows import RESULTS, WHOLE
-from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized.solve_columns import solve_columns
 
 pytest.importorskip("polars")

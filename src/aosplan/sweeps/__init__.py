@@ -3,7 +3,7 @@
 - `aosplan.sweeps.scenarios`: the scenarios: combinations of lists and ranges, or rows of a table.
 - `aosplan.sweeps.vectorized.solve_columns`: uniform scenarios solved as whole columns.
   `aosplan.sweeps.vectorized.inputs` reads options, `aosplan.sweeps.vectorized.samples` finds
-  samples and baselines, and `aosplan.sweeps.vectorized.flights` computes flights.  `aosplan.sweeps.status` stores which
+  samples and baselines, and `aosplan.sweeps.vectorized.flights` computes flights.  `aosplan.sweeps.block` stores which
   scenarios were refused and why.
 - `aosplan.sweeps.solve_rows`: the other scenarios, one row at a time, with shared models.
 - `aosplan.sweeps.run`: block by block to a file, resumable.

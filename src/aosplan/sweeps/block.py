@@ -1,4 +1,4 @@
-"""A block of consecutive scenarios as columns."""
+"""A block of consecutive scenarios as columns, and the status of each of them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
@@ -45,3 +45,65 @@ class Block(NamedTuple):
             for name, value in values.items()
             if value is not None
         }
+
+
+STATUSES = ("ok", "infeasible", "invalid")
+"""Statuses: solved, without a plan that meets the target, and not a valid request."""
+
+OK, INFEASIBLE, INVALID = range(3)
+
+DEFERRED = 3
+"""Status of a scenario that has to be solved by itself."""
+
+
+class RowStatuses:
+    """Status and reason of each scenario of a block.
+
+    Attributes
+    ----------
+    status
+        Shape of the block: index in `STATUSES`, or `DEFERRED`.
+    reason
+        Shape of the block: index of the reason in `texts`, -1 without one.
+    texts
+        Reasons; several scenarios may share one.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.status: NDArray[np.uint8] = np.zeros(shape, dtype=np.uint8)
+        self.reason: NDArray[np.int32] = np.full(shape, -1, dtype=np.int32)
+        self.texts: list[str] = []
+
+    def defer(self, where: Any) -> None:
+        """Mark scenarios to be solved by themselves; the mask broadcasts to the block's shape."""
+        if np.any(where):
+            self.status[np.asarray(where) & (self.status == OK)] = DEFERRED
+
+    def refuse(self, status: int, where: Any, text: Callable[..., str], *values: Any) -> None:
+        """Refuse scenarios that have no other status yet.
+
+        Parameters
+        ----------
+        status
+            `INFEASIBLE` or `INVALID`.
+        where
+            Mask of the scenarios, which broadcasts to the block's shape.
+        text
+            Function that returns the reason from the values of a scenario.
+        values
+            Columns that broadcast to the block's shape.  Scenarios with the same values share one
+            reason.
+        """
+        if not np.any(where):
+            return
+        hit = np.asarray(where) & (self.status == OK)
+        columns = np.broadcast_arrays(np.zeros(()), *values)[1:]
+        shape = np.broadcast_shapes(*map(np.shape, columns))
+        numbered = np.arange(np.prod(shape, dtype=int)).reshape(shape)
+        places = np.broadcast_to(numbered, hit.shape)[hit]
+        used = np.zeros(numbered.size, dtype=bool)
+        used[places] = True
+        self.status[hit] = status
+        self.reason[hit] = (len(self.texts) - 1 + np.cumsum(used))[places]
+        parts = (column.reshape(-1)[used].tolist() for column in columns)
+        self.texts += map(text, *parts) if columns else [text()] * int(used.any())

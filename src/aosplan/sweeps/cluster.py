@@ -30,9 +30,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aosplan.errors import AosplanError, RequestError, SurroundingsError, needs_extra
 from aosplan.sweeps.input_files import named_files
+from aosplan.sweeps.parts import solve_part
 from aosplan.sweeps.scenarios import SingleBlock
 from aosplan.sweeps.solve_block import forget_files
-from aosplan.sweeps.solve_part import solve_part
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Iterator

@@ -199,6 +199,13 @@ class Parts:
         shutil.rmtree(self.folder)
 
 
+def solve_part(sweep: Sweep, index: int, path: str | None, folder: str | None = None) -> Part:
+    """Solve a block and write its rows to `path` (None: write nothing), by way of `folder`."""
+    frame, gathered = sweep.part(index)
+    size, checksum = (0, "") if path is None else write_frame(frame, path, folder)
+    return Part(index, frame.height, size, checksum, gathered)
+
+
 def _is_first(handle: int, lock: str) -> bool:
     """Whether this process got the lock, because no other process holds it."""
     if sys.platform == "win32":

@@ -23,9 +23,8 @@ from aosplan.errors import AosplanError, SurroundingsError
 from aosplan.files import is_locked
 from aosplan.sweeps.aggregate import kept, start_aggregation
 from aosplan.sweeps.parquet_folder import Partitions, is_folder
-from aosplan.sweeps.parts import Part, Parts
+from aosplan.sweeps.parts import Part, Parts, solve_part
 from aosplan.sweeps.scenarios import polars
-from aosplan.sweeps.solve_part import solve_part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterable, Iterator

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from aosplan.errors import RequestError
-from aosplan.sweeps.block import Block
+from aosplan.sweeps.block import STATUSES, Block
 from aosplan.sweeps.scenarios import column_of, polars
 from aosplan.sweeps.solve_rows import DETECTION, RESULTS, WHOLE, forget_scenes, solve_rows
-from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.vectorized import inputs
 from aosplan.sweeps.vectorized.solve_columns import solve_columns
 from aosplan.units import nearest_hint

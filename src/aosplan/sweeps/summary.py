@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from aosplan.sweeps.block import STATUSES
 from aosplan.sweeps.grouping import scenario
 from aosplan.sweeps.scenarios import polars
 from aosplan.sweeps.solve_rows import WHOLE
-from aosplan.sweeps.status import STATUSES
 from aosplan.sweeps.verify import RowSample, SamplingPlan, draw_rows
 
 if TYPE_CHECKING:

@@ -17,13 +17,13 @@ from aosplan.grid.patterns import MOST_SITES, index_by_side, rectangle_at, too_m
 from aosplan.models.model import Prediction
 from aosplan.solver import refusals
 from aosplan.solver.problem import TOLERANCE, target_text
-from aosplan.sweeps.status import INFEASIBLE, INVALID
+from aosplan.sweeps.block import INFEASIBLE, INVALID
 from aosplan.sweeps.vectorized.inputs import MOST_COUNTED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from aosplan.sweeps.status import RowStatuses
+    from aosplan.sweeps.block import RowStatuses
     from aosplan.sweeps.vectorized.inputs import TargetColumns
 
     Counts = NDArray[np.int64]

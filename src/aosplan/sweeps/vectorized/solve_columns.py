@@ -2,7 +2,7 @@
 
 A block of scenarios needs a few array operations.  Every quantity is an array over only the axes on
 which it depends.  The steps and their order are those of `aosplan.planning.planner`: checks
-(`aosplan.sweeps.status`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
+(`aosplan.sweeps.block`), inputs (`aosplan.sweeps.vectorized.inputs`), samples and baselines
 (`aosplan.sweeps.vectorized.samples`), flights (`aosplan.sweeps.vectorized.flights`).  Scenarios
 that cannot be solved as columns are left to `aosplan.sweeps.solve_rows`.
 """
@@ -24,8 +24,8 @@ from aosplan.grid.patterns import MOST_SITES
 from aosplan.models.equations import sampled_side
 from aosplan.models.model import Prediction, contrast_squared
 from aosplan.solver import refusals
+from aosplan.sweeps.block import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.solve_rows import NOT_OF_CLEAR_VIEWS, RESULTS
-from aosplan.sweeps.status import DEFERRED, INFEASIBLE, INVALID, OK, RowStatuses
 from aosplan.sweeps.vectorized.flights import flights, layouts
 from aosplan.sweeps.vectorized.inputs import (
     GRIDS,
