@@ -143,13 +143,7 @@ class PointFile:
         Raises the same errors as the constructor.
         """
         with _faults(self.name), open(self.name, "rb") as stream:
-            reader = _reader(stream)
-            if reader.header.are_points_compressed:
-                _check_compression(reader.header, stream)
-                records = reader.chunk_iterator(CHUNK_POINTS)
-            else:
-                records = _plain_records(reader.header, stream, self.count)
-            for chunk in records:
+            for chunk in self._records(_reader(stream), stream):
                 raw = np.stack([chunk.array[axis] for axis in "XYZ"])
                 # The array is made contiguous, so that numpy compares many elements at once.
                 kind = np.ascontiguousarray(chunk.classification)
@@ -162,13 +156,8 @@ class PointFile:
         """
         with _faults(self.name), open(self.name, "rb") as stream:
             reader = _reader(stream, of_pulses=True)
-            if reader.header.are_points_compressed:
-                _check_compression(reader.header, stream)
-                records = reader.chunk_iterator(CHUNK_POINTS)
-            else:
-                records = _plain_records(reader.header, stream, self.count)
             timed = "gps_time" in reader.header.point_format.dimension_names
-            for chunk in records:
+            for chunk in self._records(reader, stream):
                 yield PulseChunk(
                     np.stack([chunk.array[axis] for axis in "XYZ"]),
                     np.array(chunk.classification, dtype=np.uint8),
@@ -179,6 +168,19 @@ class PointFile:
                     np.array(chunk.gps_time, dtype=np.float64) if timed else None,
                     np.array(chunk.intensity, dtype=np.float32),
                 )
+
+    def _records(self, reader: Any, stream: IO[bytes]) -> Iterator[Any]:
+        """Yield the points as records of laspy."""
+        header = reader.header
+        if header.are_points_compressed:
+            _check_compression(header, stream)
+            yield from reader.chunk_iterator(CHUNK_POINTS)
+            return
+        end = header.offset_to_point_data + self.count * header.point_format.size
+        if os.fstat(stream.fileno()).st_size < end:
+            raise ValueError("it ends within its points")
+        header.point_count = self.count  # the file may contain more points than its header counts
+        yield from reader.chunk_iterator(PLAIN_CHUNK_POINTS)
 
 
 class PulseChunk(NamedTuple):
@@ -245,23 +247,6 @@ def _reader(stream: IO[bytes], *, of_pulses: bool = False) -> Any:
         read_evlrs=False,
         decompression_selection=selection,
     )
-
-
-def _plain_records(header: Any, stream: IO[bytes], count: int) -> Iterator[Any]:
-    """Yield records that are not compressed.  All records use the same memory; each is valid until
-    the next one is requested.
-    """
-    from laspy import PackedPointRecord
-
-    layout = header.point_format
-    points = min(CHUNK_POINTS, PLAIN_CHUNK_POINTS, count)
-    memory = np.empty(points, layout.dtype())
-    stream.seek(header.offset_to_point_data)
-    for start in range(0, count, points):
-        part = memory[: count - start]
-        if stream.readinto(part.view(np.uint8)) < part.nbytes:  # type: ignore[attr-defined]
-            raise ValueError("it ends within its points")
-        yield PackedPointRecord(part, layout)
 
 
 def _check_sizes(stream: IO[bytes], name: str) -> tuple[int, list[Warned]]:
