@@ -83,7 +83,7 @@ def test_what_of_a_plan_does_not_hold_for_its_photos_is_said(flight):
     found = simulate(flight, Settings(1, 0.01))
     assert found.agree
     assert [text.split()[0] for text in found.as_flown] == ["p", "V"]
-    assert "holds straight down only" in found.as_flown[0]
+    assert "is for vertical rays" in found.as_flown[0]
     assert found.document()["as_flown"] == found.as_flown
     # What the model itself gets wrong is a difference, not a question of rays.
     clumped = simulate(flight, Settings(1, 0.02, "clumped", "telecentric"))

@@ -47,8 +47,8 @@ def test_the_limits_name_what_bound_the_result():
     assert (few["samples"].value, few["samples"].bound) == (50, 50)
 
     fixed = limits(solve(Problem(PAPER, vhat("0.98"), bounds=Bounds(baseline_m=4.0, samples=60))))
-    assert fixed["baseline_m"].message == "the baseline is fixed"
-    assert fixed["samples"].message == "the number of samples is fixed"
+    assert fixed["baseline_m"].message == "the baseline is given"
+    assert fixed["samples"].message == "the number of photos is given"
 
 
 def test_every_limit_is_told_with_its_value_and_in_words():

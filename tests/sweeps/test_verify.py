@@ -278,7 +278,7 @@ def test_the_table_says_how_to_see_the_worst_again(campaign, capsys):
     assert sweep(*line) == 0
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
-    for words in ("2 rows simulated, seed 1", "They agree.", "Šidák"):
+    for words in ("2 rows simulated, seed 1", "Predicted and simulated agree.", "Šidák"):
         assert words in out
     # The rest of the output is one shell command over several lines.
     command = out.partition("Again:\n")[2].rstrip("\n")

@@ -50,21 +50,30 @@ def show_summary(document: dict[str, Any], out: tuple[str, ...]) -> None:
     nearest = document["nearest_m"]
     coverage = document["coverage"]
     lines = [
-        ("Views", f"{document['views']} of {document['recorded_views']}"),
-        ("Aperture", f"{x:.4g} x {y:.4g} m" + (f", {nearest:.3g} m apart" if nearest else "")),
+        ("Photos", f"{document['views']} of {document['recorded_views']}"),
+        (
+            "Extent",
+            f"{x:.4g} x {y:.4g} m"
+            + (f", the closest photos {nearest:.3g} m apart" if nearest else ""),
+        ),
         ("Altitude", f"{document['altitude_m']:.4g} m above the focal plane"),
         ("Image", f"{columns} x {rows} pixels of {100 * document['gsd_m']:.3g} cm"),
         (
             "Coverage",
-            f"{100 * coverage['share']:.1f} % seen by at least {coverage['least_views']} of them, "
-            f"{coverage['mean_views']:.4g} on average",
+            f"{100 * coverage['share']:.1f} % of the pixels are in {coverage['least_views']} "
+            f"or more photos; mean {coverage['mean_views']:.4g}",
         ),
     ]
     if document["focus"] is not None:
         lines += _focus_lines(document["focus"])
     if document["comparison"] is not None:
         other = document["comparison"]
-        lines.append(("SSIM", f"{other['ssim']:.4f} against {other['views']} ({other['choice']})"))
+        lines.append(
+            (
+                "SSIM",
+                f"{other['ssim']:.4f} to the integral of {other['views']} photos ({other['choice']})",
+            )
+        )
     if out:
         lines.append(("Wrote", ", ".join(out)))
     for name, text in lines:
@@ -84,7 +93,7 @@ def _focus_lines(focus: dict[str, Any]) -> Iterator[tuple[str, str]]:
     if focus["aligned_views"]:
         yield (
             "Aligned",
-            f"{focus['aligned_views']} views, yaw {focus['yaw_offset_deg']:+.2f} ± "
-            f"{focus['yaw_deviation_deg']:.2g} degrees, moved {focus['moved_m']:.2g} m "
+            f"{focus['aligned_views']} photos: turned by {focus['yaw_offset_deg']:+.2f} ± "
+            f"{focus['yaw_deviation_deg']:.2g} degrees, moved by {focus['moved_m']:.2g} m "
             "(root mean square)",
         )

@@ -156,7 +156,7 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
     """Rows about the photos and the missing sites."""
     strays, total = len(found.strays), len(found.sites)
     aside = f", {strays} of them at no site" if strays else ""
-    yield "Photos", f"{len(found.views)}{aside} (within {found.tolerance_m:.3g} m)"
+    yield "Photos", f"{len(found.views)}{aside} (--tolerance {found.tolerance_m:.3g} m)"
     if found.errors_m is not None:
         yield (
             "Position error",
@@ -179,7 +179,7 @@ def _rows(found: Review) -> Iterator[tuple[str, str]]:
         return
     named = ", ".join(map(str, found.missing[:MOST_NAMED]))
     more = f" and {len(found.missing) - MOST_NAMED} more" if len(found.missing) > MOST_NAMED else ""
-    yield "Missing", f"waypoints {named}{more} (from 0)"
+    yield "Missing", f"waypoints {named}{more} (numbered from 0)"
     route = found.topup.route
     flights = f", {len(route.flights)} flights" if len(route.flights) > 1 else ""
     photos = sum(found.topup.waypoints.photo or [True] * len(found.topup.waypoints))
@@ -203,9 +203,9 @@ def _coverage_rows(coverage: CoverageMap) -> Iterator[tuple[str, str]]:
         yield "Gaps", "none: every place is seen as planned"
         return
     why = (
-        "seen from fewer sites than planned"
+        "in fewer photos than planned"
         if known["rule"] == "photos"
-        else "the probability of detection is more than 5 % below the plan"
+        else "the probability of detection is more than 0.05 below that of the plan"
     )
     yield (
         "Gaps",

@@ -72,15 +72,19 @@ def run(
             {
                 f"all {len(views)}": (len(views), found.every),
                 f"best {count}": (count, found.kept),
-                f"{count} apart": (count, found.bound),
+                f"{count} independent": (count, found.bound),
             }
+        )
+        show(
+            one_line(""),
+            one_line(f"independent: {count} photos that share no occluder, as an upper limit of V̂"),
         )
         if found.detection is not None:
             every, kept = found.detection
             show(
                 one_line(
-                    f"Probability of detection: {kept:.0%} with the kept views, {every:.0%} "
-                    "with all views"
+                    f"Probability of detection: {kept:.0%} with the selected photos, "
+                    f"{every:.0%} with all photos"
                 )
             )
         show(one_line(""), one_line(f"Wrote {out}" if out else "Next: --out kept.csv"))

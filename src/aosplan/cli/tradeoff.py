@@ -83,7 +83,10 @@ def _show(rows: Sequence[dict[str, Any]], out: str | None) -> None:
     last = "found" if "detection" in shown[0] else "contrast"
     header = ("grid", "N", "b [m]", "extent [m]", "path [m]", "time [s]", "V", "V̂", last, "")
     print_rows(header, [_line(row) for row in shown])
-    note = f"{len(rows)} rows; the table shows those that no other row is better than, and the plan's own"
+    note = (
+        f"{len(rows)} rows.  The table shows the rows that no other row surpasses in all "
+        "columns, and the row of the plan"
+    )
     show(
         one_line(""),
         one_line(f"{note} (◀)."),

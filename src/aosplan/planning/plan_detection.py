@@ -213,9 +213,8 @@ def detection_text(plan: PlanData) -> str:
     alarms = detection.false_alarms
     rate = "one false alarm" if alarms == 1.0 else f"{alarms:g} false alarms"
     return (
-        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} "
-        f"would be found at {rate} per hectare; {_count(detection.unseen)} are "
-        "nearly unseen"
+        f"of 100 {who} lying there, {_count(detection.probability, 'about ')} would be found "
+        f"at {rate} per hectare; {_count(detection.unseen)} of them are nearly unseen"
     )
 
 

@@ -154,7 +154,7 @@ def speed_bounds(
     """
     bounds = []
     if drone is not None:
-        text = f"the largest speed at which the {drone.title} flies missions"
+        text = f"the {drone.title} does not fly missions at a higher speed"
         bounds.append(SpeedBound(drone.airspeed_mps, text))
     if blur is not None:
         text = (
@@ -193,7 +193,8 @@ def timing_at_baseline(
         )
     if bound is not None:
         message = (
-            f"{bound.message} ({bound.speed_mps:.3g} m/s instead of the requested {asked:.3g} m/s)"
+            f"{bound.message}, so the speed is {bound.speed_mps:.3g} m/s instead of the "
+            f"requested {asked:.3g} m/s"
         )
         limit = Limit("speed_mps", bound.speed_mps, bound.speed_mps, message)
     elif timing.fly_through:

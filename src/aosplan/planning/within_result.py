@@ -81,13 +81,19 @@ class WithinResult(NamedTuple):
         """The limits that determine the chosen plan, whose flights take the time `time_s`."""
         allowed_s = 60.0 * self.minutes
         if self.asked.within is None and self.asked.optimize == "time":
-            text = "the least time in which a flight over the area reaches the target"
+            text = "no faster flight over the area reaches the target"
         elif self.asked.within is None:
             text = "twice the time would improve the plan only slightly"
         elif self.asked.optimize in BEST:
-            text = f"the best within {self.minutes:.4g} min, from take-off to landing"
+            text = (
+                f"no better plan was found that takes at most {self.minutes:.4g} min from "
+                "take-off to landing"
+            )
         else:
-            text = f"the lowest value that reaches the target within {self.minutes:.4g} min"
+            text = (
+                "no plan with a lower value was found that reaches the target within "
+                f"{self.minutes:.4g} min"
+            )
         return (Limit("total_time_s", time_s, allowed_s, text),)
 
     def document(self) -> dict[str, Any]:

@@ -212,8 +212,10 @@ class Simulation(NamedTuple):
         if abs(planned - found) <= MOST_ERRORS * error + max(self.tolerance[name], LEAST_UNLIKE):
             return ""
         measured = self.plan.model == "measured"
-        rays = "for the targets that it counts" if measured else "straight down"
-        return f"{SYMBOLS[name]} is {found:.1%}; the plan's {planned:.1%} holds {rays} only"
+        rays = "the targets that it counts" if measured else "vertical rays"
+        return (
+            f"{SYMBOLS[name]} is {found:.1%}; the value of the plan, {planned:.1%}, is for {rays}"
+        )
 
 
 def simulate(

@@ -61,13 +61,13 @@ def _limits(
     bounds, requirement, model = problem.bounds, problem.requirement, problem.model
     extent = pattern.longer_side * baseline_m
     if bounds.baseline_m is not None:
-        yield Limit("baseline_m", baseline_m, bounds.baseline_m, "the baseline is fixed")
+        yield Limit("baseline_m", baseline_m, bounds.baseline_m, "the baseline is given")
     elif bounds.max_aperture_m is not None and extent >= bounds.max_aperture_m * (1 - 1e-9):
         yield Limit(
             "extent_m",
             extent,
             bounds.max_aperture_m,
-            "the baseline is as large as --max-aperture allows",
+            "with a larger baseline, the grid would be longer than --max-aperture allows",
         )
     elif bounds.ground is not None and baseline_m >= (widest := bounds.ground.widest_m(pattern)) * (
         1 - 1e-9
@@ -76,7 +76,7 @@ def _limits(
             "common_ground_m",
             baseline_m,
             widest,
-            "with a larger baseline, no ground is seen by all samples; "
+            "with a larger baseline, no ground would be in all photos; "
             "--allow-no-common-ground removes this limit",
         )
     elif extent >= model.widest_aperture_m * (1 - 1e-9):
@@ -84,14 +84,15 @@ def _limits(
             "extent_m",
             extent,
             model.widest_aperture_m,
-            "the scanned plot is too small for a larger aperture",
+            "the scanned plot is too small for a larger grid",
         )
     elif baseline_m >= (independent := model.independent_baseline_m / pattern.nearest) * (1 - 1e-9):
         yield Limit(
             "baseline_m",
             baseline_m,
             independent,
-            "neighbouring samples share no occluder at this baseline; a larger baseline gains nothing",
+            "a larger baseline gains nothing, because neighbouring photos already share no "
+            "occluder",
         )
     elif (
         model.sharp_baseline_m < model.independent_baseline_m
@@ -102,49 +103,52 @@ def _limits(
             "baseline_m",
             baseline_m,
             baseline_m,
-            "neighbouring sites share no occluder; a larger baseline only compensates "
+            "neighbouring photos share no occluder; a larger baseline would only compensate "
             "for the hold error",
         )
     elif problem.objective in BEST:
         yield Limit(
-            "baseline_m", baseline_m, baseline_m, f"the baseline of {BEST[problem.objective]}"
+            "baseline_m", baseline_m, baseline_m, f"this baseline gives {BEST[problem.objective]}"
         )
     else:
         yield Limit(
             "baseline_m",
             baseline_m,
             baseline_m,
-            f"the smallest baseline at which {pattern.samples} samples reach {requirement}",
+            f"with a smaller baseline, {pattern.samples} photos do not reach {requirement}",
         )
     if bounds.samples is not None:
-        yield Limit("samples", pattern.samples, bounds.samples, "the number of samples is fixed")
+        yield Limit("samples", pattern.samples, bounds.samples, "the number of photos is given")
     elif bounds.max_samples is not None and pattern.samples >= bounds.max_samples:
         yield Limit(
             "samples",
             pattern.samples,
             bounds.max_samples,
-            "as many samples as --max-samples allows",
+            "--max-samples does not allow more photos",
         )
     elif problem.objective in BEST:
         value = prediction.contrast if problem.objective == "contrast" else prediction.expected
-        message = f"the fewest samples near {BEST[problem.objective]}"
+        message = f"fewer photos do not come close enough to {BEST[problem.objective]}"
         if highest is None:
             yield Limit(problem.objective, value, value, message)
         else:
             densest, apart_m, most = highest
-            message += f": {most:.4g} with N = {densest.samples} and b = {apart_m:.4g} m"
+            message += f", which is {most:.4g} with N = {densest.samples} and b = {apart_m:.4g} m"
             yield Limit(problem.objective, value, most, message)
     else:
         message = {
-            "samples": "the fewest samples",
-            "aperture": "the fewest samples within 1 % of the least aperture",
-            "time": "the number of samples with the shortest time",
+            "samples": f"fewer photos do not reach {requirement}",
+            "aperture": (
+                f"with fewer photos, the grid that reaches {requirement} is more than 1 % larger "
+                "than the smallest one"
+            ),
+            "time": f"no other number of photos reaches {requirement} in less time",
         }[problem.objective]
         yield Limit(
             requirement.quantity,
             requirement.value_of(prediction),
             float(requirement.target),
-            f"{message} with {requirement}",
+            message,
         )
 
 

@@ -73,13 +73,13 @@ class VisibilityFigure(NamedTuple):
         symbol = "V̂" if self.target_quantity == "normalized" else "V"
         target = "" if self.target is None else f"; the target is {symbol} = {self.target:.6g}"
         return (
-            f"{self.title}. The plan: {self.samples} samples {self.baseline_m:.3g} m apart reach "
-            f"V̂ = {self.normalized:.4g} and V = {self.expected:.4g}, between {self.minimum:.4g} of "
-            f"one photo and {self.maximum:.4g} of infinitely many{target}. "
-            f"Against the number of samples, at {first.fixed:.3g} m: "
+            f"{self.title}. The plan: {self.samples} samples {self.baseline_m:.3g} m apart "
+            f"reach V̂ = {self.normalized:.4g} and V = {self.expected:.4g}, between "
+            f"{self.minimum:.4g} of one photo and {self.maximum:.4g} of infinitely "
+            f"many{target}. Against the number of samples, at {first.fixed:.3g} m: "
             f"{_stations(first, 'V̂ = {1:.3g} with {0:.0f}')}. Against the baseline, with "
             f"{second.fixed:.0f} samples: {_stations(second, 'V̂ = {1:.3g} at {0:.3g} m')}. "
-            f"Bound by: {'; '.join(self.bounds)}."
+            f"Limits: {'; '.join(self.bounds)}."
         )
 
     def document(self) -> dict[str, Any]:
@@ -264,7 +264,7 @@ def draw(figure: Figure, shown: VisibilityFigure, theme: Theme) -> None:
         )
     entitle(figure, shown.title)
     figure.supxlabel(
-        "Bound by: " + "; ".join(plain(words, 200) for words in shown.bounds),
+        "Limits: " + "; ".join(plain(words, 200) for words in shown.bounds),
         x=0.01,
         ha="left",
         size=7.5,

@@ -23,12 +23,18 @@ def detection_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Detection", detection_text(plan)
     if plan.layout.survey is not None:
         samples = plan.solution.pattern.samples
-        yield "", f"at a place that {samples} photos see; --detection-map has the mean of the area"
+        yield (
+            "",
+            (
+                f"this is for a place that {samples} photos see; --detection-map computes the mean "
+                "of the area"
+            ),
+        )
     contrast, offset, crowns = found.signature
-    assumed = f"{found.assumed}, assumed: " if found.assumed else ""
-    yield "", f"{assumed}contrast {contrast:g}, canopy {offset:+g}, {crowns:.0%} of whole crowns"
+    assumed = f"assumed signature {found.assumed}: " if found.assumed else ""
+    yield "", f"{assumed}contrast {contrast:g}, canopy offset {offset:+g}, crown share {crowns:.0%}"
     curve = [f"{at:g}: {share:.0%}" for at, share in found.curve if abs(at) in CURVE_SHOWN]
-    yield "", "by contrast " + ", ".join(curve)
+    yield "", "found at contrast " + ", ".join(curve)
 
 
 def map_rows(
@@ -55,12 +61,13 @@ def search_map_texts(found: DetectionMap, success: SearchSuccess | None) -> list
         )
     ]
     if document["unseen_share"] > 0.0:
-        lines.append(f"No photo sees {document['unseen_share']:.1%} of it.")
+        lines.append(f"No photo sees {document['unseen_share']:.1%} of this ground.")
     if found.sweep_width_m is not None:
         lines.append(f"The line has a sweep width of {found.sweep_width_m:.3g} m.")
     if success is not None:
         lines.append(
-            f"The target is there with a probability of {success.area:.1%} (POA), and "
-            f"it is there and found with a probability of {success.success:.1%} (POS)."
+            f"The target is on this ground with a probability of {success.area:.1%} (POA).  "
+            f"It is on this ground and is found with a probability of {success.success:.1%} "
+            "(POS)."
         )
     return lines

@@ -8,7 +8,7 @@ from typing import Any
 def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
     """Rows for the opacity of a point cloud, from the document of ``scene --json``."""
     if opacity["source"] != "pulses":
-        return [("Opacity", "a voxel with a point in it is opaque (not measured)")]
+        return [("Opacity", "each voxel that contains a point is opaque (assumed, not measured)")]
     first, weighted, last, sampled = (
         f"{100.0 * opacity[name]:.1f} %"
         for name in ("gap_first", "gap_weighted", "gap_last", "sampled_share")
@@ -16,7 +16,9 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
     low, high = opacity["zenith_deg"]
     several = "s" if opacity["lines"] != 1 else ""
     energy = (
-        "energy by calibrated intensity" if opacity["energy"] == "intensity" else "equal energies"
+        "energies of the returns from calibrated intensities"
+        if opacity["energy"] == "intensity"
+        else "equal energies of all returns of a pulse"
     )
     return [
         (
@@ -25,10 +27,14 @@ def opacity_rows(opacity: dict[str, Any]) -> list[tuple[str, str]]:
             f"to {high:.0f}° off the vertical",
         ),
         ("Gaps", f"{weighted} of the pulses' energy reaches the ground ({energy})"),
-        ("", f"{first} if first returns had all of it, {last} if last returns had"),
+        (
+            "",
+            f"{first} if the first return of each pulse had all of its energy, {last} if the "
+            "last return had",
+        ),
         (
             "Sampled",
-            f"pulses cross {sampled} of the voxels up to the top; cells of "
-            f"{opacity['leaf_size_m']:.2g} m",
+            f"pulses cross {sampled} of the voxels below the top of the canopy; leaves are "
+            f"cells of {opacity['leaf_size_m']:.2g} m",
         ),
     ]

@@ -32,7 +32,7 @@ def print_search(found: SearchComparison) -> None:
         if found.forest == "cloud"
         else f"{found.forests} {found.forest} forests"
     )
-    verdict = "They agree" if found.agree else "They disagree"
+    verdict = "Predicted and simulated agree" if found.agree else "Predicted and simulated disagree"
     show(
         Text(""),
         one_line(
@@ -42,11 +42,11 @@ def print_search(found: SearchComparison) -> None:
         Text(""),
         table,
         Text(""),
-        one_line(f"{verdict} at the same threshold."),
+        one_line(f"{verdict} at the predicted threshold."),
         one_line(
-            f"False alarms: {found.false_alarms_per_hectare:.2g} per hectare for "
-            f"{found.stated_per_hectare:g} specified; with a threshold for the specified rate, "
-            f"{found.simulated_at_rate:.0%} of the targets are found."
+            f"False alarms: {found.false_alarms_per_hectare:.2g} per hectare instead of the "
+            f"specified {found.stated_per_hectare:g}.  At the threshold that gives the "
+            f"specified rate, {found.simulated_at_rate:.0%} of the targets are found."
         ),
     )
 

@@ -62,7 +62,7 @@ def _print_reasons(document: dict[str, Any]) -> None:
     ]
     show("")
     _print(
-        ("scenarios", "first row", "reason there"),
+        ("scenarios", "first row", "reason in this row"),
         [*lines, *([(str(left), "", "other reasons")] if left else [])],
         left_from=2,
     )
@@ -165,20 +165,24 @@ def print_verification(document: Mapping[str, Any]) -> None:
 def _verdict(
     document: Mapping[str, Any], worst: Mapping[str, Any], comparisons: int
 ) -> Iterable[str]:
-    yield "They agree." if document["agree"] else "They disagree:"
+    yield (
+        "Predicted and simulated agree."
+        if document["agree"]
+        else "Predicted and simulated disagree:"
+    )
     name = SYMBOLS[worst["quantity"]]
-    beyond = "no" if worst["beyond"] is None else f"{worst['beyond']:.2f}"
+    beyond = "infinitely many" if worst["beyond"] is None else f"{worst['beyond']:.2f}"
     yield (
-        f"Worst of {comparisons}: {name} of row {worst['row']}, {beyond} standard errors beyond "
-        f"the experiment's own,"
+        f"Least probable of {comparisons} comparisons: {name} of row {worst['row']}, with a "
+        f"difference of {abs(worst['difference']):.4f}"
     )
     yield (
-        f"  a difference of {abs(worst['difference']):.4f}; by chance, the worst "
-        f"is at least this large with probability {worst['chance_of_worst']:.2g}"
+        f"  The difference is {beyond} standard errors larger than the tolerance; chance alone "
+        f"gives such a comparison with probability {worst['chance_of_worst']:.2g}"
     )
     yield (
-        f"  (expected {document['expected_worst']:.2f}, above {document['critical']:.2f} with "
-        f"{document['level']:g}; Šidák)"
+        f"  By chance, {document['expected_worst']:.2f} standard errors are expected, and "
+        f"{document['critical']:.2f} are exceeded with probability {document['level']:g} (Šidák)"
     )
     largest = document["largest_difference"]
     yield (

@@ -65,7 +65,7 @@ MOST_NAMED = 60
 HEADLINES = ("Baseline", "Samples", "Visibility")
 """Rows of a plan with the main results, which are coloured if the terminal has colours."""
 
-ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Bound by": "yellow"}
+ROW_STYLES = dict.fromkeys(HEADLINES, "bold cyan") | {"Limit": "yellow"}
 
 
 def screen_width() -> int:
@@ -120,21 +120,26 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Camera", _named(plan.camera.title, plan.camera.name)
     above = "ground" if inputs.focal_height_m == 0.0 else f"a plane {inputs.focal_height_m:g} m up"
     yield "Altitude", f"{plan.altitude_m:.4g} m above the focal plane ({above})"
-    rule = f", {100 * inputs.coverage:.4g} % of the occluders with d̂ ≥ 1"
-    near = f", approximated by its {plan.approximation}" if plan.approximation else ""
+    rule = f", with d̂ ≥ 1 for {100 * inputs.coverage:.4g} % of the occluders"
+    near = f", approximated by the scene's {plan.approximation}" if plan.approximation else ""
     targets = {
-        "interior": ", of targets whose rays stay on the plot",
-        "wrapped": ", on a plot with periodic edges",
+        "interior": ", for targets whose rays stay on the plot",
+        "wrapped": ", on a plot that is repeated beyond its edges",
     }
     measured = f"{near}{targets.get(plan.edges or '', '')}"
     if plan.reading == "slices":
-        rule = ", as slices one occluder thick: b is below that of the coverage rule"
+        rule = (
+            ", in slices one occluder thick, because b is below the baseline of the coverage rule"
+        )
     yield "Model", plan.model + {"uniform": rule, "measured": measured}.get(plan.model, "")
     yield "", ""
     yield "Baseline", f"b = {solution.baseline_m:,.2f} m"
     yield "Samples", f"N = {pattern.samples:,}, {_shape_text(pattern, plan.grid.name)}"
     x, y = plan.extent_m
-    yield "Aperture", f"a = {plan.aperture_m:,.1f} m (grid {x:,.1f} x {y:,.1f} m)"
+    yield (
+        "Aperture",
+        f"a = {plan.aperture_m:,.1f} m (Eq. 5); extent of the grid {x:,.1f} x {y:,.1f} m",
+    )
     if prediction.density > 0.0:
         request = inputs.request
         asked = request.vhat if request.visibility is None else request.visibility
@@ -150,9 +155,9 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         one, mean = percent(plan.one_photo), percent(prediction.minimum)
         yield (
             "",
-            f"one photo {one}{'' if one == mean else f' straight down, {mean} on average'}, "
-            "infinitely many photos "
-            f"{percent(prediction.maximum)}"
+            "V of one photo "
+            f"{one}{'' if one == mean else f' straight down, {mean} on average'}, of "
+            f"infinitely many photos {percent(prediction.maximum)}"
             + (f"; contrast {contrast:.4g}" if math.isfinite(contrast) else ""),
         )
         if plan.ground is not None:
@@ -165,7 +170,7 @@ def _plan_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "", ""
     yield from _camera_rows(plan)
     for limit in plan.limits:
-        yield "Bound by", limit.message
+        yield "Limit", limit.message
     if plan.sensitivity:
         yield "", ""
         yield from _sensitivity_rows(plan.sensitivity)
@@ -176,11 +181,11 @@ def _ground_text(plan: Plan) -> str:
     ground = plan.ground
     assert ground is not None
     x, y = ground.size_m
-    middle = "below the middle" if plan.model == "measured" else "vertical rays"
+    middle = "below the middle of the grid" if plan.model == "measured" else "for vertical rays"
     return (
-        f"mean V = {percent(ground.expected)}, lowest "
-        f"{percent(ground.worst_expected)}, over {x:.3g} x {y:.3g} m with slanted "
-        f"rays (V above: {middle})"
+        f"with slanted rays, V is {percent(ground.expected)} on average and "
+        f"{percent(ground.worst_expected)} at least, over {x:.3g} x {y:.3g} m (the V above "
+        f"is {middle})"
     )
 
 
@@ -216,15 +221,15 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
     yield "Resolution", f"{100.0 * camera.gsd_m(altitude):.3g} cm per pixel"
     yield "Footprint", f"{footprint[0]:.1f} x {footprint[1]:.1f} m, along and across the heading"
     if min(common) > 0.0:
-        yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is seen by all samples"
+        yield "", f"{common[0]:.1f} x {common[1]:.1f} m of it is in all photos"
     else:
         yield "", "no ground is seen by all samples"
     disparity = disparity_document(plan)
     if disparity["pixels"] is not None:
         yield (
             "Disparity",
-            f"{disparity['pixels']:.3g} px, occluders {disparity['occluder_pixels']:.3g} px "
-            f"(d̂ = {disparity['normalized']:.3g})",
+            f"{disparity['pixels']:.3g} px for an occluder of "
+            f"{disparity['occluder_pixels']:.3g} px (d̂ = {disparity['normalized']:.3g})",
         )
     if plan.layout.survey is not None:
         yield from _area_rows(plan.layout.survey)
@@ -233,9 +238,9 @@ def _camera_rows(plan: Plan) -> Iterable[tuple[str, str]]:
         for integral in plan.layout.continuous.by_samples:
             yield (
                 "Integral" if integral.samples == 1 else "",
-                f"of the last {integral.samples}: {integral.length_m:.1f} m, "
-                f"{integral.duration_s:.1f} s, V̂ = {percent(integral.normalized)}, "
-                f"V = {percent(integral.expected)}",
+                f"of {integral.samples} photos: {integral.length_m:.1f} m, "
+                f"{integral.duration_s:.1f} s, V̂ = {percent(integral.normalized)}, V = "
+                f"{percent(integral.expected)}",
             )
 
 
@@ -247,7 +252,7 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
         f"of it covered from {survey.sites:,} sites",
     )
     over = (
-        f"; path length: {survey.length_m / survey.shortest_m:.3g} x a lower bound"
+        f"; the path is {survey.length_m / survey.shortest_m:.3g} times as long as a lower bound"
         if survey.shortest_m
         else ""
     )
@@ -256,7 +261,7 @@ def _area_rows(survey: Survey) -> Iterable[tuple[str, str]]:
 
 def _scene_text(scene: Scene, *, custom_base: bool) -> str:
     low = min((slab.bottom_m for slab in scene.slabs()), default=0.0)
-    base = f"base {low:.3g} m" if custom_base else f"{low:.3g}"
+    base = f"base {low:.3g} m" if custom_base else f"occluders from {low:.3g}"
     joint = ", top" if custom_base else " to"
     return (
         f"{_named(scene.title, scene.name)}: p = {percent(scene.integrated_density)}, "
@@ -282,7 +287,7 @@ def _shape_text(pattern: Sites, kind: str) -> str:
     if isinstance(pattern, Spiral):
         return f"spiral, turns {pattern.turn_pitch:g} baselines apart"
     text = f"{kind} grid of {pattern.rows} x {pattern.columns}"
-    return f"{text} less {len(pattern.removed)}" if pattern.removed else text
+    return f"{text} without {len(pattern.removed)} sites" if pattern.removed else text
 
 
 def _next_step(plan: Plan, written: Sequence[str]) -> str:
@@ -378,11 +383,13 @@ def print_simulation(
     verdict = [f"Predicted and simulated {agree}"]
     verdict += [f"  {difference}" for difference in simulation.differences]
     if simulation.as_flown:
-        verdict += ["As flown, the plan does not hold:"]
+        verdict += ["For the slanted rays of the photos, some values of the plan do not hold:"]
         verdict += [f"  {difference}" for difference in simulation.as_flown]
     if similar:
         single, integral = similar["similarity"].values()
-        verdict.append(f"SSIM {single:.3f} of one photo, {integral:.3f} of the integral")
+        verdict.append(
+            f"SSIM to infinitely many photos: one photo {single:.3f}, integral {integral:.3f}"
+        )
     if written:
         verdict.append(written_text(written))
     of = " of leaves" if simulation.occluders == "leaves" else ""
@@ -407,7 +414,7 @@ def print_scene(document: dict[str, Any]) -> None:
     rows = [
         ("Scene", _named(document["title"], document["name"])),
         ("Density", f"p = {percent(document['integrated_density'])} of the ground is hidden"),
-        ("", f"mean {percent(document['mean_density'])} per slice"),
+        ("", f"a slice fills {percent(document['mean_density'])} of its plane on average"),
         ("Canopy", f"top {document['canopy_top_m']:.1f} m above ground"),
     ]
     if document["assumed"]:
@@ -417,7 +424,7 @@ def print_scene(document: dict[str, Any]) -> None:
             (
                 "Points",
                 f"{document['points']} ({document['points_per_m2']:.0f} per m²), voxels of "
-                f"{document['voxel_m']:g} m, ground by {document['ground']}",
+                f"{document['voxel_m']:g} m, ground method {document['ground']}",
             )
         )
     if "opacity" in document:
@@ -433,7 +440,7 @@ def print_scene(document: dict[str, Any]) -> None:
         )
         if over_altitude is not None:
             rows.append(
-                (f"b at {100 * share:g} %", f"{over_altitude:.4g} of the altitude above ground")
+                (f"b for {100 * share:g} %", f"{over_altitude:.4g} times the altitude above ground")
             )
     profile = density_profile(document["layers"])
     show(_pairs(rows), *([Text(""), *profile] if profile else []))

@@ -47,6 +47,6 @@ def row_text(row: WithinRow, objective: str) -> tuple[str, str]:
         else (f"{along_m:.1f} x {across_m:.1f}")
     )
     return (
-        f"{start}{value}, {row.timed.sites:,} photos {how}, {minutes:g} min{flights}",
+        f"{start}{value} with {row.timed.sites:,} photos {how}, {minutes:g} min{flights}",
         f"{shape.samples} photos of each point, {apart} m apart, from {way.altitude_m:.4g} m",
     )
